@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/fine_mesh.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+template <int Dim> using Key = std::array<Index, Dim>;
+
+/// Vertices of the facet opposite local vertex i, so that it is oriented outward for a positively oriented cell.
+template <int Dim> Key<Dim> facet_opposite(const Cells<Dim>& cells, Index c, Index i) {
+  Key<Dim> facet;
+  for (int k = 0; k < Dim; ++k) facet[k] = cells((i + 1 + k) % (Dim + 1), c);
+  if (Dim == 3 && i % 2 == 1) std::swap(facet[0], facet[1]);
+  return facet;
+}
+
+template <int Dim> Key<Dim> sorted(Key<Dim> key) {
+  std::sort(key.begin(), key.end());
+  return key;
+}
+
+/// One side of a facet: its sorted vertices, the cell, and the local vertex opposite.
+template <int Dim> struct HalfFacet {
+  Key<Dim> key;
+  Index cell;
+  Index opposite;
+  friend bool operator<(const HalfFacet& a, const HalfFacet& b) { return a.key != b.key ? a.key < b.key : a.cell < b.cell; }
+};
+
+template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Dim>& cells) {
+  std::vector<HalfFacet<Dim>> sides;
+  sides.reserve(static_cast<std::size_t>(cells.cols()) * (Dim + 1));
+  for (Index c = 0; c < cells.cols(); ++c)
+    for (Index i = 0; i <= Dim; ++i) sides.push_back({sorted<Dim>(facet_opposite<Dim>(cells, c, i)), c, i});
+  std::sort(sides.begin(), sides.end());
+  return sides;
+}
+
+template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
+  const auto sides = sorted_half_facets<Dim>(cells);
+  Cells<Dim> neighbours = Cells<Dim>::Constant(Dim + 1, cells.cols(), -1);
+  for (std::size_t s = 0; s + 1 < sides.size(); ++s) {
+    const auto &a = sides[s], &b = sides[s + 1];
+    if (a.key != b.key) continue;
+    if (s + 2 < sides.size() && sides[s + 2].key == a.key)
+      throw InputError(fmt::format("mesh: the facet of vertices {} belongs to more than two cells", fmt::join(a.key, ", ")));
+    neighbours(a.opposite, a.cell) = b.cell;
+    neighbours(b.opposite, b.cell) = a.cell;
+  }
+  return neighbours;
+}
+
+/// Rows of a bipartite incidence, by counting sort: row r lists the items that were given with r, in order.
+template <class ForEach> Ragged<Index> incidence(Index rows, const ForEach& for_each_pair) {
+  Ragged<Index> out;
+  out.offsets.assign(rows + 1, 0);
+  for_each_pair([&](Index row, Index) { ++out.offsets[row + 1]; });
+  std::partial_sum(out.offsets.begin(), out.offsets.end(), out.offsets.begin());
+  out.items.resize(out.offsets.back());
+  std::vector<Index> cursor(out.offsets.begin(), out.offsets.end() - 1);
+  for_each_pair([&](Index row, Index item) { out.items[cursor[row]++] = item; });
+  return out;
+}
+
+template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& cells, Index c) {
+  Mat<Dim> edges;
+  for (int k = 0; k < Dim; ++k) edges.col(k) = x.col(cells(k + 1, c)) - x.col(cells(0, c));
+  return edges.determinant() / (Dim == 2 ? 2.0 : 6.0);
+}
+
+}  // namespace
+
+template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
+  const Index given_vertices = static_cast<Index>(data.vertices.cols());
+  if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
+  if (data.cells.minCoeff() < 0 || data.cells.maxCoeff() >= given_vertices)
+    throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}",
+                                 data.cells.minCoeff() < 0 ? data.cells.minCoeff() : data.cells.maxCoeff(), given_vertices - 1));
+  if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
+
+  // Keep the vertices that some cell uses, in their order.
+  std::vector<Index> renumbered(given_vertices, -1);
+  for (Index c = 0; c < data.cells.cols(); ++c)
+    for (int i = 0; i <= Dim; ++i) renumbered[data.cells(i, c)] = 0;
+  Index used = 0;
+  for (Index& v : renumbered)
+    if (v == 0) v = used++;
+  vertices_.resize(Dim, used);
+  for (Index v = 0; v < given_vertices; ++v)
+    if (renumbered[v] >= 0) vertices_.col(renumbered[v]) = data.vertices.col(v);
+  cells_ = data.cells.unaryExpr([&](Index v) { return renumbered[v]; });
+
+  volumes_.resize(cells_.cols());
+  for (Index c = 0; c < num_cells(); ++c) {
+    double volume = signed_volume<Dim>(vertices_, cells_, c);
+    if (volume < 0.0) {
+      std::swap(cells_(Dim - 1, c), cells_(Dim, c));
+      volume = -volume;
+    }
+    if (!(volume > 0.0))
+      throw InputError(fmt::format("mesh: cell {} at ({}) has no volume", c, fmt::join(centroid(c), ", ")));
+    volumes_[c] = volume;
+    for (int i = 0; i <= Dim; ++i)
+      for (int j = 0; j < i; ++j) size_ = std::max(size_, (vertex(cells_(i, c)) - vertex(cells_(j, c))).norm());
+  }
+
+  neighbours_ = neighbours_of<Dim>(cells_);
+  vertex_cells_ = incidence(num_vertices(), [&](auto&& emit) {
+    for (Index c = 0; c < num_cells(); ++c)
+      for (int i = 0; i <= Dim; ++i) emit(cells_(i, c), c);
+  });
+
+  const Index facet_count = static_cast<Index>((neighbours_.array() < 0).count());
+  facets_.resize(Dim, facet_count);
+  facet_cells_.reserve(facet_count);
+  for (Index c = 0; c < num_cells(); ++c)
+    for (Index i = 0; i <= Dim; ++i)
+      if (neighbours_(i, c) < 0) {
+        const auto facet = facet_opposite<Dim>(cells_, c, i);
+        for (int k = 0; k < Dim; ++k) facets_(k, facet_cells_.size()) = facet[k];
+        facet_cells_.push_back(c);
+      }
+  vertex_facets_ = incidence(num_vertices(), [&](auto&& emit) {
+    for (Index f = 0; f < num_facets(); ++f)
+      for (int k = 0; k < Dim; ++k) emit(facets_(k, f), f);
+  });
+
+  const auto find_facet = [&](const Key<Dim>& wanted) -> Index {
+    for (Index f : facets_of(wanted[0])) {
+      Key<Dim> key;
+      for (int k = 0; k < Dim; ++k) key[k] = facets_(k, f);
+      if (sorted<Dim>(key) == sorted<Dim>(wanted)) return f;
+    }
+    return -1;
+  };
+  const auto is_inner_facet = [&](const Key<Dim>& wanted) {
+    for (Index c : cells_of(wanted[0])) {
+      int shared = 0;
+      for (Index v : wanted)
+        for (int i = 0; i <= Dim; ++i) shared += cells_(i, c) == v;
+      if (shared == Dim) return true;
+    }
+    return false;
+  };
+  for (const auto& group : data.groups) {
+    Group resolved{group.name, {}};
+    for (auto facet : group.facets) {
+      for (Index& v : facet) {
+        if (v < 0 || v >= given_vertices || renumbered[v] < 0)
+          throw InputError(fmt::format("mesh: group \"{}\" names vertex {}, which no cell has", group.name, v));
+        v = renumbered[v];
+      }
+      if (const Index f = find_facet(facet); f >= 0)
+        resolved.facets.push_back(f);
+      else if (!is_inner_facet(facet))
+        throw InputError(fmt::format("mesh: group \"{}\" has a facet of vertices {} that no cell has", group.name, fmt::join(facet, ", ")));
+    }
+    std::sort(resolved.facets.begin(), resolved.facets.end());
+    resolved.facets.erase(std::unique(resolved.facets.begin(), resolved.facets.end()), resolved.facets.end());
+    groups_.push_back(std::move(resolved));
+  }
+
+  components_.assign(num_vertices(), -1);
+  std::vector<Index> stack;
+  for (Index seed = 0; seed < num_vertices(); ++seed) {
+    if (components_[seed] >= 0) continue;
+    stack.assign(1, seed);
+    components_[seed] = num_components_;
+    while (!stack.empty()) {
+      const Index v = stack.back();
+      stack.pop_back();
+      for (Index c : cells_of(v))
+        for (int i = 0; i <= Dim; ++i)
+          if (Index& component = components_[cells_(i, c)]; component < 0) {
+            component = num_components_;
+            stack.push_back(cells_(i, c));
+          }
+    }
+    ++num_components_;
+  }
+}
+
+template <int Dim> Vec<Dim> FineMesh<Dim>::centroid(Index c) const {
+  Vec<Dim> sum = Vec<Dim>::Zero();
+  for (int i = 0; i <= Dim; ++i) sum += vertices_.col(cells_(i, c));
+  return sum / (Dim + 1);
+}
+
+template <int Dim> Eigen::Matrix<double, Dim, Dim + 1> FineMesh<Dim>::hat_gradients(Index c) const {
+  Eigen::Matrix<double, Dim, Dim + 1> gradients;
+  if constexpr (Dim == 2) {
+    const Vec<2> a = vertex(cells_(0, c)), b = vertex(cells_(1, c)), d = vertex(cells_(2, c));
+    const double scale = 0.5 / volumes_[c];
+    gradients.col(0) = scale * Vec<2>(b.y() - d.y(), d.x() - b.x());
+    gradients.col(1) = scale * Vec<2>(d.y() - a.y(), a.x() - d.x());
+    gradients.col(2) = scale * Vec<2>(a.y() - b.y(), b.x() - a.x());
+  } else {
+    Mat<Dim> edges;
+    for (int k = 0; k < Dim; ++k) edges.col(k) = vertex(cells_(k + 1, c)) - vertex(cells_(0, c));
+    gradients.template rightCols<Dim>() = edges.inverse().transpose();
+    gradients.col(0) = -gradients.template rightCols<Dim>().rowwise().sum();
+  }
+  return gradients;
+}
+
+template <int Dim> double FineMesh<Dim>::facet_measure(Index f) const {
+  if constexpr (Dim == 2)
+    return (vertex(facets_(1, f)) - vertex(facets_(0, f))).norm();
+  else
+    return 0.5 * (vertex(facets_(1, f)) - vertex(facets_(0, f))).cross(vertex(facets_(2, f)) - vertex(facets_(0, f))).norm();
+}
+
+template <int Dim> Vec<Dim> FineMesh<Dim>::facet_normal(Index f) const {
+  if constexpr (Dim == 2) {
+    const Vec<2> along = (vertex(facets_(1, f)) - vertex(facets_(0, f))).normalized();
+    return {along.y(), -along.x()};
+  } else {
+    return (vertex(facets_(1, f)) - vertex(facets_(0, f))).cross(vertex(facets_(2, f)) - vertex(facets_(0, f))).normalized();
+  }
+}
+
+template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_view name) const {
+  for (const Group& group : groups_)
+    if (group.name == name) return group.facets;
+  std::vector<std::string> names;
+  for (const Group& group : groups_) names.push_back('"' + group.name + '"');
+  throw InputError(fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
+                               names.empty() ? std::string("no named parts") : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets) {
+  if (facets.empty()) return mesh;
+  std::vector<Key<Dim>> cut;
+  for (const auto& facet : facets) cut.push_back(sorted<Dim>(facet));
+  std::sort(cut.begin(), cut.end());
+  cut.erase(std::unique(cut.begin(), cut.end()), cut.end());
+  const auto is_cut = [&](const Key<Dim>& key) { return std::binary_search(cut.begin(), cut.end(), key); };
+
+  const auto sides = sorted_half_facets<Dim>(mesh.cells);
+  for (const auto& key : cut) {
+    const auto side = std::lower_bound(sides.begin(), sides.end(), HalfFacet<Dim>{key, -1, 0});
+    if (side == sides.end() || side->key != key)
+      throw InputError(fmt::format("cut: no cell has a facet of vertices {}", fmt::join(key, ", ")));
+  }
+
+  const Cells<Dim> old_cells = mesh.cells;
+  const Cells<Dim> neighbours = neighbours_of<Dim>(old_cells);
+  std::vector<Index> touched;
+  for (const auto& key : cut) touched.insert(touched.end(), key.begin(), key.end());
+  std::sort(touched.begin(), touched.end());
+  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  std::vector<Index> slot(mesh.vertices.cols(), -1);
+  for (std::size_t t = 0; t < touched.size(); ++t) slot[touched[t]] = static_cast<Index>(t);
+  const auto stars = incidence(static_cast<Index>(touched.size()), [&](auto&& emit) {
+    for (Index c = 0; c < old_cells.cols(); ++c)
+      for (int i = 0; i <= Dim; ++i)
+        if (slot[old_cells(i, c)] >= 0) emit(slot[old_cells(i, c)], c);
+  });
+
+  std::vector<Vec<Dim>> copies;
+  const Index first_copy = static_cast<Index>(mesh.vertices.cols());
+  for (std::size_t t = 0; t < touched.size(); ++t) {
+    const Index v = touched[t];
+    std::vector<Index> star(stars[static_cast<Index>(t)].begin(), stars[static_cast<Index>(t)].end());
+    std::vector<char> seen(star.size(), 0);
+    const auto position = [&](Index c) { return std::lower_bound(star.begin(), star.end(), c) - star.begin(); };
+    bool first_part = true;
+    for (std::size_t s = 0; s < star.size(); ++s) {
+      if (seen[s]) continue;
+      Index name = v;
+      if (!first_part) {
+        name = first_copy + static_cast<Index>(copies.size());
+        copies.push_back(mesh.vertices.col(v));
+      }
+      first_part = false;
+      std::vector<Index> stack{star[s]};
+      seen[s] = 1;
+      while (!stack.empty()) {
+        const Index c = stack.back();
+        stack.pop_back();
+        for (int i = 0; i <= Dim; ++i) {
+          if (old_cells(i, c) == v) {
+            mesh.cells(i, c) = name;
+            continue;
+          }
+          const Index next = neighbours(i, c);
+          if (next < 0 || is_cut(sorted<Dim>(facet_opposite<Dim>(old_cells, c, i)))) continue;
+          const auto p = position(next);
+          if (!seen[p]) {
+            seen[p] = 1;
+            stack.push_back(next);
+          }
+        }
+      }
+    }
+  }
+  mesh.vertices.conservativeResize(Dim, first_copy + static_cast<Index>(copies.size()));
+  for (std::size_t k = 0; k < copies.size(); ++k) mesh.vertices.col(first_copy + static_cast<Index>(k)) = copies[k];
+
+  // A group facet becomes the facets of all cells that had it: one, or the two sides of the cut.
+  for (auto& group : mesh.groups) {
+    std::vector<Key<Dim>> followed;
+    for (const auto& facet : group.facets) {
+      auto side = std::lower_bound(sides.begin(), sides.end(), HalfFacet<Dim>{sorted<Dim>(facet), -1, 0});
+      for (; side != sides.end() && side->key == sorted<Dim>(facet); ++side)
+        followed.push_back(facet_opposite<Dim>(mesh.cells, side->cell, side->opposite));
+    }
+    group.facets.assign(followed.begin(), followed.end());
+  }
+  return mesh;
+}
+
+template class FineMesh<2>;
+template class FineMesh<3>;
+template MeshData<2> cut_open<2>(MeshData<2>, const std::vector<std::array<Index, 2>>&);
+template MeshData<3> cut_open<3>(MeshData<3>, const std::vector<std::array<Index, 3>>&);
+
+}  // namespace efree

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Coarse clouds of nodes on the fine vertices.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+
+#include <cstdint>
+
+namespace efree {
+
+/// Nodes that sit on fine vertices, in ascending order of vertex.
+template <int Dim> struct NodeCloud {
+  std::vector<Index> vertices;  ///< fine vertex of each node, ascending, all different
+  Points<Dim> positions;        ///< Dim x N
+  Vector spacing;               ///< N, packing size around each node [length]
+
+  Index size() const { return static_cast<Index>(vertices.size()); }
+};
+
+struct CloudOptions {
+  double spacing = 0.0;    ///< packing size H [length]; required
+  std::uint64_t seed = 1;  ///< order in which candidates are tried
+};
+
+/// Uniform on the boundary, corners, slit tips and ends of named groups kept, maximal Poisson-disk inside (random
+/// sequential over the fine vertices in seeded order). Two nodes closer than the spacing are
+/// allowed only where they do not see each other inside the ball (the two sides of a slit or of a thin wall outside),
+/// on the boundary and at corners. Every boundary loop gets at least three nodes. Deterministic.
+template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const CloudOptions& options);
+
+/// The same with a packing size for each fine vertex (num_vertices entries, positive).
+template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const Vector& spacing, std::uint64_t seed);
+
+}  // namespace efree

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Geodesic distances and heat weights from single vertices, on local patches of the fine mesh.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+#include "efree/heatgeo/kernel.hpp"
+
+#include <memory>
+
+namespace efree {
+
+/// How far a node reaches through the body.
+enum class Weight {
+  heat_geodesic,  ///< distance by the heat method (Crane, Weischedel, Wardetzky 2013) and a kernel of it
+  heat_flow,      ///< the heat itself after a few implicit steps, zero on the patch's rim (Bishop 2022)
+  fast_marching,  ///< distance by fast marching with virtual sources, and a kernel of it
+  visibility,     ///< exact distance by the visibility graph of the boundary in reach (2D), and a kernel of it
+  euclidean,      ///< straight line through everything: the classical choice that sees through cracks
+};
+
+/// Values at the fine vertices in reach of one source.
+struct LocalField {
+  std::vector<Index> vertices;  ///< ascending
+  std::vector<double> values;
+};
+
+struct GeodesicOptions {
+  Weight engine = Weight::visibility;
+  double heat_time = 1.0;   ///< heat method: t in units of the squared mean edge length
+  bool always_solve = false;  ///< also solve where the source sees the whole patch (for measuring the engines)
+};
+
+/// Distances from single vertices. Holds what several sources share (the Delaunay edges of the domain, factorisations of
+/// clusters). Const calls may run concurrently.
+template <int Dim> class Geodesics {
+ public:
+  /// Keeps a reference to the mesh. Throws InputError for heat_flow (no distance).
+  Geodesics(const FineMesh<Dim>& mesh, const GeodesicOptions& options);
+  ~Geodesics();
+  Geodesics(const Geodesics&) = delete;
+  Geodesics& operator=(const Geodesics&) = delete;
+
+  /// Distances d < radius from `source`, inside the body (for Weight::euclidean: through everything).
+  LocalField from(Index source, double radius) const;
+  /// The same for many sources, each with its own radius; heat solves share factorisations among clusters of neighbours.
+  std::vector<LocalField> from(const std::vector<Index>& sources, const Vector& radii) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Heat after `steps` implicit Euler steps of t = 0.1 r^2 / steps each... on the patch of radius r: zero on the patch's rim inside the body,
+/// natural condition on the body's boundary, normalised to a maximum of 1, never negative.
+template <int Dim>
+std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, const Vector& radii, int steps = 6);
+
+struct WeightOptions {
+  Weight weight = Weight::visibility;
+  Kernel kernel = Kernel::cubic_spline;
+};
+
+/// Weights w_I in (0, 1] of all sources at the fine vertices: num_vertices x sources. Deterministic for any number of threads.
+template <int Dim>
+SparseRows node_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, const Vector& radii, const WeightOptions& options);
+
+/// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources at once).
+/// num_vertices entries; -1 and infinity where no source is in the same body.
+struct NearestSource {
+  std::vector<Index> source;  ///< index into `sources`
+  Vector distance;
+};
+template <int Dim> NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources);
+
+/// The same mesh with edges flipped until they are Delaunay (boundary kept). In a flat domain this is the intrinsic Delaunay
+/// triangulation (Bobenko & Springborn 2007): same vertices, same P1 space on the boundary, cotangent weights without negative sums.
+Cells<2> delaunay_cells(const FineMesh<2>& mesh);
+
+}  // namespace efree
