@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What is prescribed on the boundary and in the body.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// Prescribed displacement on a named part of the boundary: any components (an empty field leaves one free), or the
+/// component along the outward normal (a plane that slides).
+template <int Dim> struct DisplacementCondition {
+  std::string on;
+  std::array<ScalarField<Dim>, Dim> components;
+  ScalarField<Dim> normal;
+};
+
+/// Force per area on a named part of the boundary, from position and outward normal.
+template <int Dim> struct TractionCondition {
+  std::string on;
+  std::function<Vec<Dim>(const Vec<Dim>& x, const Vec<Dim>& n)> traction;
+};
+
+template <int Dim> struct Loads {
+  std::vector<TractionCondition<Dim>> tractions;
+  VectorField<Dim> body_force;  ///< force per volume; may be empty
+};
+
+/// Pressure p on a named part: traction -p n.
+template <int Dim> TractionCondition<Dim> pressure(std::string on, ScalarField<Dim> p) {
+  return {std::move(on), [p = std::move(p)](const Vec<Dim>& x, const Vec<Dim>& n) -> Vec<Dim> { return -p(x) * n; }};
+}
+/// The same displacement value for every component.
+template <int Dim> DisplacementCondition<Dim> clamp(std::string on) {
+  DisplacementCondition<Dim> condition{std::move(on), {}, {}};
+  condition.components.fill([](const Vec<Dim>&) { return 0.0; });
+  return condition;
+}
+
+}  // namespace efree

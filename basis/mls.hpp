@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Moving-least-squares functions at the fine vertices (Lancaster & Salkauskas 1981; Belytschko, Lu, Gu 1994).
+#pragma once
+
+#include "efree/basis/shape_table.hpp"
+#include "efree/geometry/node_cloud.hpp"
+#include "efree/heatgeo/geodesics.hpp"
+
+namespace efree {
+
+struct MlsOptions {
+  int order = 1;         ///< polynomials reproduced: 1 or 2
+  double support = 2.0;  ///< radius in units of each node's spacing
+  WeightOptions weights;
+  double largest_sum = 5.0;  ///< a row with a larger sum |phi_I| counts as badly placed
+  /// Named boundary parts on which the weights of all other nodes vanish.
+  std::vector<std::string> vanish_on;
+};
+
+/// Where too few nodes, or badly placed ones, made supports grow.
+struct MlsReport {
+  Index grown_vertices = 0;   ///< vertices that asked for it
+  Index grown_nodes = 0;      ///< nodes whose support grew
+  double largest_growth = 1;  ///< factor on the radius
+  double largest_sum = 1;     ///< max over vertices of sum |phi_I|, in the end
+};
+
+template <int Dim> struct Mls {
+  ShapeTable<Dim> shape;  ///< num_vertices x N
+  Vector radii;           ///< N, support radius of each node in the end [length]
+  MlsReport report;
+};
+
+/// phi_I = w_I g(X)^T A^-1 g(X_I), moment matrix shifted to X and scaled. Every row reproduces polynomials of the order
+/// to rounding. Where it could not, or only with sum |phi| beyond the bound, the supports of the geodesically nearest
+/// nodes grow to 1.25 times their distance until it can. Throws InputError for options out of range,
+/// NumericalError naming the vertex if growing does not help (fewer nodes in a body than polynomials).
+template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options);
+
+}  // namespace efree

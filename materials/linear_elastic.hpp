@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Isotropic linear elasticity.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+namespace efree {
+
+enum class Plane { stress, strain };
+
+struct LinearElastic {
+  double E = 0.0;   ///< Young's modulus [stress], positive
+  double nu = 0.0;  ///< Poisson's ratio, in (-1, 0.5)
+};
+
+/// sigma = lambda tr(eps) I + 2 mu eps, in the Dim dimensions of the analysis.
+struct Lame {
+  double lambda = 0.0;  ///< [stress]
+  double mu = 0.0;      ///< [stress]
+};
+
+/// In-plane Lame constants: 3D ones for plane strain, lambda' = 2 lambda mu / (lambda + 2 mu) for plane stress.
+/// Throws InputError for E <= 0 or nu outside (-1, 0.5).
+Lame plane_lame(const LinearElastic& material, Plane plane);
+
+/// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Dim, no shear.
+template <int Dim> Lame volumetric(const Lame& lame) { return {lame.lambda + 2.0 * lame.mu / Dim, 0.0}; }
+/// What remains: 2 mu times the deviator in Dim dimensions.
+template <int Dim> Lame deviatoric(const Lame& lame) { return {-2.0 * lame.mu / Dim, lame.mu}; }
+
+/// Stiffness in Voigt notation; strains carry engineering shear (gamma = 2 eps).
+template <int Dim> VoigtMatrix<Dim> stiffness(const Lame& lame);
+
+/// von Mises stress from the in-plane stress (xx, yy, xy); plane strain adds sigma_zz = nu (sigma_xx + sigma_yy).
+double von_mises(const Voigt<2>& stress, Plane plane, double nu);
+
+}  // namespace efree

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// From a fine mesh to everything a solver needs to know of a basis, in one call.
+#pragma once
+
+#include "efree/basis/fine_space.hpp"
+#include "efree/basis/mls.hpp"
+#include "efree/core/progress.hpp"
+#include "efree/geometry/node_cloud.hpp"
+#include "efree/heatgeo/geodesics.hpp"
+#include "efree/quadrature/discretization.hpp"
+
+#include <string>
+#include <vector>
+
+namespace efree {
+
+enum class BasisKind {
+  mls,  ///< moving least squares on a coarse cloud of nodes
+  p1,   ///< linear finite elements on the fine mesh
+  p2,   ///< quadratic finite elements on the fine mesh
+};
+
+enum class SecondaryKind {
+  cells,  ///< clusters of fine cells: diagonal Gram matrix, positive weights
+  mls,    ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
+  full,   ///< every fine cell
+};
+
+struct ApproximationOptions {
+  BasisKind kind = BasisKind::mls;
+  int order = 1;            ///< polynomials MLS reproduces: 1 or 2
+  double spacing = 0.0;     ///< H [length]; required for MLS
+  std::uint64_t seed = 1;   ///< of the clouds
+  double support = 0.0;     ///< radius in units of H; 0: 2 for order 1, 3 for order 2
+  Weight weight = Weight::visibility;
+  Kernel kernel = Kernel::cubic_spline;
+  SecondaryKind secondary = SecondaryKind::cells;
+  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 2 for cells, 4 for mls
+  bool dilatation = false;  ///< also build the coarser clusters that carry the volumetric part (B-bar)
+  bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
+  /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
+  /// strongly (each entry is one part: several names belong together).
+  std::vector<std::string> vanish_on;
+};
+
+/// Immutable result. Keeps a pointer to the mesh, which must outlive it.
+template <int Dim> struct Approximation {
+  FineSpace<Dim> space;                     ///< Lagrange space on the fine mesh that holds the functions
+  ShapeTable<Dim> shape;                    ///< space.size() x N: values of the basis at the fine degrees of freedom
+  Points<Dim> nodes;                        ///< Dim x N
+  std::vector<Index> node_dofs;             ///< N, fine degree of freedom each node sits on
+  Discretization<Dim> quadrature;           ///< secondary basis: points, weights, projected gradients, traces
+  Discretization<Dim> dilatation;           ///< coarser unions of the above; empty unless asked for
+  Discretization<Dim> fine;                 ///< full integration; empty unless asked for
+  MlsReport mls;                            ///< how often supports had to grow
+  Index dropped_points = 0;                 ///< quadrature nodes left out to keep every weight positive
+};
+
+/// Runs cloud, weights, basis and quadrature; adds their seconds to `times`. Throws InputError for options out of range
+/// (spacing missing or larger than the body, order, ratio, support) and NumericalError where no basis can be built.
+template <int Dim>
+Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes* times = nullptr,
+                               const Progress& progress = {});
+
+}  // namespace efree

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Static linear elasticity on any basis.
+#pragma once
+
+#include "efree/assembly/conditions.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/quadrature/approximation.hpp"
+
+#include <memory>
+
+namespace efree {
+
+/// How displacements are prescribed.
+enum class Essential {
+  nitsche,  ///< symmetric Nitsche, penalty from the local stiffness; any basis
+  strong,   ///< nodal values on the boundary; needs functions of other nodes that vanish there (vanish_on, or finite elements)
+};
+
+struct ElasticModel {
+  LinearElastic material;
+  Plane plane = Plane::stress;
+  Essential essential = Essential::nitsche;
+  double stabilisation = 0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration
+};
+
+/// Coefficients and what is derived at the quadrature points.
+template <int Dim> struct Solution {
+  Points<Dim> coefficients;     ///< Dim x N; not nodal displacements: use interpolate(shape, coefficients)
+  VoigtPoints<Dim> strain;      ///< at quadrature points, engineering shear
+  VoigtPoints<Dim> stress;      ///< at quadrature points
+  double strain_energy = 0.0;   ///< [force * length per thickness]
+};
+
+/// Assembles and factors once, then solves any number of load cases.
+template <int Dim> class ElasticSolver {
+ public:
+  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not hold
+  /// every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored.
+  /// Stages: assembly, solve (factorisation).
+  ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model, const std::vector<DisplacementCondition<Dim>>& conditions,
+                StageTimes* times = nullptr, const Progress& progress = {});
+  ~ElasticSolver();
+  ElasticSolver(ElasticSolver&&) noexcept;
+
+  /// One load case with the prescribed displacements.
+  Solution<Dim> solve(const Loads<Dim>& loads) const;
+  Index num_unknowns() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Displacement, strain and stress on the fine mesh, at the degrees of freedom of approximation.space. Strain and stress are
+/// recovered: linear least-squares fits of the quadrature-point values around each node, blended by the basis.
+template <int Dim> struct Fields {
+  Points<Dim> displacement;
+  VoigtPoints<Dim> strain, stress;
+};
+template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
+
+/// Fields at one point. Throws InputError (with the nearest point of the body) if it lies outside.
+template <int Dim> struct ProbeValues {
+  Vec<Dim> displacement;
+  Voigt<Dim> strain, stress;
+};
+template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at);
+
+/// Relative errors against an exact solution, integrated on the fine mesh.
+struct Errors {
+  double l2_displacement = 0.0;        ///< |u - u_h| / |u|
+  double energy_norm = 0.0;            ///< from the gradients of u_h on the fine cells
+  double energy_norm_recovered = 0.0;  ///< from the recovered stress
+};
+template <int Dim> struct ExactSolution {
+  VectorField<Dim> displacement;  ///< may be empty: its error is then NaN-free 0 and left out by writers
+  VoigtField<Dim> stress;
+};
+template <int Dim>
+Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const Lame& lame, const ExactSolution<Dim>& exact);
+
+}  // namespace efree
