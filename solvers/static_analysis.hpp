@@ -7,6 +7,7 @@
 #include "efree/quadrature/approximation.hpp"
 
 #include <memory>
+#include <optional>
 
 namespace efree {
 
@@ -66,15 +67,15 @@ template <int Dim> struct ProbeValues {
 };
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at);
 
-/// Relative errors against an exact solution, integrated on the fine mesh.
+/// Relative errors against an exact solution, integrated on the fine mesh. What is not given exactly has no error.
 struct Errors {
-  double l2_displacement = 0.0;        ///< |u - u_h| / |u|
-  double energy_norm = 0.0;            ///< from the gradients of u_h on the fine cells
-  double energy_norm_recovered = 0.0;  ///< from the recovered stress
+  std::optional<double> l2_displacement;        ///< |u - u_h| / |u|
+  std::optional<double> energy_norm;            ///< from the gradients of u_h on the fine cells
+  std::optional<double> energy_norm_recovered;  ///< from the recovered stress
 };
 template <int Dim> struct ExactSolution {
-  VectorField<Dim> displacement;  ///< may be empty: its error is then NaN-free 0 and left out by writers
-  VoigtField<Dim> stress;
+  VectorField<Dim> displacement;  ///< may be empty
+  VoigtField<Dim> stress;         ///< may be empty
 };
 template <int Dim>
 Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const Lame& lame, const ExactSolution<Dim>& exact);
