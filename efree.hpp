@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Every public header of efree.
+#pragma once
+
+#include "efree/assembly/conditions.hpp"
+#include "efree/basis/fine_space.hpp"
+#include "efree/basis/mls.hpp"
+#include "efree/basis/shape_table.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/core/progress.hpp"
+#include "efree/core/types.hpp"
+#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/gmsh_reader.hpp"
+#include "efree/geometry/node_cloud.hpp"
+#include "efree/geometry/planar_domain.hpp"
+#include "efree/heatgeo/geodesics.hpp"
+#include "efree/heatgeo/kernel.hpp"
+#include "efree/heatgeo/patch.hpp"
+#include "efree/heatgeo/sight_lines.hpp"
+#include "efree/heatgeo/visible_distance.hpp"
+#include "efree/io/expression.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/quadrature/approximation.hpp"
+#include "efree/quadrature/discretization.hpp"
+#include "efree/solvers/static_analysis.hpp"
