@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Fields written as text: "sin(pi*x) + y^2".
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// Turns text into fields (muParser). Variables x, y; constants pi, e; operators + - * / ^ < > <= >= == != && || and
+/// condition ? a : b; functions sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh sqrt exp ln log (both
+/// to base e) log2 log10 abs sign rint min max sum avg; and names given to define(). Fields may be copied and called
+/// from several threads at once.
+template <int Dim> class Expressions {
+ public:
+  /// Gives a name to an expression that later ones may use; it may depend on position and on names defined before.
+  /// `where` begins every message about it. Throws InputError for a name that is taken or no identifier, and as
+  /// field().
+  void define(const std::string& name, const std::string& text, const std::string& where = {});
+
+  /// The field described by `text`. Throws InputError naming expression, position in it and what is wrong; calling the
+  /// field throws InputError naming expression and point where the value is not finite.
+  ScalarField<Dim> field(const std::string& text, const std::string& where = {}) const;
+
+ private:
+  struct Definition {
+    std::string name, text;
+  };
+  std::vector<Definition> definitions_;
+};
+
+}  // namespace efree
