@@ -14,12 +14,14 @@
 #include <CGAL/box_intersection_d.h>
 #include <CGAL/hilbert_sort.h>
 #include <CGAL/property_map.h>
+#include <CGAL/spatial_sort.h>
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
 #include <random>
+#include <tuple>
 
 namespace efree {
 namespace {
@@ -320,13 +322,110 @@ double domain_area(const Cdt& cdt) {
   return area;
 }
 
-void refine(Cdt& cdt, const TriangulateOptions& options) {
-  const double area = domain_area(cdt), expected = 3.0 * area / (options.size * options.size);
+/// Something at abscissa(s) [low, high] in a row of the lattice.
+struct Span {
+  Index row;
+  double low, high;
+  friend bool operator<(const Span& a, const Span& b) {
+    return std::tie(a.row, a.low, a.high) < std::tie(b.row, b.low, b.high);
+  }
+};
+
+/// Points inside the domain that refinement would otherwise have to find one by one: a jittered hexagonal lattice,
+/// clear of all segments by half its step.
+class Lattice {
+ public:
+  Lattice(const Segments& s, const Edges& edges, double step) : step_(step), height_(step * std::sqrt(0.75)) {
+    low_ = high_ = s.points[0];
+    for (const Vec<2>& p : s.points) {
+      low_ = low_.cwiseMin(p);
+      high_ = high_.cwiseMax(p);
+    }
+    for (Index e = 0; e < static_cast<Index>(edges.keys.size()); ++e)
+      if (edges.is_boundary(e)) add_crossings(s.points[edges.keys[e].first], s.points[edges.keys[e].second]);
+    for (const Segment& segment : s.segments) add_shadow(s.points[segment.a], s.points[segment.b]);
+    std::sort(crossings_.begin(), crossings_.end());
+    std::sort(shadows_.begin(), shadows_.end());
+  }
+
+  std::vector<Kernel::Point_2> points() const {
+    std::vector<Kernel::Point_2> out;
+    std::mt19937_64 generator(1);
+    const auto jitter = [&] { return 0.1 * step_ * (0x1p-52 * static_cast<double>(generator() >> 11) - 1.0); };
+    auto shadow = shadows_.begin();
+    double covered = 0.0;
+    for (std::size_t k = 0; k + 1 < crossings_.size(); k += 2) {
+      const Index row = crossings_[k].row;
+      if (k == 0 || row != crossings_[k - 1].row) covered = low_.x();
+      const double shift = row % 2 == 0 ? 0.0 : 0.5 * step_;
+      const auto first = static_cast<Index>(std::ceil((crossings_[k].low - low_.x() - shift) / step_));
+      for (Index column = first;; ++column) {
+        const double x = low_.x() + shift + column * step_;
+        if (x >= crossings_[k + 1].low) break;
+        for (; shadow != shadows_.end() && std::tie(shadow->row, shadow->low) <= std::tie(row, x); ++shadow)
+          if (shadow->row == row) covered = std::max(covered, shadow->high);
+        if (x > covered) out.emplace_back(x + jitter(), ordinate(row) + jitter());
+      }
+    }
+    return out;
+  }
+
+ private:
+  double ordinate(Index row) const { return low_.y() + row * height_; }
+  /// First row at or above y.
+  Index row_above(double y) const { return static_cast<Index>(std::ceil((y - low_.y()) / height_)); }
+
+  void add_crossings(Vec<2> a, Vec<2> b) {
+    if (a.y() > b.y()) std::swap(a, b);
+    for (Index row = std::max(0, row_above(a.y()) - 1); ordinate(row) < b.y(); ++row) {
+      if (ordinate(row) < a.y()) continue;
+      const double x = a.x() + (b.x() - a.x()) * (ordinate(row) - a.y()) / (b.y() - a.y());
+      crossings_.push_back({row, x, x});
+    }
+  }
+
+  /// Keeps the lattice away from a segment: the piece of it near a row hides the row there.
+  void add_shadow(Vec<2> a, Vec<2> b) {
+    if (a.y() > b.y()) std::swap(a, b);
+    const double clearance = 0.6 * step_;  // half the step, and the jitter
+    for (Index row = std::max(0, row_above(a.y() - clearance)); ordinate(row) <= b.y() + clearance; ++row) {
+      const auto abscissa = [&](double y) {
+        return b.y() > a.y() ? a.x() + (b.x() - a.x()) * std::clamp((y - a.y()) / (b.y() - a.y()), 0.0, 1.0) : a.x();
+      };
+      const double from = abscissa(ordinate(row) - clearance);
+      const double to = b.y() > a.y() ? abscissa(ordinate(row) + clearance) : b.x();
+      shadows_.push_back({row, std::min(from, to) - clearance, std::max(from, to) + clearance});
+    }
+  }
+
+  double step_, height_;
+  Vec<2> low_, high_;
+  std::vector<Span> crossings_, shadows_;
+};
+
+/// Inserts points of the inside of the domain. Insertion changes faces at the new vertex only, so marks stay right.
+void insert_inside(std::vector<Kernel::Point_2> points, Cdt& cdt) {
+  CGAL::spatial_sort(points.begin(), points.end());
+  Cdt::Face_handle hint;
+  for (const Kernel::Point_2& p : points) {
+    const Cdt::Vertex_handle v = cdt.insert(p, hint);
+    auto face = cdt.incident_faces(v);
+    const auto done = face;
+    do face->set_in_domain(true);
+    while (++face != done);
+    hint = face;
+  }
+}
+
+void refine(const Segments& segments, const Edges& edges, const TriangulateOptions& options, Cdt& cdt) {
+  const double area = domain_area(cdt), expected = 4.0 * area / (options.size * options.size);
   if (!(area > 0.0)) throw InputError("domain: it is empty, no point has an odd number of boundary segments around it");
   if (expected > 1e9)
     throw InputError(
         fmt::format("domain: a size of {} on an area of {} takes about {:.1e} triangles, expected at most 1e9",
                     options.size, area, expected));
+  // Edges of the lattice are at most 1.3 steps long, nearly all of them less than 1.2.
+  insert_inside(Lattice(segments, edges, 0.8 * options.size).points(), cdt);
   const double sine = std::sin(options.min_angle * std::numbers::pi / 180.0);
   CGAL::Delaunay_mesher_2<Cdt, Criteria> mesher(cdt, Criteria(sine * sine, options.size));
   mesher.init(/*domain_specified=*/true);
@@ -444,7 +543,7 @@ FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& op
   Cdt cdt;
   const auto handles = insert(segments, edges, cdt);
   mark_domain(edges, cdt);
-  refine(cdt, options);
+  refine(segments, edges, options, cdt);
 
   MeshData<2> mesh;
   number_mesh(cdt, mesh);
