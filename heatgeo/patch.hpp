@@ -4,29 +4,45 @@
 
 #include "efree/geometry/fine_mesh.hpp"
 
+#include <limits>
+
 namespace efree {
 
 /// Connected part of the fine mesh inside a ball around a source vertex.
 template <int Dim> struct Patch {
-  Index source = -1;            ///< fine vertex at the centre
-  double radius = 0.0;          ///< of the ball [length]
-  std::vector<Index> cells;     ///< cells that meet the ball, connected to the source through facets, in flooding order
-  std::vector<Index> vertices;  ///< all vertices of those cells, source first (some lie a little outside the ball)
-  std::vector<Index> facets;    ///< boundary facets of those cells
-  /// True if a boundary facet in reach shows its outer side to the source. If none does, the source sees all of the
-  /// patch and the geodesic distance is the straight line: a segment that left the body would have to come back through such a facet.
+  Index source = -1;    ///< fine vertex at the centre
+  double radius = 0.0;  ///< of the ball [length]
+  std::vector<Index>
+      cells;  ///< cells that meet the open ball, connected to the source through facets, in flooding order
+  std::vector<Index> vertices;    ///< all vertices of those cells, source first (some lie a little outside the ball)
+  std::vector<double> distances;  ///< straight-line distance of each of those vertices from the source [length]
+  std::vector<Index> facets;      ///< boundary facets of those cells
+  /// True if a boundary facet in reach shows its outer side to the source, or if the far side of a slit lies in reach
+  /// at the source itself. Otherwise the source sees all of the patch and the geodesic distance is the straight line: a
+  /// segment that left the body would have to come back through such a facet.
   bool obstructed = false;
 };
+
+/// Lengths below this are rounding of the vertex coordinates: 1e-12 of the largest one.
+template <int Dim> double length_tolerance(const FineMesh<Dim>& mesh);
+
+/// True if `source` lies on the outer side of boundary facet f, by more than rounding.
+bool shows_outer_side(const FineMesh<2>& mesh, Index f, const Vec<2>& source, double tolerance);
 
 /// Finds patches; keeps scratch memory between calls, so use one per thread.
 template <int Dim> class PatchFinder {
  public:
+  /// Keeps a reference to the mesh.
   explicit PatchFinder(const FineMesh<Dim>& mesh);
   /// Cost linear in the size of the patch. The reference is valid until the next call.
   const Patch<Dim>& around(Index source, double radius);
 
  private:
+  bool meets_ball(Index c) const;
+  bool is_obstructed() const;
+
   const FineMesh<Dim>& mesh_;
+  double tolerance_;
   Patch<Dim> patch_;
   std::vector<Index> cell_stamp_, vertex_stamp_;
   Index stamp_ = 0;

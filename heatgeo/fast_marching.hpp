@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Distances that spread from vertex to vertex, each vertex remembering where its straight line began.
+#pragma once
+
+#include "efree/heatgeo/sight_lines.hpp"
+
+namespace efree {
+
+/// Fast marching with virtual sources: Dijkstra's order, but a vertex takes its distance from the vertex its straight
+/// line comes from (a source, or a reflex corner where the path bent last), so the update has no error where
+/// the line crosses the front edge. Vertices may be improved after they were passed, so obtuse cells do no harm.
+/// After Sethian (1996) and the virtual sources of Novotni & Klein (2002). Exact but near places where several fronts
+/// meet inside one cell. Keeps scratch memory: use one per thread.
+class FastMarching {
+ public:
+  /// Keeps a reference.
+  explicit FastMarching(const SightLines& sight);
+
+  /// Spreads from all `sources` at once through the body, to vertices nearer than `radius`.
+  void march(std::span<const Index> sources, double radius);
+
+  /// Vertices reached by the last march, in no special order; `distance` and `origin` hold for them.
+  const std::vector<Index>& reached() const { return reached_; }
+  double distance(Index v) const { return distance_[v]; }
+  /// Vertex from which the path comes straight to v; a source is its own origin. Never farther than v itself.
+  Index origin(Index v) const { return origin_[v]; }
+
+ private:
+  void offer(Index v, double distance, Index origin);
+  void spread_straight(Index a);
+  void spread_bent(Index a);
+  void cross_edge(Index a, Index b, Index c);
+  bool is_shadowed(Index c, Index origin, Index b) const;
+
+  struct Front {
+    double distance;
+    Index vertex;
+    friend bool operator<(const Front& a, const Front& b) {
+      return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
+    }
+  };
+
+  const SightLines& sight_;
+  double radius_ = 0.0;
+  std::vector<double> distance_;
+  std::vector<Index> origin_, reached_;
+  std::vector<Front> front_;
+};
+
+}  // namespace efree

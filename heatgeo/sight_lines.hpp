@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Which vertices of a planar body see each other, and where shortest paths bend.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+
+#include <optional>
+
+namespace efree {
+
+/// Where the boundary passes a vertex: it comes from `previous` and goes on to `next`, the body on its left.
+struct Corner {
+  Index previous, next;
+  bool reflex;  ///< the body's angle is more than 180 degrees: shortest paths can bend here
+};
+
+/// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to
+/// `last`.
+struct BendingWedge {
+  Vec<2> first, last;
+  double tolerance;  ///< [length]
+  bool contains(const Vec<2>& direction) const;
+};
+
+/// Straight lines through a planar triangulation. A segment is followed from cell to cell, so the two sides of a slit
+/// are told apart although their vertices coincide; vertices closer to the segment than rounding count as lying on it,
+/// so a straight side of the body does not hide its own vertices. Immutable.
+class SightLines {
+ public:
+  /// Keeps a reference to the mesh.
+  explicit SightLines(const FineMesh<2>& mesh);
+
+  const FineMesh<2>& mesh() const { return mesh_; }
+  double tolerance() const { return tolerance_; }
+
+  /// True if the straight segment between two vertices stays in the body. Cost linear in the cells it crosses.
+  bool visible(Index from, Index to) const;
+
+  /// Corners of the boundary at vertex v: none inside the body, one on its boundary, more where parts touch in a point.
+  std::span<const Corner> corners(Index v) const { return corners_[v]; }
+  bool is_reflex(Index v) const;
+
+  /// Where a path that came to v straight from the point `from` may go on after bending at the corner, if anywhere
+  /// (taut string: it bends towards the obstacle, and no further than the obstacle's side).
+  std::optional<BendingWedge> bend(Index v, const Corner& corner, const Vec<2>& from) const;
+
+ private:
+  /// How a ray leaves a vertex: along one or (at the tip of a slit) two edges, or through a cell's opposite facet.
+  struct Departure {
+    Index along = -1, also_along = -1;
+    Index cell = -1, facet = -1;
+  };
+  Departure depart(Index v, const Vec<2>& direction) const;
+  /// First vertex on the line from `origin` after leaving `cell` through its facet; -1 where the line leaves the body.
+  Index next_on_line(const Vec<2>& origin, const Vec<2>& direction, Index cell, Index facet) const;
+
+  const FineMesh<2>& mesh_;
+  double tolerance_;
+  Ragged<Corner> corners_;
+};
+
+}  // namespace efree
