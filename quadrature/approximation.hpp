@@ -39,7 +39,7 @@ struct ApproximationOptions {
   bool dilatation = false;  ///< also build the coarser clusters that carry the volumetric part (B-bar)
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
-  /// strongly (each entry is one part: several names belong together).
+  /// strongly.
   std::vector<std::string> vanish_on;
 };
 

@@ -10,7 +10,8 @@ namespace efree {
 
 /// Functions Phi_K that sum to one, given where integrals need them.
 template <int Dim> struct SecondaryBasis {
-  Points<Dim> points;    ///< Dim x M, x_K
+  Points<Dim> points;           ///< Dim x M, x_K
+  std::vector<Index> vertices;  ///< M, a fine vertex at or near x_K, in the same body
   SparseRows in_cells;   ///< (cells * cell rule points) x M: Phi_K at the points of FineSpace::cell_rule, cell by cell
   SparseRows on_facets;  ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
 };
@@ -30,7 +31,7 @@ template <int Dim> struct Discretization {
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).
-template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table, const Points<Dim>& points);
+template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table, const NodeCloud<Dim>& cloud);
 
 /// Every point of the cell rule is a function of its own: full integration on the fine mesh.
 template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space);

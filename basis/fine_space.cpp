@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/basis/fine_space.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace efree {
+
+template <> SimplexRule<1> simplex_rule<1>(int degree) {
+  if (degree < 1 || degree > 5) throw InputError(fmt::format("quadrature on segments of degree {}, expected 1 to 5", degree));
+  // Gauss-Legendre points on [-1, 1].
+  std::vector<double> x, w;
+  if (degree == 1) {
+    x = {0.0}, w = {1.0};
+  } else if (degree <= 3) {
+    x = {-std::sqrt(1.0 / 3.0), std::sqrt(1.0 / 3.0)}, w = {0.5, 0.5};
+  } else {
+    x = {-std::sqrt(0.6), 0.0, std::sqrt(0.6)}, w = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+  }
+  SimplexRule<1> rule;
+  const Index n = static_cast<Index>(x.size());
+  rule.points.resize(2, n);
+  rule.weights = Eigen::Map<const Vector>(w.data(), n);
+  for (Index q = 0; q < n; ++q) rule.points.col(q) << 0.5 * (1.0 - x[q]), 0.5 * (1.0 + x[q]);
+  return rule;
+}
+
+template <> SimplexRule<2> simplex_rule<2>(int degree) {
+  if (degree < 1 || degree > 4) throw InputError(fmt::format("quadrature on triangles of degree {}, expected 1 to 4", degree));
+  SimplexRule<2> rule;
+  if (degree == 1) {
+    rule.points = Eigen::Vector3d::Constant(1.0 / 3.0);
+    rule.weights = Vector::Ones(1);
+    return rule;
+  }
+  // Orbits of three points (1 - 2a, a, a); degree 4: Dunavant 1985.
+  std::vector<std::pair<double, double>> orbits;
+  if (degree == 2)
+    orbits = {{1.0 / 6.0, 1.0 / 3.0}};
+  else
+    orbits = {{0.44594849091596488632, 0.22338158967801146570}, {0.09157621350977074346, 0.10995174365532186764}};
+  rule.points.resize(3, 3 * orbits.size());
+  rule.weights.resize(3 * orbits.size());
+  Index q = 0;
+  for (const auto& [a, weight] : orbits)
+    for (int i = 0; i < 3; ++i, ++q) {
+      rule.points.col(q).setConstant(a);
+      rule.points(i, q) = 1.0 - 2.0 * a;
+      rule.weights[q] = weight;
+    }
+  return rule;
+}
+
+namespace {
+
+/// Local end vertices of the edges of a simplex, in the order (0,1), (0,2), ..., (Dim-1,Dim).
+template <int Dim> constexpr auto local_edges() {
+  std::array<std::array<int, 2>, Dim*(Dim + 1) / 2> edges{};
+  int e = 0;
+  for (int i = 0; i <= Dim; ++i)
+    for (int j = i + 1; j <= Dim; ++j) edges[e++] = {i, j};
+  return edges;
+}
+
+}  // namespace
+
+template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degree) : mesh_(&mesh), degree_(degree) {
+  if (degree != 1 && degree != 2) throw InputError(fmt::format("fine space of degree {}, expected 1 or 2", degree));
+  const auto edges = local_edges<Dim>();
+  const int corner_count = Dim + 1;
+  cell_size_ = degree == 1 ? corner_count : max_cell_size;
+  cell_dofs_.resize(static_cast<std::size_t>(mesh.num_cells()) * cell_size_);
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int i = 0; i < corner_count; ++i) cell_dofs_[static_cast<std::size_t>(c) * cell_size_ + i] = mesh.cells()(i, c);
+  points_ = mesh.vertices();
+
+  if (degree == 2) {
+    struct Side {
+      Index a, b;
+      std::size_t slot;
+      bool operator<(const Side& other) const { return std::tie(a, b, slot) < std::tie(other.a, other.b, other.slot); }
+    };
+    std::vector<Side> sides;
+    sides.reserve(static_cast<std::size_t>(mesh.num_cells()) * edges.size());
+    for (Index c = 0; c < mesh.num_cells(); ++c)
+      for (std::size_t e = 0; e < edges.size(); ++e) {
+        const Index a = mesh.cells()(edges[e][0], c), b = mesh.cells()(edges[e][1], c);
+        sides.push_back({std::min(a, b), std::max(a, b), static_cast<std::size_t>(c) * cell_size_ + corner_count + e});
+      }
+    std::sort(sides.begin(), sides.end());
+    std::vector<Vec<Dim>> midpoints;
+    for (std::size_t s = 0; s < sides.size(); ++s) {
+      if (s == 0 || sides[s].a != sides[s - 1].a || sides[s].b != sides[s - 1].b)
+        midpoints.push_back(0.5 * (mesh.vertex(sides[s].a) + mesh.vertex(sides[s].b)));
+      cell_dofs_[sides[s].slot] = mesh.num_vertices() + static_cast<Index>(midpoints.size()) - 1;
+    }
+    points_.conservativeResize(Dim, mesh.num_vertices() + static_cast<Index>(midpoints.size()));
+    for (std::size_t m = 0; m < midpoints.size(); ++m) points_.col(mesh.num_vertices() + static_cast<Index>(m)) = midpoints[m];
+  }
+  cell_rule_ = simplex_rule<Dim>(degree == 1 ? 1 : 2);
+  facet_rule_ = simplex_rule<Dim - 1>(5);
+}
+
+template <int Dim> std::span<const Index> FineSpace<Dim>::cell(Index c) const {
+  return {cell_dofs_.data() + static_cast<std::size_t>(c) * cell_size_, static_cast<std::size_t>(cell_size_)};
+}
+
+template <int Dim> std::vector<Index> FineSpace<Dim>::facet(Index f) const {
+  std::vector<Index> dofs;
+  for (int k = 0; k < Dim; ++k) dofs.push_back(mesh_->facets()(k, f));
+  if (degree_ == 2) {
+    const auto edges = local_edges<Dim>();
+    const Index c = mesh_->facet_cell(f);
+    const auto on_facet = [&](Index v) { return std::find(dofs.begin(), dofs.begin() + Dim, v) != dofs.begin() + Dim; };
+    for (std::size_t e = 0; e < edges.size(); ++e)
+      if (on_facet(mesh_->cells()(edges[e][0], c)) && on_facet(mesh_->cells()(edges[e][1], c)))
+        dofs.push_back(cell(c)[Dim + 1 + e]);
+  }
+  return dofs;
+}
+
+template <int Dim> auto FineSpace<Dim>::values(const Barycentric& at) const -> CellValues {
+  CellValues N(cell_size_);
+  if (degree_ == 1) {
+    N = at;
+    return N;
+  }
+  for (int i = 0; i <= Dim; ++i) N[i] = at[i] * (2.0 * at[i] - 1.0);
+  int k = Dim + 1;
+  for (const auto& [i, j] : local_edges<Dim>()) N[k++] = 4.0 * at[i] * at[j];
+  return N;
+}
+
+template <int Dim> auto FineSpace<Dim>::gradients(Index c, const Barycentric& at) const -> CellGradients {
+  const auto hats = mesh_->hat_gradients(c);
+  CellGradients dN(Dim, cell_size_);
+  if (degree_ == 1) {
+    dN = hats;
+    return dN;
+  }
+  for (int i = 0; i <= Dim; ++i) dN.col(i) = (4.0 * at[i] - 1.0) * hats.col(i);
+  int k = Dim + 1;
+  for (const auto& [i, j] : local_edges<Dim>()) dN.col(k++) = 4.0 * (at[i] * hats.col(j) + at[j] * hats.col(i));
+  return dN;
+}
+
+template <int Dim> Vec<Dim> FineSpace<Dim>::position(Index c, const Barycentric& at) const {
+  Vec<Dim> x = Vec<Dim>::Zero();
+  for (int i = 0; i <= Dim; ++i) x += at[i] * mesh_->vertices().col(mesh_->cells()(i, c));
+  return x;
+}
+
+template <int Dim> auto FineSpace<Dim>::facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const -> Barycentric {
+  Barycentric inside = Barycentric::Zero();
+  const Index c = mesh_->facet_cell(f);
+  for (int k = 0; k < Dim; ++k)
+    for (int i = 0; i <= Dim; ++i)
+      if (mesh_->cells()(i, c) == mesh_->facets()(k, f)) inside[i] = at[k];
+  return inside;
+}
+
+template class FineSpace<2>;
+
+}  // namespace efree

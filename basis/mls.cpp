@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/basis/mls.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace efree {
+namespace {
+
+template <int Dim> constexpr int monomial_count(int order) { return order == 1 ? Dim + 1 : (Dim + 1) * (Dim + 2) / 2; }
+
+/// g(xi) = {1, xi, eta, ...}, quadratic terms after the linear ones.
+template <int Dim, int Order> Eigen::Matrix<double, monomial_count<Dim>(Order), 1> monomials(const Vec<Dim>& xi) {
+  Eigen::Matrix<double, monomial_count<Dim>(Order), 1> g;
+  g[0] = 1.0;
+  g.template segment<Dim>(1) = xi;
+  if constexpr (Order == 2) {
+    int k = Dim + 1;
+    for (int i = 0; i < Dim; ++i)
+      for (int j = i; j < Dim; ++j) g[k++] = xi[i] * xi[j];
+  }
+  return g;
+}
+
+enum class RowQuality { good, badly_placed, singular };
+
+/// One row of the table: N from the weights w of the nodes around X, by Cholesky; where the moment matrix is (nearly)
+/// singular by its pseudo-inverse, which still reproduces polynomials if the nodes allow it at X (nodes on a line
+/// through X do).
+template <int Dim, int Order>
+RowQuality solve_row(const Vec<Dim>& X, const Points<Dim>& positions, std::span<const Index> nodes, std::span<const double> w,
+                     double largest_sum, std::span<double> N, double& sum) {
+  constexpr int n = monomial_count<Dim>(Order);
+  using VecG = Eigen::Matrix<double, n, 1>;
+  using MatG = Eigen::Matrix<double, n, n>;
+  sum = 0.0;
+  if (nodes.empty()) return RowQuality::singular;
+  double reach = 0.0;
+  for (Index node : nodes) reach = std::max(reach, (positions.col(node) - X).squaredNorm());
+  const double scale = reach > 0.0 ? 1.0 / std::sqrt(reach) : 1.0;
+
+  thread_local std::vector<VecG> g;
+  g.resize(nodes.size());
+  MatG A = MatG::Zero();
+  for (std::size_t k = 0; k < nodes.size(); ++k) {
+    g[k] = monomials<Dim, Order>((positions.col(nodes[k]) - X) * scale);
+    A.noalias() += (w[k] * g[k]) * g[k].transpose();
+  }
+
+  const auto apply = [&](const auto& inverse) {  // two steps of refinement bring the residual to rounding
+    VecG residual = VecG::Unit(0);
+    std::fill(N.begin(), N.end(), 0.0);
+    for (int step = 0; step < 3; ++step) {
+      const VecG c = inverse(residual);
+      for (std::size_t k = 0; k < nodes.size(); ++k) N[k] += w[k] * g[k].dot(c);
+      residual = VecG::Unit(0);
+      for (std::size_t k = 0; k < nodes.size(); ++k) residual -= N[k] * g[k];
+      if (residual.template lpNorm<Eigen::Infinity>() < 1e-15) break;
+    }
+    return residual.template lpNorm<Eigen::Infinity>();
+  };
+
+  double residual = 1.0;
+  const Eigen::LLT<MatG> cholesky(A);
+  const VecG pivots = cholesky.matrixLLT().diagonal();
+  if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 1e-4 * pivots.maxCoeff()) {
+    residual = apply([&](const VecG& r) -> VecG { return cholesky.solve(r); });
+  } else {
+    const Eigen::SelfAdjointEigenSolver<MatG> eigen(A);
+    VecG inverse = eigen.eigenvalues();
+    const double cutoff = 1e-11 * inverse.maxCoeff();
+    inverse = inverse.unaryExpr([&](double x) { return x > cutoff ? 1.0 / x : 0.0; });
+    residual = apply([&](const VecG& r) -> VecG {
+      return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * r));
+    });
+  }
+  if (!(residual < 1e-13)) return RowQuality::singular;
+  for (double value : N) sum += std::abs(value);
+  return sum > largest_sum ? RowQuality::badly_placed : RowQuality::good;
+}
+
+template <int Dim>
+std::vector<RowQuality> solve_rows(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options, const SparseRows& weights,
+                                   std::vector<double>& N, Vector& sums) {
+  std::vector<RowQuality> quality(mesh.num_vertices());
+  N.resize(weights.nonZeros());
+  sums.resize(mesh.num_vertices());
+  const auto solve = options.order == 1 ? &solve_row<Dim, 1> : &solve_row<Dim, 2>;
+  parallel_for(mesh.num_vertices(), [&](Index v) {
+    const auto begin = static_cast<std::size_t>(weights.outerIndexPtr()[v]);
+    const auto count = static_cast<std::size_t>(weights.outerIndexPtr()[v + 1]) - begin;
+    quality[v] = solve(mesh.vertex(v), cloud.positions, {weights.innerIndexPtr() + begin, count}, {weights.valuePtr() + begin, count},
+                       options.largest_sum, {N.data() + begin, count}, sums[v]);
+  });
+  return quality;
+}
+
+/// The matrix with the given columns replaced by those of `fresh` (column k of `fresh` becomes column changed[k]).
+SparseRows replace_columns(const SparseRows& matrix, const std::vector<Index>& changed, const SparseRows& fresh) {
+  std::vector<char> is_changed(matrix.cols(), 0);
+  for (Index c : changed) is_changed[c] = 1;
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> values;
+  offsets.reserve(matrix.rows() + 1);
+  columns.reserve(matrix.nonZeros());
+  values.reserve(matrix.nonZeros());
+  for (Index r = 0; r < matrix.rows(); ++r) {
+    SparseRows::InnerIterator kept(matrix, r), added(fresh, r);
+    while (kept || added) {
+      if (kept && is_changed[kept.col()]) {
+        ++kept;
+      } else if (kept && (!added || kept.col() < changed[added.col()])) {
+        columns.push_back(kept.col()), values.push_back(kept.value());
+        ++kept;
+      } else {
+        columns.push_back(changed[added.col()]), values.push_back(added.value());
+        ++added;
+      }
+    }
+    offsets.push_back(static_cast<Index>(columns.size()));
+  }
+  return Eigen::Map<const SparseRows>(matrix.rows(), matrix.cols(), static_cast<Index>(columns.size()), offsets.data(), columns.data(), values.data());
+}
+
+/// Scales the weights of nodes off a boundary part by a ramp that is zero on it and one at the node's spacing away.
+template <int Dim>
+SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const std::vector<std::string>& parts) {
+  for (const std::string& part : parts) {
+    std::vector<char> on_part(mesh.num_vertices(), 0);
+    for (Index f : mesh.group(part))
+      for (int k = 0; k < Dim; ++k) on_part[mesh.facets()(k, f)] = 1;
+    std::vector<Index> sources;
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (on_part[v]) sources.push_back(v);
+    if (sources.empty()) throw InputError(fmt::format("boundary part \"{}\" is empty", part));
+    const Vector distance = nearest_source(mesh, sources).distance;
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      for (SparseRows::InnerIterator entry(weights, v); entry; ++entry)
+        if (!on_part[cloud.vertices[entry.col()]]) {
+          const double q = std::min(1.0, distance[v] / cloud.spacing[entry.col()]);
+          entry.valueRef() *= on_part[v] ? 0.0 : q * (2.0 - q);
+        }
+  }
+  if (!parts.empty()) weights.prune([](Index, Index, double value) { return value > 0.0; });
+  return weights;
+}
+
+/// Raises the radii of the nodes geodesically nearest to the bad vertices to 1.25 times their distance. Returns the nodes changed, ascending.
+template <int Dim>
+std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options,
+                                 const std::vector<Index>& bad, Vector& radii) {
+  const std::size_t wanted = monomial_count<Dim>(options.order) + 2;
+  std::vector<Index> node_at(mesh.num_vertices(), -1), nodes_in(mesh.num_components(), 0);
+  for (Index I = 0; I < cloud.size(); ++I) {
+    node_at[cloud.vertices[I]] = I;
+    ++nodes_in[mesh.component()[cloud.vertices[I]]];
+  }
+  const Weight engine = options.weights.weight == Weight::heat_flow ? Weight::fast_marching : options.weights.weight;
+  const Geodesics<Dim> geodesics(mesh, {.engine = engine});
+  const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
+  const Vector before = radii;
+  std::vector<char> handled(mesh.num_vertices(), 0);
+  for (Index v : bad) {
+    if (handled[v]) continue;
+    const std::size_t available = static_cast<std::size_t>(nodes_in[mesh.component()[v]]);
+    if (available < static_cast<std::size_t>(monomial_count<Dim>(options.order)))
+      throw NumericalError(fmt::format("moving least squares: the body around ({:.6g}) has {} nodes, order {} needs {}; use a smaller spacing",
+                                       fmt::join(mesh.vertex(v), ", "), available, options.order, monomial_count<Dim>(options.order)));
+    std::vector<std::pair<double, Index>> near;
+    LocalField field;
+    for (double reach = 1.5 * radii.maxCoeff();; reach *= 1.5) {
+      field = geodesics.from(v, reach);
+      near.clear();
+      for (std::size_t k = 0; k < field.vertices.size(); ++k)
+        if (node_at[field.vertices[k]] >= 0) near.emplace_back(field.values[k], node_at[field.vertices[k]]);
+      if (near.size() >= std::min(wanted, available) || reach > 8.0 * diameter) break;
+    }
+    // Nodes that see the vertex already come first; what lacks are further ones, so count the wanted among all.
+    std::sort(near.begin(), near.end());
+    std::size_t taken = 0;
+    double farthest = 0.0;
+    bool grew = false;
+    for (const auto& [distance, I] : near) {
+      if (taken >= wanted && grew) break;
+      ++taken;
+      farthest = distance;
+      if (1.25 * distance > radii[I]) {
+        radii[I] = 1.25 * distance;
+        grew = true;
+      }
+    }
+    for (std::size_t k = 0; k < field.vertices.size(); ++k)
+      if (field.values[k] < 0.25 * farthest) handled[field.vertices[k]] = 1;
+  }
+  std::vector<Index> changed;
+  for (Index I = 0; I < cloud.size(); ++I)
+    if (radii[I] > before[I]) changed.push_back(I);
+  return changed;
+}
+
+}  // namespace
+
+template <int Dim>
+Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options, StageTimes* times,
+                              const Progress& progress) {
+  if (options.order != 1 && options.order != 2) throw InputError(fmt::format("MLS of order {}, expected 1 or 2", options.order));
+  if (!(options.support > 0.5 && options.support < 100.0))
+    throw InputError(fmt::format("support = {} (in units of the spacing), expected a number in (0.5, 100)", options.support));
+  StageTimes unused;
+  StageTimes& clock = times ? *times : unused;
+  Mls<Dim> result;
+  result.radii = options.support * cloud.spacing;
+
+  SparseRows plain, weights;
+  {
+    Stage stage("weights", clock, progress);
+    plain = node_weights(mesh, cloud.vertices, result.radii, options.weights);
+    weights = vanish(plain, mesh, cloud, options.vanish_on);
+  }
+  Stage stage("basis", clock, progress);
+  std::vector<double> N;
+  Vector sums;
+  std::vector<char> asked(mesh.num_vertices(), 0);
+  constexpr int max_rounds = 12;
+  for (int round = 0;; ++round) {
+    const auto quality = solve_rows(mesh, cloud, options, weights, N, sums);
+    std::vector<Index> bad;
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (quality[v] == RowQuality::singular || (quality[v] == RowQuality::badly_placed && round < max_rounds)) bad.push_back(v);
+    if (bad.empty()) break;
+    for (Index v : bad) asked[v] = 1;
+    const auto give_up = [&] {
+      throw NumericalError(fmt::format("moving least squares: no basis at ({:.6g}), which sees {} nodes, after {} enlargements of their supports; "
+                                       "use a smaller spacing there",
+                                       fmt::join(mesh.vertex(bad[0]), ", "),
+                                       weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]], round));
+    };
+    if (round == max_rounds) give_up();
+    const auto changed = grow_supports(mesh, cloud, options, bad, result.radii);
+    if (changed.empty()) {
+      if (std::any_of(bad.begin(), bad.end(), [&](Index v) { return quality[v] == RowQuality::singular; })) give_up();
+      break;  // every node in the body takes part already; the rows reproduce polynomials, report::largest_sum tells how well
+    }
+    std::vector<Index> sources;
+    Vector radii(changed.size());
+    for (std::size_t k = 0; k < changed.size(); ++k) {
+      sources.push_back(cloud.vertices[changed[k]]);
+      radii[static_cast<Index>(k)] = result.radii[changed[k]];
+    }
+    plain = replace_columns(plain, changed, node_weights(mesh, sources, radii, options.weights));
+    weights = vanish(plain, mesh, cloud, options.vanish_on);
+  }
+
+  result.report.grown_vertices = static_cast<Index>(std::count(asked.begin(), asked.end(), 1));
+  const Vector growth = result.radii.cwiseQuotient(options.support * cloud.spacing);
+  result.report.grown_nodes = static_cast<Index>((growth.array() > 1.0).count());
+  result.report.largest_growth = growth.maxCoeff();
+  result.report.largest_sum = sums.maxCoeff();
+  result.shape = ShapeTable<Dim>(cloud.size(), {weights.outerIndexPtr(), weights.outerIndexPtr() + weights.rows() + 1},
+                                 {weights.innerIndexPtr(), weights.innerIndexPtr() + weights.nonZeros()}, std::move(N));
+  return result;
+}
+
+template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*, const Progress&);
+
+}  // namespace efree

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/quadrature/approximation.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+/// Volume that a random sequential packing of spacing r leaves to each node, in units of r^Dim (2D: coverage 0.547 by
+/// discs of diameter r, Tanemura 1979).
+template <int Dim> constexpr double volume_per_node = 1.436;
+
+void check(const ApproximationOptions& options) {
+  if (options.order != 1 && options.order != 2) throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
+  if (options.ratio != 0.0 && !(options.ratio >= 0.25 && options.ratio <= 100.0))
+    throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
+  if (options.kind == BasisKind::mls && !(options.spacing > 0.0))
+    throw InputError(fmt::format("cloud spacing = {}, expected a positive length", options.spacing));
+}
+
+/// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of the
+/// volume is that of the fine vertices nearest to it, however small the feature it sits on.
+template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, double ratio) {
+  Vector share = Vector::Zero(cloud.size());
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int i = 0; i <= Dim; ++i)
+      if (const Index I = nearest.source[mesh.cells()(i, c)]; I >= 0) share[I] += mesh.volume(c) / (Dim + 1);
+  Vector spacing(mesh.num_vertices());
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    const Index I = nearest.source[v];
+    if (I < 0)
+      throw NumericalError(fmt::format("the body around vertex {} holds no node; use a smaller spacing", v));
+    const double full = volume_per_node<Dim> * std::pow(cloud.spacing[I], Dim);
+    spacing[v] = std::pow(std::min(share[I], full) / (volume_per_node<Dim> * ratio), 1.0 / Dim);
+  }
+  return spacing;
+}
+
+/// MLS functions on the quadrature cloud. Around small features the integral of a function can come out negative: such
+/// nodes are left out, worst first, until every weight is positive.
+template <int Dim>
+SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cloud, const ApproximationOptions& options, Index& dropped) {
+  MlsOptions mls{.order = 1, .support = 2.0, .weights = {options.weight, options.kernel}};
+  for (;;) {
+    const auto table = moving_least_squares(space.mesh(), cloud, mls).shape;
+    auto secondary = secondary_from_table(space, table, cloud);
+    const Vector weights = secondary_weights(space, secondary);
+    NodeCloud<Dim> kept;
+    const double threshold = 1e-3 * weights.mean();
+    for (Index K = 0; K < cloud.size(); ++K)
+      if (weights[K] > threshold) kept.vertices.push_back(K);
+    if (static_cast<Index>(kept.vertices.size()) == cloud.size()) return secondary;
+    dropped += cloud.size() - static_cast<Index>(kept.vertices.size());
+    kept.positions = cloud.positions(Eigen::all, kept.vertices);
+    kept.spacing = cloud.spacing(kept.vertices);
+    for (Index& K : kept.vertices) K = cloud.vertices[K];
+    cloud = std::move(kept);
+  }
+}
+
+/// Joins quadrature points into about 0.85 unions per node: enough constraints to control volume, few enough not to lock.
+template <int Dim>
+Discretization<Dim> dilatation_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
+                                      const Discretization<Dim>& quadrature, const std::vector<Index>& vertices) {
+  constexpr double unions_per_node = 0.85;
+  const auto seeds = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, unions_per_node), seed);
+  const NearestSource owner = nearest_source(mesh, seeds.vertices);
+  std::vector<Index> group(vertices.size()), renumbered(seeds.size(), -1);
+  Index groups = 0;
+  for (std::size_t K = 0; K < vertices.size(); ++K) {
+    Index& number = renumbered[owner.source[vertices[K]]];
+    if (number < 0) number = groups++;
+    group[K] = number;
+  }
+  return merge(quadrature, group, groups);
+}
+
+template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes& times, const Progress& progress) {
+  Approximation<Dim> result;
+  {
+    Stage stage("basis", times, progress);
+    result.space = FineSpace<Dim>(mesh, options.kind == BasisKind::p1 ? 1 : 2);
+    result.shape = ShapeTable<Dim>::identity(result.space.size());
+    result.nodes = result.space.points();
+    result.node_dofs.resize(result.space.size());
+    std::iota(result.node_dofs.begin(), result.node_dofs.end(), 0);
+  }
+  Stage stage("quadrature", times, progress);
+  result.quadrature = project(result.space, result.shape, every_cell(result.space));
+  return result;
+}
+
+}  // namespace
+
+template <int Dim>
+Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes* times, const Progress& progress) {
+  check(options);
+  StageTimes unused;
+  StageTimes& clock = times ? *times : unused;
+  if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
+
+  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 4.0 : 2.0;
+  Approximation<Dim> result;
+  result.space = FineSpace<Dim>(mesh, 1);
+  NodeCloud<Dim> cloud;
+  {
+    Stage stage("cloud", clock, progress);
+    cloud = sample_cloud(mesh, CloudOptions{options.spacing, options.seed});
+  }
+  const MlsOptions mls_options{.order = options.order,
+                               .support = options.support > 0.0 ? options.support : options.order == 1 ? 2.0 : 3.0,
+                               .weights = {options.weight, options.kernel},
+                               .vanish_on = options.vanish_on};
+  auto mls = moving_least_squares(mesh, cloud, mls_options, &clock, progress);
+  result.shape = std::move(mls.shape);
+  result.mls = mls.report;
+  result.nodes = cloud.positions;
+  result.node_dofs = cloud.vertices;
+
+  const bool second_cloud = options.secondary != SecondaryKind::full;
+  NearestSource nearest;
+  NodeCloud<Dim> points;
+  if (second_cloud || options.dilatation) {
+    Stage stage("cloud", clock, progress);
+    nearest = nearest_source(mesh, cloud.vertices);
+    // Another seed, so that the two clouds do not coincide.
+    if (second_cloud) points = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, ratio), options.seed + 0x9e3779b97f4a7c15ull);
+  }
+  Stage stage("quadrature", clock, progress);
+  const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)
+                         : options.secondary == SecondaryKind::mls ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
+                                                                   : every_cell(result.space);
+  result.quadrature = project(result.space, result.shape, secondary);
+  if (options.dilatation)
+    result.dilatation = dilatation_unions(mesh, cloud, nearest, options.seed + 1, result.quadrature, secondary.vertices);
+  if (options.fine && options.secondary != SecondaryKind::full) result.fine = project(result.space, result.shape, every_cell(result.space));
+  return result;
+}
+
+template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
+
+}  // namespace efree

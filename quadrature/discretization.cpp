@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/quadrature/discretization.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/heatgeo/geodesics.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <limits>
+#include <numeric>
+#include <Eigen/LU>
+
+namespace efree {
+namespace {
+
+SparseRows from_rows(Index cols, const std::vector<Index>& offsets, const std::vector<Index>& columns, const std::vector<double>& values) {
+  return Eigen::Map<const SparseRows>(static_cast<Index>(offsets.size()) - 1, cols, static_cast<Index>(columns.size()), offsets.data(),
+                                      columns.data(), values.data());
+}
+
+/// One entry of 1 per row: rows of indicator functions.
+SparseRows indicators(const std::vector<Index>& column, Index cols) {
+  std::vector<Index> offsets(column.size() + 1);
+  std::iota(offsets.begin(), offsets.end(), 0);
+  return from_rows(cols, offsets, column, std::vector<double>(column.size(), 1.0));
+}
+
+/// Facet rows of functions that are indicators of (unions of) cells.
+template <int Dim> SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index>& function_of_cell, Index cols) {
+  std::vector<Index> column;
+  for (Index f = 0; f < space.mesh().num_facets(); ++f)
+    column.insert(column.end(), space.facet_rule().weights.size(), function_of_cell[space.mesh().facet_cell(f)]);
+  return indicators(column, cols);
+}
+
+/// Sums contributions to few of many slots; remembers which, so that clearing costs only those.
+template <class Value> class Accumulator {
+ public:
+  explicit Accumulator(Index size) : stamp_(size, -1), values_(size) {}
+  void clear() {
+    ++current_;
+    touched_.clear();
+  }
+  Value& operator[](Index i) {
+    if (stamp_[i] != current_) {
+      stamp_[i] = current_;
+      values_[i] = Value::Zero();
+      touched_.push_back(i);
+    }
+    return values_[i];
+  }
+  /// Touched slots in ascending order.
+  const std::vector<Index>& sorted() {
+    std::sort(touched_.begin(), touched_.end());
+    return touched_;
+  }
+  const std::vector<Index>& touched() const { return touched_; }
+
+ private:
+  std::vector<Index> stamp_;
+  std::vector<Value, Eigen::aligned_allocator<Value>> values_;
+  std::vector<Index> touched_;
+  Index current_ = -1;
+};
+
+/// Rows of a table with gradients, built in chunks that run concurrently and are joined in order.
+template <int Dim> class TableBuilder {
+ public:
+  TableBuilder(Index rows, Index num_nodes) : rows_(rows), num_nodes_(num_nodes) {}
+
+  /// fill(begin, end, emit): calls emit.close() after the entries of every row in [begin, end).
+  template <class Fill> ShapeTable<Dim> build(const Fill& fill) const {
+    // Chunks large enough that scratch memory does not dominate; their number must not depend on the threads.
+    const Index chunk = std::max<Index>(64, (rows_ + 15) / 16);
+    std::vector<Part> parts((rows_ + chunk - 1) / chunk);
+    parallel_chunks(rows_, chunk, [&](Index begin, Index end) { fill(begin, end, parts[begin / chunk]); });
+    Part all;
+    for (const Part& part : parts) {
+      const Index shift = static_cast<Index>(all.nodes.size());
+      for (std::size_t r = 1; r < part.offsets.size(); ++r) all.offsets.push_back(shift + part.offsets[r]);
+      all.nodes.insert(all.nodes.end(), part.nodes.begin(), part.nodes.end());
+      all.N.insert(all.N.end(), part.N.begin(), part.N.end());
+      all.dN.insert(all.dN.end(), part.dN.begin(), part.dN.end());
+    }
+    return {num_nodes_, std::move(all.offsets), std::move(all.nodes), std::move(all.N), std::move(all.dN)};
+  }
+
+  struct Part {
+    std::vector<Index> offsets{0}, nodes;
+    std::vector<double> N;
+    std::vector<Vec<Dim>> dN;
+    void add(Index node, double value, const Vec<Dim>& gradient) {
+      nodes.push_back(node);
+      N.push_back(value);
+      dN.push_back(gradient);
+    }
+    void close() { offsets.push_back(static_cast<Index>(nodes.size())); }
+  };
+
+ private:
+  Index rows_, num_nodes_;
+};
+
+/// Value (first) and gradient (rest) that one fine function or node contributes to a quadrature point.
+template <int Dim> using Moment = Eigen::Matrix<double, Dim + 1, 1>;
+
+/// Adds `factor` times the value and gradient of the fine functions at rule point q of cell c.
+template <int Dim>
+void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor, Accumulator<Moment<Dim>>& fine) {
+  const auto at = space.cell_rule().points.col(q);
+  const auto N = space.values(at);
+  const auto dN = space.gradients(c, at);
+  const auto dofs = space.cell(c);
+  for (std::size_t i = 0; i < dofs.size(); ++i) {
+    auto& moment = fine[dofs[i]];
+    moment[0] += factor * N[i];
+    moment.template tail<Dim>() += factor * dN.col(i);
+  }
+}
+
+/// Turns moments of the fine functions into moments of the nodes: phi_I = sum_v eta_v phi_I(v).
+template <int Dim>
+void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine, Accumulator<Moment<Dim>>& nodal, double scale,
+                typename TableBuilder<Dim>::Part& out) {
+  nodal.clear();
+  for (Index v : fine.touched()) {
+    const Moment<Dim> moment = scale * fine[v];
+    const auto row = shape.row(v);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * moment;
+  }
+  for (Index I : nodal.sorted()) out.add(I, nodal[I][0], nodal[I].template tail<Dim>());
+  out.close();
+}
+
+}  // namespace
+
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const NearestSource nearest = nearest_source(mesh, cloud.vertices);
+  // A cell joins the candidate among its vertices' nodes that is nearest to its centroid: straight to the node, plus
+  // the detour that the vertex had to make.
+  std::vector<Index> owner(mesh.num_cells(), -1);
+  parallel_for(mesh.num_cells(), [&](Index c) {
+    double best = std::numeric_limits<double>::infinity();
+    for (int i = 0; i <= Dim; ++i) {
+      const Index v = mesh.cells()(i, c), K = nearest.source[v];
+      if (K < 0) continue;
+      const double detour = std::max(0.0, nearest.distance[v] - (mesh.vertex(v) - cloud.positions.col(K)).norm());
+      const double distance = (mesh.centroid(c) - cloud.positions.col(K)).norm() + detour;
+      if (distance < best || (distance == best && K < owner[c])) {
+        best = distance;
+        owner[c] = K;
+      }
+    }
+  });
+  std::vector<double> volume(cloud.size(), 0.0);
+  Points<Dim> moment = Points<Dim>::Zero(Dim, cloud.size());
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    if (owner[c] < 0)
+      throw NumericalError(fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
+                                       fmt::join(mesh.centroid(c), ", ")));
+    volume[owner[c]] += mesh.volume(c);
+    moment.col(owner[c]) += mesh.volume(c) * mesh.centroid(c);
+  }
+  std::vector<Index> renumbered(cloud.size(), -1);
+  SecondaryBasis<Dim> secondary;
+  secondary.points.resize(Dim, cloud.size());
+  for (Index K = 0; K < cloud.size(); ++K)
+    if (volume[K] > 0.0) {
+      renumbered[K] = static_cast<Index>(secondary.vertices.size());
+      secondary.points.col(renumbered[K]) = moment.col(K) / volume[K];
+      secondary.vertices.push_back(cloud.vertices[K]);
+    }
+  const Index size = static_cast<Index>(secondary.vertices.size());
+  secondary.points.conservativeResize(Dim, size);
+  for (Index& K : owner) K = renumbered[K];
+  std::vector<Index> column;
+  for (Index K : owner) column.insert(column.end(), space.cell_rule().weights.size(), K);
+  secondary.in_cells = indicators(column, size);
+  secondary.on_facets = facet_indicators(space, owner, size);
+  return secondary;
+}
+
+template <int Dim>
+SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table, const NodeCloud<Dim>& cloud) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const Index functions = table.num_nodes();
+  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}};
+  // Rows at points inside cells or facets are means of the rows at their vertices, weighted by barycentric coordinates.
+  const auto interpolate_rows = [&](Index items, const auto& vertex_of, const auto& points) {
+    const Index corners = static_cast<Index>(points.rows());
+    std::vector<Index> offsets{0}, columns;
+    std::vector<double> values;
+    Accumulator<Eigen::Matrix<double, 1, 1>> row(functions);
+    for (Index item = 0; item < items; ++item)
+      for (Index q = 0; q < points.cols(); ++q) {
+        row.clear();
+        for (Index i = 0; i < corners; ++i) {
+          const auto at_vertex = table.row(vertex_of(i, item));
+          for (std::size_t k = 0; k < at_vertex.nodes.size(); ++k) row[at_vertex.nodes[k]][0] += points(i, q) * at_vertex.N[k];
+        }
+        for (Index K : row.sorted()) columns.push_back(K), values.push_back(row[K][0]);
+        offsets.push_back(static_cast<Index>(columns.size()));
+      }
+    return from_rows(functions, offsets, columns, values);
+  };
+  secondary.in_cells = interpolate_rows(mesh.num_cells(), [&](Index i, Index c) { return mesh.cells()(i, c); }, space.cell_rule().points);
+  secondary.on_facets = interpolate_rows(mesh.num_facets(), [&](Index i, Index f) { return mesh.facets()(i, f); }, space.facet_rule().points);
+  return secondary;
+}
+
+template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const auto& rule = space.cell_rule();
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const Index size = mesh.num_cells() * per_cell;
+  SecondaryBasis<Dim> secondary;
+  secondary.points.resize(Dim, size);
+  secondary.vertices.resize(size);
+  std::vector<Index> column(size);
+  std::iota(column.begin(), column.end(), 0);
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (Index q = 0; q < per_cell; ++q) {
+      secondary.points.col(c * per_cell + q) = space.position(c, rule.points.col(q));
+      secondary.vertices[c * per_cell + q] = mesh.cells()(q % (Dim + 1), c);
+    }
+  secondary.in_cells = indicators(column, size);
+  if (per_cell == 1) {
+    secondary.on_facets = facet_indicators(space, column, size);
+    return secondary;
+  }
+  // The Phi_K of a cell are the linear functions that are one at their own rule point and zero at the others, so that
+  // gradients (linear in a cell of degree 2) are carried to the boundary exactly.
+  require(per_cell == Dim + 1, "every_cell: a rule of Dim + 1 points expected");
+  const Matrix nodal = Matrix(rule.points).inverse();
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> values;
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+      const Vector phi = nodal * space.facet_point(f, space.facet_rule().points.col(g));
+      for (Index q = 0; q < per_cell; ++q) columns.push_back(mesh.facet_cell(f) * per_cell + q), values.push_back(phi[q]);
+      offsets.push_back(static_cast<Index>(columns.size()));
+    }
+  secondary.on_facets = from_rows(size, offsets, columns, values);
+  return secondary;
+}
+
+template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
+  const auto& rule = space.cell_rule();
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  Vector weights = Vector::Zero(secondary.in_cells.cols());
+  for (Index p = 0; p < secondary.in_cells.rows(); ++p) {
+    const double volume = space.mesh().volume(p / per_cell) * rule.weights[p % per_cell];
+    for (SparseRows::InnerIterator entry(secondary.in_cells, p); entry; ++entry) weights[entry.col()] += volume * entry.value();
+  }
+  return weights;
+}
+
+template <int Dim>
+Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary) {
+  const auto& rule = space.cell_rule();
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
+  Discretization<Dim> result;
+  result.points = secondary.points;
+  result.on_facets = secondary.on_facets;
+  result.weights = secondary_weights(space, secondary);
+  for (Index K = 0; K < result.size(); ++K)
+    if (!(result.weights[K] > 0.0))
+      throw NumericalError(fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
+                                       fmt::join(result.points.col(K), ", "), result.weights[K]));
+  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+    Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
+    for (Index K = begin; K < end; ++K) {
+      fine.clear();
+      for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+        const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
+        add_cell_point(space, c, q, entry.value() * space.mesh().volume(c) * rule.weights[q], fine);
+      }
+      emit_nodes(shape, fine, nodal, 1.0 / result.weights[K], out);
+    }
+  });
+  return result;
+}
+
+template <int Dim>
+Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary) {
+  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
+  const SparseRows points_of = secondary.in_cells.transpose();
+  Discretization<Dim> result;
+  result.points = secondary.points;
+  result.on_facets = secondary.on_facets;
+  result.weights = secondary_weights(space, secondary);
+  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+    Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
+    for (Index K = begin; K < end; ++K) {
+      Index nearest = -1;
+      double best = std::numeric_limits<double>::infinity();
+      for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+        const Vec<Dim> x = space.position(entry.col() / per_cell, space.cell_rule().points.col(entry.col() % per_cell));
+        if (const double distance = (x - result.points.col(K)).norm(); distance < best) best = distance, nearest = entry.col();
+      }
+      fine.clear();
+      add_cell_point(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
+      emit_nodes(shape, fine, nodal, 1.0, out);
+    }
+  });
+  return result;
+}
+
+template <int Dim> Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups) {
+  if (static_cast<Index>(group.size()) != fine.size())
+    throw InputError(fmt::format("merge: {} group numbers for {} quadrature points", group.size(), fine.size()));
+  Discretization<Dim> result;
+  result.points = Points<Dim>::Zero(Dim, groups);
+  result.weights = Vector::Zero(groups);
+  Ragged<Index> members;
+  members.offsets.assign(groups + 1, 0);
+  for (Index g : group) {
+    if (g < 0 || g >= groups) throw InputError(fmt::format("merge: group number {}, expected 0 to {}", g, groups - 1));
+    ++members.offsets[g + 1];
+  }
+  std::partial_sum(members.offsets.begin(), members.offsets.end(), members.offsets.begin());
+  members.items.resize(group.size());
+  std::vector<Index> cursor(members.offsets.begin(), members.offsets.end() - 1);
+  for (Index K = 0; K < fine.size(); ++K) {
+    members.items[cursor[group[K]]++] = K;
+    result.weights[group[K]] += fine.weights[K];
+    result.points.col(group[K]) += fine.weights[K] * fine.points.col(K);
+  }
+  if (!(result.weights.minCoeff() > 0.0)) throw InputError("merge: a group without quadrature points");
+  result.points.array().rowwise() /= result.weights.transpose().array();
+  result.on_facets = fine.on_facets * indicators(group, groups);
+  result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+    Accumulator<Moment<Dim>> nodal(fine.shape.num_nodes());
+    for (Index g = begin; g < end; ++g) {
+      nodal.clear();
+      for (Index K : members[g]) {
+        const double share = fine.weights[K] / result.weights[g];
+        const auto row = fine.shape.row(K);
+        for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+          auto& moment = nodal[row.nodes[k]];
+          moment[0] += share * row.N[k];
+          moment.template tail<Dim>() += share * row.dN[k];
+        }
+      }
+      for (Index I : nodal.sorted()) out.add(I, nodal[I][0], nodal[I].template tail<Dim>());
+      out.close();
+    }
+  });
+  return result;
+}
+
+template struct Discretization<2>;
+template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&);
+template SecondaryBasis<2> secondary_from_table<2>(const FineSpace<2>&, const ShapeTable<2>&, const NodeCloud<2>&);
+template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
+template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
+template Discretization<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
+template Discretization<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
+template Discretization<2> merge<2>(const Discretization<2>&, const std::vector<Index>&, Index);
+
+}  // namespace efree
