@@ -299,7 +299,7 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.secondary = quadrature.choice<SecondaryKind>(
       "basis", {{"mls", SecondaryKind::mls}, {"cells", SecondaryKind::cells}, {"full", SecondaryKind::full}},
       options.secondary);
-  options.ratio = quadrature.number("ratio", {0.1, 100.0, true, true}, options.ratio);
+  options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
   result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
   options.fine = result.model.stabilisation > 0.0;
 }

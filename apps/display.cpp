@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "display.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+#include <algorithm>
+
+namespace efree {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+Display::Display(bool quiet)
+    : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), start_(Clock::now()), stage_start_(start_) {}
+
+Display::~Display() {
+  clear_bar();
+}
+
+Progress Display::stages(std::vector<std::string> names) {
+  return [this, names = std::move(names)](const std::string& stage, double fraction) {
+    if (fraction == 0.0) stage_start_ = Clock::now();
+    stage_ = stage;
+    const auto position = std::ranges::find(names, stage) - names.begin();
+    if (terminal_)
+      bar(stage, (static_cast<double>(position) + fraction) / static_cast<double>(names.size()));
+    else if (fraction == 1.0 && !quiet_)
+      fmt::print(stderr, "{:<12}{:8.2f} s\n", stage, seconds_since(stage_start_));
+  };
+}
+
+Progress Display::runs() {
+  return [this](const std::string& run, double fraction) {
+    stage_ = run;
+    if (terminal_)
+      bar(run, fraction);
+    else if (!quiet_)
+      fmt::print(stderr, "{:3.0f} %  {}\n", 100.0 * fraction, run);
+  };
+}
+
+void Display::say(const std::string& message) {
+  clear_bar();
+  fmt::print(stderr, "{}\n", message);
+}
+
+void Display::bar(const std::string& label, double fraction) {
+  if (quiet_) return;
+  constexpr int width = 30;
+  fraction_ = std::clamp(fraction, fraction_, 1.0);  // a stage that comes back must not turn the bar around
+  const int filled = static_cast<int>(width * fraction_);
+  fmt::print(stderr, "\r\033[K[{:#<{}}{:.<{}}] {:5.1f} s  {}", "", filled, "", width - filled, seconds_since(start_),
+             label);
+  std::fflush(stderr);
+  bar_shown_ = true;
+}
+
+void Display::clear_bar() {
+  if (bar_shown_) fmt::print(stderr, "\r\033[K");
+  bar_shown_ = false;
+}
+
+}  // namespace efree

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Progress on stderr: a bar on a terminal, a line per stage elsewhere.
+#pragma once
+
+#include "efree/core/progress.hpp"
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+class Display {
+ public:
+  explicit Display(bool quiet);
+  ~Display();
+  Display(const Display&) = delete;
+  Display& operator=(const Display&) = delete;
+
+  /// For one run that passes through these stages, in about this order.
+  Progress stages(std::vector<std::string> names);
+  /// For many runs: the fraction is that of them all, the stage says which one begins.
+  Progress runs();
+  /// A message of its own line, said even if quiet.
+  void say(const std::string& message);
+  /// The stage that began last.
+  const std::string& stage() const { return stage_; }
+
+ private:
+  void bar(const std::string& label, double fraction);
+  void clear_bar();
+
+  bool quiet_, terminal_;
+  bool bar_shown_ = false;
+  double fraction_ = 0.0;
+  std::string stage_;
+  std::chrono::steady_clock::time_point start_, stage_start_;
+};
+
+}  // namespace efree

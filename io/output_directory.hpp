@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Files that appear together, or not at all.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// Collects files in a temporary folder inside the output directory. commit() moves them to their places; without it
+/// everything is left as it was, so a run that fails overwrites nothing.
+class OutputDirectory {
+ public:
+  /// Creates the directory if need be. Throws InputError if it cannot be created or written to.
+  explicit OutputDirectory(std::filesystem::path directory);
+  ~OutputDirectory();
+  OutputDirectory(const OutputDirectory&) = delete;
+  OutputDirectory& operator=(const OutputDirectory&) = delete;
+
+  const std::filesystem::path& path() const { return directory_; }
+  /// The temporary folder: whatever lies in it is moved by commit().
+  const std::filesystem::path& staging() const { return staging_; }
+  /// Where to write the file of that name for now.
+  std::filesystem::path file(const std::string& name) const { return staging_ / name; }
+  /// Removes an older file of that name on commit(), for files that a run does not always write.
+  void supersede(std::string name) { superseded_.push_back(std::move(name)); }
+  /// Moves the files to their places. Throws InputError if that is not possible.
+  void commit();
+
+ private:
+  std::filesystem::path directory_, staging_;
+  std::filesystem::path created_;  ///< the topmost folder that was not there before; empty once committed
+  std::vector<std::string> superseded_;
+};
+
+}  // namespace efree
