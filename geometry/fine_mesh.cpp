@@ -3,11 +3,11 @@
 
 #include "efree/core/error.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <numeric>
 
 namespace efree {
@@ -33,7 +33,9 @@ template <int Dim> struct HalfFacet {
   Key<Dim> key;
   Index cell;
   Index opposite;
-  friend bool operator<(const HalfFacet& a, const HalfFacet& b) { return a.key != b.key ? a.key < b.key : a.cell < b.cell; }
+  friend bool operator<(const HalfFacet& a, const HalfFacet& b) {
+    return a.key != b.key ? a.key < b.key : a.cell < b.cell;
+  }
 };
 
 template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Dim>& cells) {
@@ -52,7 +54,8 @@ template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
     const auto &a = sides[s], &b = sides[s + 1];
     if (a.key != b.key) continue;
     if (s + 2 < sides.size() && sides[s + 2].key == a.key)
-      throw InputError(fmt::format("mesh: the facet of vertices {} belongs to more than two cells", fmt::join(a.key, ", ")));
+      throw InputError(
+          fmt::format("mesh: the facet of vertices {} belongs to more than two cells", fmt::join(a.key, ", ")));
     neighbours(a.opposite, a.cell) = b.cell;
     neighbours(b.opposite, b.cell) = a.cell;
   }
@@ -84,7 +87,8 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
   if (data.cells.minCoeff() < 0 || data.cells.maxCoeff() >= given_vertices)
     throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}",
-                                 data.cells.minCoeff() < 0 ? data.cells.minCoeff() : data.cells.maxCoeff(), given_vertices - 1));
+                                 data.cells.minCoeff() < 0 ? data.cells.minCoeff() : data.cells.maxCoeff(),
+                                 given_vertices - 1));
   if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
 
   // Keep the vertices that some cell uses, in their order.
@@ -162,11 +166,12 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
       if (const Index f = find_facet(facet); f >= 0)
         resolved.facets.push_back(f);
       else if (!is_inner_facet(facet))
-        throw InputError(fmt::format("mesh: group \"{}\" has a facet of vertices {} that no cell has", group.name, fmt::join(facet, ", ")));
+        throw InputError(fmt::format("mesh: group \"{}\" has a facet of vertices {} that no cell has", group.name,
+                                     fmt::join(facet, ", ")));
     }
     std::sort(resolved.facets.begin(), resolved.facets.end());
     resolved.facets.erase(std::unique(resolved.facets.begin(), resolved.facets.end()), resolved.facets.end());
-    groups_.push_back(std::move(resolved));
+    if (!resolved.facets.empty()) groups_.push_back(std::move(resolved));
   }
 
   components_.assign(num_vertices(), -1);
@@ -216,7 +221,8 @@ template <int Dim> double FineMesh<Dim>::facet_measure(Index f) const {
   if constexpr (Dim == 2)
     return (vertex(facets_(1, f)) - vertex(facets_(0, f))).norm();
   else
-    return 0.5 * (vertex(facets_(1, f)) - vertex(facets_(0, f))).cross(vertex(facets_(2, f)) - vertex(facets_(0, f))).norm();
+    return 0.5 *
+           (vertex(facets_(1, f)) - vertex(facets_(0, f))).cross(vertex(facets_(2, f)) - vertex(facets_(0, f))).norm();
 }
 
 template <int Dim> Vec<Dim> FineMesh<Dim>::facet_normal(Index f) const {
@@ -224,7 +230,9 @@ template <int Dim> Vec<Dim> FineMesh<Dim>::facet_normal(Index f) const {
     const Vec<2> along = (vertex(facets_(1, f)) - vertex(facets_(0, f))).normalized();
     return {along.y(), -along.x()};
   } else {
-    return (vertex(facets_(1, f)) - vertex(facets_(0, f))).cross(vertex(facets_(2, f)) - vertex(facets_(0, f))).normalized();
+    return (vertex(facets_(1, f)) - vertex(facets_(0, f)))
+        .cross(vertex(facets_(2, f)) - vertex(facets_(0, f)))
+        .normalized();
   }
 }
 
@@ -233,8 +241,9 @@ template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_vi
     if (group.name == name) return group.facets;
   std::vector<std::string> names;
   for (const Group& group : groups_) names.push_back('"' + group.name + '"');
-  throw InputError(fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
-                               names.empty() ? std::string("no named parts") : fmt::format("{}", fmt::join(names, ", "))));
+  throw InputError(
+      fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
+                  names.empty() ? std::string("no named parts") : fmt::format("{}", fmt::join(names, ", "))));
 }
 
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets) {
@@ -303,6 +312,16 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
       }
     }
   }
+  for (std::size_t side = 0; side + 1 < sides.size(); ++side) {
+    const auto &a = sides[side], &b = sides[side + 1];
+    if (a.key == b.key && is_cut(a.key) &&
+        sorted<Dim>(facet_opposite<Dim>(mesh.cells, a.cell, a.opposite)) ==
+            sorted<Dim>(facet_opposite<Dim>(mesh.cells, b.cell, b.opposite)))
+      throw InputError(fmt::format(
+          "cut: the facet of vertices {} stays closed, a cut that ends inside the body takes more than one facet",
+          fmt::join(a.key, ", ")));
+  }
+
   mesh.vertices.conservativeResize(Dim, first_copy + static_cast<Index>(copies.size()));
   for (std::size_t k = 0; k < copies.size(); ++k) mesh.vertices.col(first_copy + static_cast<Index>(k)) = copies[k];
 

@@ -30,7 +30,8 @@ template <int Dim> struct MeshData {
 /// Cuts the mesh open along facets inside it: every vertex of `facets` is split into one copy for each part of its star
 /// that the cut separates, so that the ends of a cut (its tips) stay whole. Groups follow: a group that lies on the cut
 /// afterwards holds the facets of both sides. Cost linear in the mesh.
-/// Throws InputError if a facet is not one of the mesh.
+/// Throws InputError if a facet is not one of the mesh, or stays closed because none of its vertices splits (a cut of a
+/// single facet between two tips).
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets);
 
 /// Immutable simplicial mesh with adjacency and named parts of the boundary.
@@ -43,8 +44,9 @@ template <int Dim> class FineMesh {
 
   FineMesh() = default;
   /// Orients cells positively, drops vertices without a cell, finds the boundary facets and resolves the groups
-  /// (facets of a group that are inside the mesh are left out). Throws InputError for an index out of range, a cell
-  /// of zero volume, a facet shared by more than two cells, a group facet that is no facet of the mesh, or no cell.
+  /// (facets inside the mesh are left out, and so are groups without any facet on the boundary). Throws InputError for
+  /// an index out of range, a cell of zero volume, a facet shared by more than two cells, a group facet that is no
+  /// facet of the mesh, or no cell.
   explicit FineMesh(const MeshData<Dim>& data);
 
   Index num_vertices() const { return static_cast<Index>(vertices_.cols()); }

@@ -22,10 +22,12 @@ struct CloudOptions {
   std::uint64_t seed = 1;  ///< order in which candidates are tried
 };
 
-/// Uniform on the boundary, corners, slit tips and ends of named groups kept, maximal Poisson-disk inside (random
-/// sequential over the fine vertices in seeded order). Two nodes closer than the spacing are
-/// allowed only where they do not see each other inside the ball (the two sides of a slit or of a thin wall outside),
-/// on the boundary and at corners. Every boundary loop gets at least three nodes. Deterministic.
+/// Uniform on the boundary, corners (turns of more than 30 degrees), slit tips and ends of named groups kept, maximal
+/// Poisson-disk inside (random sequential over the fine vertices in seeded order). A node covers the vertices closer
+/// than its spacing that a path inside that ball joins to it; afterwards all are covered, and two nodes cover each
+/// other only if both are on the boundary. The two sides of a slit or of a thin gap do not see each other. Every
+/// boundary loop gets at least three nodes. Deterministic; linear in the fine mesh, about 0.01 s for 1e5 triangles.
+/// Throws InputError for a spacing that is not positive.
 template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const CloudOptions& options);
 
 /// The same with a packing size for each fine vertex (num_vertices entries, positive).

@@ -524,7 +524,6 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
     for (const Segment& segment : row)
       if (segment.name >= 0) mesh.groups[segment.name].facets.push_back(facet);
   });
-  std::erase_if(mesh.groups, [](const auto& group) { return group.facets.empty(); });
   return cut;
 }
 
