@@ -65,19 +65,19 @@ SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cl
 
 /// Joins quadrature points into about 0.85 unions per node: enough constraints to control volume, few enough not to lock.
 template <int Dim>
-Discretization<Dim> dilatation_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
-                                      const Discretization<Dim>& quadrature, const std::vector<Index>& vertices) {
+void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
+                 const std::vector<Index>& vertices, Approximation<Dim>& result) {
   constexpr double unions_per_node = 0.85;
   const auto seeds = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, unions_per_node), seed);
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
-  std::vector<Index> group(vertices.size()), renumbered(seeds.size(), -1);
-  Index groups = 0;
-  for (std::size_t K = 0; K < vertices.size(); ++K) {
-    Index& number = renumbered[owner.source[vertices[K]]];
-    if (number < 0) number = groups++;
-    group[K] = number;
+  std::vector<Index> renumbered(seeds.size(), -1);
+  Index unions = 0;
+  for (Index v : vertices) {
+    Index& number = renumbered[owner.source[v]];
+    if (number < 0) number = unions++;
+    result.union_of.push_back(number);
   }
-  return merge(quadrature, group, groups);
+  result.dilatation = merge(result.quadrature, result.union_of, unions);
 }
 
 template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes& times, const Progress& progress) {
@@ -136,8 +136,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
                          : options.secondary == SecondaryKind::mls ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                                                                    : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
-  if (options.dilatation)
-    result.dilatation = dilatation_unions(mesh, cloud, nearest, options.seed + 1, result.quadrature, secondary.vertices);
+  if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
   if (options.fine && options.secondary != SecondaryKind::full) result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;
 }

@@ -51,6 +51,7 @@ template <int Dim> struct Approximation {
   std::vector<Index> node_dofs;             ///< N, fine degree of freedom each node sits on
   Discretization<Dim> quadrature;           ///< secondary basis: points, weights, projected gradients, traces
   Discretization<Dim> dilatation;           ///< coarser unions of the above; empty unless asked for
+  std::vector<Index> union_of;              ///< M, union each quadrature point belongs to; empty without dilatation
   Discretization<Dim> fine;                 ///< full integration; empty unless asked for
   MlsReport mls;                            ///< how often supports had to grow
   Index dropped_points = 0;                 ///< quadrature nodes left out to keep every weight positive

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Sparse Cholesky factorisation by CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008), supernodal, BLAS on one thread.
+#pragma once
+
+#include "efree/assembly/operators.hpp"
+
+#include <memory>
+
+namespace efree {
+
+/// Analyses and factors once; solves any number of right-hand sides. Bitwise reproducible for any number of threads.
+class Cholesky {
+ public:
+  /// Throws NumericalError naming the first unknown at which the matrix is not positive definite.
+  explicit Cholesky(const SymmetricMatrix& lower);
+  ~Cholesky();
+  Cholesky(Cholesky&&) noexcept;
+  Cholesky& operator=(Cholesky&&) noexcept;
+
+  /// X with A X = B, one column per right-hand side.
+  Matrix solve(const Eigen::Ref<const Matrix>& B) const;
+  /// Entries of the factor.
+  double factor_entries() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace efree

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Fields on the fine mesh, probes and errors.
+#include "efree/assembly/operators.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/solvers/static_analysis.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+/// For each node the quadrature points its function acts on, with the overlap int phi_I Phi_K as weight.
+template <int Dim> SparseRows overlaps(const Discretization<Dim>& quadrature) {
+  const auto table = quadrature.shape.matrix();
+  return (quadrature.weights.asDiagonal() * table).transpose();
+}
+
+/// Value at each node of a linear least-squares fit to `values` (rows x M) at the quadrature points around it; the mean
+/// where the points do not determine a plane.
+template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, const Matrix& values) {
+  using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
+  const SparseRows around = overlaps(approximation.quadrature);
+  Matrix nodal(values.rows(), approximation.shape.num_nodes());
+  parallel_for(approximation.shape.num_nodes(), [&](Index I) {
+    const Vec<Dim> x = approximation.nodes.col(I);
+    double scale = 0.0, total = 0.0;
+    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
+      const double weight = std::max(0.0, entry.value());
+      total += weight;
+      scale += weight * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
+    }
+    scale = std::sqrt(scale / total);
+    Fit A = Fit::Zero();
+    Matrix b = Matrix::Zero(Dim + 1, values.rows());
+    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
+      Eigen::Matrix<double, Dim + 1, 1> g;
+      g << 1.0, (approximation.quadrature.points.col(entry.col()) - x) / scale;
+      const double weight = std::max(0.0, entry.value()) / total;
+      A += weight * g * g.transpose();
+      b += weight * g * values.col(entry.col()).transpose();
+    }
+    const Eigen::LLT<Fit> cholesky(A);
+    const auto pivots = cholesky.matrixLLT().diagonal();
+    if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 0.1 * pivots.maxCoeff())
+      nodal.col(I) = Matrix(cholesky.solve(b)).row(0).transpose();
+    else
+      nodal.col(I) = b.row(0).transpose();
+  });
+  return nodal;
+}
+
+/// Cell that holds the point with its barycentric coordinates, or the nearest one (with a negative coordinate).
+template <int Dim> std::pair<Index, Eigen::Matrix<double, Dim + 1, 1>> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
+  Index best_cell = 0;
+  Eigen::Matrix<double, Dim + 1, 1> best = Eigen::Matrix<double, Dim + 1, 1>::Constant(-1e300);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    Eigen::Matrix<double, Dim + 1, 1> at = mesh.hat_gradients(c).transpose() * (x - mesh.centroid(c));
+    at.array() += 1.0 / (Dim + 1);
+    if (at.minCoeff() > best.minCoeff()) best = at, best_cell = c;
+    if (best.minCoeff() >= 0.0) break;
+  }
+  return {best_cell, best};
+}
+
+/// Sum over cells of f(cell), in an order that does not depend on the threads.
+template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells, const F& f) {
+  constexpr Index chunk = 1024;
+  std::vector<Eigen::Array<double, Size, 1>> partial((cells + chunk - 1) / chunk);
+  parallel_chunks(cells, chunk, [&](Index begin, Index end) {
+    auto& sum = partial[begin / chunk];
+    sum.setZero();
+    for (Index c = begin; c < end; ++c) f(c, sum);
+  });
+  Eigen::Array<double, Size, 1> total = Eigen::Array<double, Size, 1>::Zero();
+  for (const auto& sum : partial) total += sum;
+  return total;
+}
+
+template <int Dim> Matrix gather(const Matrix& values, std::span<const Index> dofs) {
+  Matrix local(values.rows(), static_cast<Index>(dofs.size()));
+  for (std::size_t i = 0; i < dofs.size(); ++i) local.col(static_cast<Index>(i)) = values.col(dofs[i]);
+  return local;
+}
+
+}  // namespace
+
+template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
+  return {interpolate(approximation.shape, solution.coefficients), interpolate(approximation.shape, fit_at_nodes(approximation, solution.strain)),
+          interpolate(approximation.shape, fit_at_nodes(approximation, solution.stress))};
+}
+
+template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
+  const auto [cell, inside] = locate(space.mesh(), at);
+  if (inside.minCoeff() < -1e-9) {
+    Vec<Dim> nearest = space.mesh().vertex(0);
+    for (Index v = 1; v < space.mesh().num_vertices(); ++v)
+      if ((space.mesh().vertex(v) - at).squaredNorm() < (nearest - at).squaredNorm()) nearest = space.mesh().vertex(v);
+    throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})", fmt::join(at, ", "), fmt::join(nearest, ", ")));
+  }
+  const auto N = space.values(inside);
+  const auto dofs = space.cell(cell);
+  return {gather<Dim>(fields.displacement, dofs) * N, gather<Dim>(fields.strain, dofs) * N, gather<Dim>(fields.stress, dofs) * N};
+}
+
+template <int Dim>
+Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const Lame& lame, const ExactSolution<Dim>& exact) {
+  const auto& space = approximation.space;
+  const auto rule = simplex_rule<Dim>(4);
+  const VoigtMatrix<Dim> C = stiffness<Dim>(lame), compliance = C.inverse();
+  enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto dofs = space.cell(c);
+    const Matrix u = gather<Dim>(fields.displacement, dofs), sigma = gather<Dim>(fields.stress, dofs);
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const double dV = space.mesh().volume(c) * rule.weights[q];
+      const Vec<Dim> x = space.position(c, rule.points.col(q));
+      const auto N = space.values(rule.points.col(q));
+      if (exact.displacement) {
+        const Vec<Dim> reference = exact.displacement(x);
+        sum[u_error] += dV * (u * N - reference).squaredNorm();
+        sum[u_norm] += dV * reference.squaredNorm();
+      }
+      if (exact.stress) {
+        const auto dN = space.gradients(c, rule.points.col(q));
+        Voigt<Dim> eps = Voigt<Dim>::Zero();
+        for (Index i = 0; i < dN.cols(); ++i) eps += strain_matrix<Dim>(dN.col(i)) * u.col(i);
+        const Voigt<Dim> reference = exact.stress(x);
+        const auto energy = [&](const Voigt<Dim>& s) { return dV * s.dot(compliance * s); };
+        sum[energy_error] += energy(C * eps - reference);
+        sum[recovered_error] += energy(sigma * N - reference);
+        sum[energy_norm] += energy(reference);
+      }
+    }
+  });
+  const auto relative = [&](int error, int norm) { return std::sqrt(sums[error] / std::max(sums[norm], 1e-300)); };
+  Errors errors;
+  if (exact.displacement) errors.l2_displacement = relative(u_error, u_norm);
+  if (exact.stress) {
+    errors.energy_norm = relative(energy_error, energy_norm);
+    errors.energy_norm_recovered = relative(recovered_error, energy_norm);
+  }
+  for (const auto& error : {errors.l2_displacement, errors.energy_norm, errors.energy_norm_recovered})
+    if (error && !std::isfinite(*error)) throw InputError("the exact solution is not finite somewhere in the body");
+  return errors;
+}
+
+template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
+template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
+template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Lame&, const ExactSolution<2>&);
+
+}  // namespace efree

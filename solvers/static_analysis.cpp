@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/static_analysis.hpp"
+
+#include "efree/assembly/boundary.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/solvers/cholesky.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace efree {
+namespace {
+
+/// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration, volumetric
+/// part on coarser unions where the approximation has them.
+template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation, const Lame& lame, double stabilisation) {
+  if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
+    throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
+  const bool unions = approximation.dilatation.size() > 0;
+  const bool stabilised = stabilisation > 0.0 && approximation.fine.size() > 0;
+  if (!unions && !stabilised) return {{&approximation.quadrature, lame}};
+  const Lame dev = deviatoric<Dim>(lame), vol = volumetric<Dim>(lame);
+  const double kept = stabilised ? 1.0 - stabilisation : 1.0;
+  std::vector<StiffnessTerm<Dim>> terms;
+  terms.push_back({&approximation.quadrature, {kept * dev.lambda, kept * dev.mu}});
+  if (stabilised) terms.push_back({&approximation.fine, {stabilisation * dev.lambda, stabilisation * dev.mu}});
+  terms.push_back({unions ? &approximation.dilatation : &approximation.quadrature, vol});
+  return terms;
+}
+
+/// Lower triangle of T^T K T for a block diagonal T of frames at a few nodes.
+template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalConditions<Dim>& conditions) {
+  Eigen::SparseMatrix<double, Eigen::ColMajor, Index> T(K.rows(), K.cols());
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  std::vector<char> turned(K.rows() / Dim, 0);
+  for (std::size_t k = 0; k < conditions.nodes.size(); ++k) {
+    turned[conditions.nodes[k]] = 1;
+    for (int i = 0; i < Dim; ++i)
+      for (int j = 0; j < Dim; ++j)
+        if (const double value = conditions.frames[k](i, j); value != 0.0)
+          entries.emplace_back(Dim * conditions.nodes[k] + i, Dim * conditions.nodes[k] + j, value);
+  }
+  for (Index a = 0; a < K.rows() / Dim; ++a)
+    for (int i = 0; i < Dim && !turned[a]; ++i) entries.emplace_back(Dim * a + i, Dim * a + i, 1.0);
+  T.setFromTriplets(entries.begin(), entries.end());
+  const SymmetricMatrix full = K.template selfadjointView<Eigen::Lower>();
+  return SymmetricMatrix(T.transpose() * full * T).template triangularView<Eigen::Lower>();
+}
+
+template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
+  for (const auto& frame : frames)
+    if (frame != Mat<Dim>::Identity()) return false;
+  return true;
+}
+
+}  // namespace
+
+template <int Dim> struct ElasticSolver<Dim>::Impl {
+  const Approximation<Dim>& approximation;
+  Lame lame;
+  std::vector<StiffnessTerm<Dim>> terms;
+  Vector prescribed_rhs;  ///< what the displacement conditions add to the right-hand side
+
+  // Strong conditions: unknowns are the components, in the nodes' frames, that are not fixed.
+  NodalConditions<Dim> nodal;
+  std::vector<Index> unknown;  ///< number of each degree of freedom among the unknowns, or -1; empty if all are unknown
+  Vector fixed;                ///< prescribed values in the frames, zero elsewhere
+
+  std::optional<Cholesky> factor;
+
+  SymmetricMatrix assemble(const ElasticModel& model, const std::vector<DisplacementCondition<Dim>>& conditions) {
+    const auto restrained = restraints(conditions);
+    require_restrained(approximation.space, restrained);
+    SymmetricMatrix K;
+    for (const auto& term : terms) {
+      const SymmetricMatrix part = stiffness_matrix(*term.discretization, stiffness<Dim>(term.lame));
+      K = K.size() ? SymmetricMatrix(K + part) : part;
+    }
+    prescribed_rhs = Vector::Zero(K.rows());
+    if (model.essential == Essential::nitsche) {
+      auto system = nitsche(approximation.space, approximation.shape, terms, restrained);
+      prescribed_rhs = system.rhs;
+      return K + system.matrix;
+    }
+    nodal = nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, restrained);
+    return eliminate(is_identity<Dim>(nodal.frames) ? K : rotate(K, nodal));
+  }
+
+  /// Keeps the rows and columns of the unknowns; what the fixed ones contribute goes to prescribed_rhs.
+  SymmetricMatrix eliminate(const SymmetricMatrix& K) {
+    unknown.assign(K.rows(), 0);
+    fixed = Vector::Zero(K.rows());
+    for (std::size_t k = 0; k < nodal.nodes.size(); ++k)
+      for (int i = 0; i < nodal.fixed[k]; ++i) {
+        unknown[Dim * nodal.nodes[k] + i] = -1;
+        fixed[Dim * nodal.nodes[k] + i] = nodal.values[k][i];
+      }
+    Index count = 0;
+    for (Index& number : unknown)
+      if (number >= 0) number = count++;
+    const Vector reaction = K.template selfadjointView<Eigen::Lower>() * fixed;
+    prescribed_rhs = -reaction;
+    std::vector<Index> offsets{0}, rows;
+    std::vector<double> values;
+    for (Index c = 0; c < K.cols(); ++c) {
+      if (unknown[c] < 0) continue;
+      for (SymmetricMatrix::InnerIterator entry(K, c); entry; ++entry)
+        if (unknown[entry.row()] >= 0) rows.push_back(unknown[entry.row()]), values.push_back(entry.value());
+      offsets.push_back(static_cast<Index>(rows.size()));
+    }
+    return Eigen::Map<const SymmetricMatrix>(count, count, static_cast<Index>(rows.size()), offsets.data(), rows.data(), values.data());
+  }
+
+  Points<Dim> solve(const Points<Dim>& loads) const {
+    Points<Dim> f = loads;
+    for (std::size_t k = 0; k < nodal.nodes.size(); ++k) f.col(nodal.nodes[k]) = nodal.frames[k].transpose() * f.col(nodal.nodes[k]);
+    const Vector rhs = f.reshaped() + prescribed_rhs;
+    Vector u;
+    if (unknown.empty()) {
+      u = factor->solve(rhs);
+    } else {
+      Vector reduced(factor_size());
+      for (std::size_t dof = 0; dof < unknown.size(); ++dof)
+        if (unknown[dof] >= 0) reduced[unknown[dof]] = rhs[static_cast<Index>(dof)];
+      const Vector free = factor->solve(reduced);
+      u = fixed;
+      for (std::size_t dof = 0; dof < unknown.size(); ++dof)
+        if (unknown[dof] >= 0) u[static_cast<Index>(dof)] = free[unknown[dof]];
+    }
+    if (!u.allFinite()) throw NumericalError("the solution is not finite");
+    Points<Dim> U = u.reshaped(Dim, u.size() / Dim);
+    for (std::size_t k = 0; k < nodal.nodes.size(); ++k) U.col(nodal.nodes[k]) = nodal.frames[k] * Vec<Dim>(U.col(nodal.nodes[k]));
+    return U;
+  }
+
+  Index factor_size() const {
+    if (unknown.empty()) return Dim * approximation.shape.num_nodes();
+    Index count = 0;
+    for (Index number : unknown) count += number >= 0;
+    return count;
+  }
+};
+
+template <int Dim>
+ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                  const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times, const Progress& progress)
+    : impl_(new Impl{approximation, plane_lame(model.material, model.plane), {}, {}, {}, {}, {}, {}}) {
+  StageTimes unused;
+  StageTimes& clock = times ? *times : unused;
+  impl_->terms = stiffness_terms(approximation, impl_->lame, model.stabilisation);
+  SymmetricMatrix K;
+  {
+    Stage stage("assembly", clock, progress);
+    K = impl_->assemble(model, conditions);
+  }
+  Stage stage("solve", clock, progress);
+  try {
+    impl_->factor.emplace(K);
+  } catch (const NumericalError& error) {
+    throw NumericalError(fmt::format("{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness, "
+                                     "raise the ratio M/N",
+                                     error.what(), approximation.shape.num_nodes(), approximation.quadrature.size()));
+  }
+}
+
+template <int Dim> ElasticSolver<Dim>::~ElasticSolver() = default;
+template <int Dim> ElasticSolver<Dim>::ElasticSolver(ElasticSolver&&) noexcept = default;
+
+template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const { return impl_->factor_size(); }
+
+template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
+  const auto& approximation = impl_->approximation;
+  Solution<Dim> solution;
+  solution.coefficients = impl_->solve(load_vector(approximation.space, approximation.shape, loads));
+  for (const auto& term : impl_->terms) {
+    const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
+    const VoigtPoints<Dim> sigma = stiffness<Dim>(term.lame) * eps;
+    for (Index K = 0; K < term.discretization->size(); ++K)
+      solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
+  }
+  solution.strain = strain(approximation.quadrature, solution.coefficients);
+  solution.stress = stiffness<Dim>(impl_->lame) * solution.strain;
+  if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
+    const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
+    const VoigtMatrix<Dim> vol = stiffness<Dim>(volumetric<Dim>(impl_->lame));
+    for (Index K = 0; K < approximation.quadrature.size(); ++K)
+      solution.stress.col(K) += vol * (mean.col(approximation.union_of[K]) - solution.strain.col(K));
+  }
+  return solution;
+}
+
+template class ElasticSolver<2>;
+
+}  // namespace efree
