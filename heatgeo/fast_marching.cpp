@@ -56,7 +56,7 @@ void FastMarching::spread_bent(Index a) {
   };
   if (origin_[a] == a) return spread([](const Vec<2>&) { return true; });
   for (const Corner& corner : sight_.corners(a))
-    if (const auto wedge = sight_.bend(a, corner, mesh.vertex(origin_[a])))
+    if (const auto wedge = sight_.bend(a, corner, mesh.vertex(origin_[a]), mesh.size()))
       spread([&](const Vec<2>& onward) { return wedge->contains(onward); });
 }
 
@@ -75,7 +75,8 @@ void FastMarching::spread_straight(Index a) {
 void FastMarching::cross_edge(Index a, Index b, Index c) {
   const FineMesh<2>& mesh = sight_.mesh();
   const Vec<2> xa = mesh.vertex(a), xb = mesh.vertex(b), xc = mesh.vertex(c);
-  const auto offer_straight = [&](Index origin, Index other_end) {
+  const bool same_origin = origin_[a] == origin_[b];
+  const auto offer_straight = [&](Index origin) {
     if (origin == a || origin == b) return;
     const Vec<2> start = mesh.vertex(origin), line = xc - start;
     const double length = line.norm(), distance = distance_[origin] + length;
@@ -84,25 +85,15 @@ void FastMarching::cross_edge(Index a, Index b, Index c) {
                  side_b = cross(line, xb - start);
     if ((side_a > slack && side_b > slack) || (side_a < -slack && side_b < -slack)) return;
     if (cross(xb - xa, start - xa) * cross(xb - xa, xc - xa) > 0.0) return;
-    if (!is_shadowed(c, origin, other_end)) offer(c, distance, origin);
+    // Where two fronts meet, the edge may be in the shadow of one of them.
+    if (same_origin || sight_.visible(origin, c)) offer(c, distance, origin);
   };
-  offer_straight(origin_[a], b);
-  if (origin_[b] != origin_[a]) offer_straight(origin_[b], a);
+  offer_straight(origin_[a]);
+  if (!same_origin) offer_straight(origin_[b]);
   if (distance_[c] == infinity) {
     offer(c, distance_[a] + (xc - xa).norm(), a);
     offer(c, distance_[b] + (xc - xb).norm(), b);
   }
-}
-
-/// True if the path to b bends at a corner behind which c cannot be seen from `origin` either.
-bool FastMarching::is_shadowed(Index c, Index origin, Index b) const {
-  const FineMesh<2>& mesh = sight_.mesh();
-  Index bend = origin_[b];
-  if (bend == origin) return false;
-  while (origin_[bend] != origin && origin_[bend] != bend) bend = origin_[bend];
-  if (origin_[bend] != origin) return false;
-  const Vec<2> start = mesh.vertex(origin), edge_of_shadow = mesh.vertex(bend) - start;
-  return cross(edge_of_shadow, mesh.vertex(b) - start) * cross(edge_of_shadow, mesh.vertex(c) - start) > 0.0;
 }
 
 }  // namespace efree

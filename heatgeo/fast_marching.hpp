@@ -30,7 +30,6 @@ class FastMarching {
   void spread_straight(Index a);
   void spread_bent(Index a);
   void cross_edge(Index a, Index b, Index c);
-  bool is_shadowed(Index c, Index origin, Index b) const;
 
   struct Front {
     double distance;

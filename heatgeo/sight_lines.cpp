@@ -36,12 +36,6 @@ bool is_reflex_corner(const Vec<2>& to_next, const Vec<2>& to_previous, double t
 
 }  // namespace
 
-bool BendingWedge::contains(const Vec<2>& direction) const {
-  const double reach = direction.norm();
-  return cross(first, direction) >= -tolerance * (first.norm() + reach) &&
-         cross(last, direction) <= tolerance * (last.norm() + reach);
-}
-
 SightLines::SightLines(const FineMesh<2>& mesh) : mesh_(mesh), tolerance_(length_tolerance(mesh)) {
   for (Index v = 0; v < mesh.num_vertices(); ++v) {
     for (Index f : mesh.facets_of(v)) {
@@ -60,12 +54,16 @@ bool SightLines::is_reflex(Index v) const {
   return std::any_of(here.begin(), here.end(), [](const Corner& corner) { return corner.reflex; });
 }
 
-std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, const Vec<2>& from) const {
+std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, const Vec<2>& from, double reach) const {
   if (!corner.reflex) return std::nullopt;
-  const Vec<2> x = mesh_.vertex(v), onward = x - from;
+  const Vec<2> x = mesh_.vertex(v), onward = (x - from).normalized();
   const Vec<2> to_next = mesh_.vertex(corner.next) - x, to_previous = mesh_.vertex(corner.previous) - x;
-  if (cross(onward, to_next) < -tolerance_ * onward.norm()) return BendingWedge{to_next, onward, tolerance_};
-  if (cross(onward, to_previous) > tolerance_ * onward.norm()) return BendingWedge{onward, to_previous, tolerance_};
+  // A short facet magnifies the rounding of its vertices over the reach.
+  const auto wedge = [&](const Vec<2>& first, const Vec<2>& last, double facet) {
+    return BendingWedge{first, last, tolerance_ * (1.0 + reach / facet)};
+  };
+  if (cross(onward, to_next) < -tolerance_) return wedge(to_next.normalized(), onward, to_next.norm());
+  if (cross(onward, to_previous) > tolerance_) return wedge(onward, to_previous.normalized(), to_previous.norm());
   return std::nullopt;
 }
 

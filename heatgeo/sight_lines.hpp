@@ -14,12 +14,15 @@ struct Corner {
   bool reflex;  ///< the body's angle is more than 180 degrees: shortest paths can bend here
 };
 
-/// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to
-/// `last`.
+/// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to `last`,
+/// less than 180 degrees apart.
 struct BendingWedge {
-  Vec<2> first, last;
-  double tolerance;  ///< [length]
-  bool contains(const Vec<2>& direction) const;
+  Vec<2> first, last;  ///< unit vectors
+  double slack;        ///< [length]
+  bool contains(const Vec<2>& direction) const {
+    return first.x() * direction.y() - first.y() * direction.x() >= -slack &&
+           last.x() * direction.y() - last.y() * direction.x() <= slack;
+  }
 };
 
 /// Straight lines through a planar triangulation. A segment is followed from cell to cell, so the two sides of a slit
@@ -41,8 +44,9 @@ class SightLines {
   bool is_reflex(Index v) const;
 
   /// Where a path that came to v straight from the point `from` may go on after bending at the corner, if anywhere
-  /// (taut string: it bends towards the obstacle, and no further than the obstacle's side).
-  std::optional<BendingWedge> bend(Index v, const Corner& corner, const Vec<2>& from) const;
+  /// (taut string: it bends towards the obstacle, and no further than the obstacle's side). Good for directions no
+  /// longer than `reach`.
+  std::optional<BendingWedge> bend(Index v, const Corner& corner, const Vec<2>& from, double reach) const;
 
  private:
   /// How a ray leaves a vertex: along one or (at the tip of a slit) two edges, or through a cell's opposite facet.

@@ -18,6 +18,15 @@ double sector_coordinate(const Vec<2>& v) {
   return 0.25 * sectors * (v.y() < 0.0 ? 3.0 + p : 1.0 - p);
 }
 
+/// Smallest and largest x of the directions in the wedge that are no longer than `reach`.
+std::pair<double, double> horizontal_extent(const BendingWedge& wedge, double reach) {
+  const double cosine_of_half = 0.5 * (wedge.first + wedge.last).norm();
+  if (cosine_of_half < 0.5) return {-reach, reach};
+  // A triangle around the sector.
+  const double a = reach * wedge.first.x() / cosine_of_half, b = reach * wedge.last.x() / cosine_of_half;
+  return {std::min({0.0, a, b}), std::max({0.0, a, b})};
+}
+
 double distance_to_segment(const Vec<2>& a, const Vec<2>& b) {
   const Vec<2> along = b - a;
   const double t = std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0);
@@ -87,23 +96,29 @@ void VisibleDistance::find_hidden(const Patch<2>& patch) {
       hidden_.push_back({x, v, static_cast<Index>(k)});
     }
   }
+  std::sort(hidden_.begin(), hidden_.end(), [](const Hidden& a, const Hidden& b) {
+    return a.position.x() != b.position.x() ? a.position.x() < b.position.x() : a.row < b.row;
+  });
   std::make_heap(bends_.begin(), bends_.end());
 }
 
 void VisibleDistance::bend_at(Index corner_vertex, double distance, const Vec<2>& came_from) {
   const Vec<2> x = sight_.mesh().vertex(corner_vertex);
+  const double reach = radius_ - distance;
   for (const Corner& corner : sight_.corners(corner_vertex)) {
-    const auto wedge = sight_.bend(corner_vertex, corner, came_from);
+    const auto wedge = sight_.bend(corner_vertex, corner, came_from, reach);
     if (!wedge) continue;
-    for (const Hidden& hidden : hidden_) {
-      const Vec<2> onward = hidden.position - x;
+    const auto [low, high] = horizontal_extent(*wedge, reach);
+    auto hidden = std::lower_bound(hidden_.begin(), hidden_.end(), x.x() + low - wedge->slack,
+                                   [](const Hidden& h, double value) { return h.position.x() < value; });
+    for (; hidden != hidden_.end() && hidden->position.x() <= x.x() + high + wedge->slack; ++hidden) {
+      const Vec<2> onward = hidden->position - x;
       if (!wedge->contains(onward)) continue;
       const double length = distance + onward.norm();
-      if (length >= std::min(radius_, distances_[hidden.row]) || !sight_.visible(corner_vertex, hidden.vertex))
-        continue;
-      distances_[hidden.row] = length;
-      if (!sight_.is_reflex(hidden.vertex)) continue;
-      bends_.push_back({length, hidden.vertex, x});
+      if (length >= std::min(radius_, distances_[hidden->row]) || !sight_.visible(corner_vertex, hidden->vertex)) continue;
+      distances_[hidden->row] = length;
+      if (!sight_.is_reflex(hidden->vertex)) continue;
+      bends_.push_back({length, hidden->vertex, x});
       std::push_heap(bends_.begin(), bends_.end());
     }
   }
