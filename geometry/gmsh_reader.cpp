@@ -2,6 +2,7 @@
 #include "efree/geometry/gmsh_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/geometry/planar_domain.hpp"
 
 #include <fmt/format.h>
@@ -26,11 +27,13 @@ class Session {
     gmsh::initialize(0, nullptr, /*readConfigFiles=*/false);
     gmsh::option::setNumber("General.Terminal", 0);
     gmsh::option::setNumber("General.AbortOnError", 0);
+    gmsh::onelab::clear();  // parameters outlive sessions
     gmsh::logger::start();
   }
   ~Session() {
     gmsh::logger::stop();
     gmsh::finalize();
+    set_num_threads(threads_);
   }
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -56,6 +59,7 @@ class Session {
 
  private:
   std::string path_;
+  int threads_ = num_threads();  // gmsh sets it to one
 };
 
 /// Full names of the numbers that the open .geo file lets one set.

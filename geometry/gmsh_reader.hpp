@@ -14,8 +14,8 @@ struct GmshOptions {
   double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes
   /// Values for the .geo file's DefineNumber parameters, by full name ("Parameters/radius") or its last part
   /// ("radius").
-  std::map<std::string, double> parameters;
-  std::vector<std::string> slits;  ///< names of physical curves to cut the body open along
+  std::map<std::string, double> parameters{};
+  std::vector<std::string> slits{};  ///< names of physical curves to cut the body open along
 };
 
 /// Planar mesh from a .geo or .msh file (gmsh API). Physical curves become named groups (one without a name goes by its

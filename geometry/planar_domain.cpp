@@ -616,9 +616,9 @@ PlanarDomain cook() {
 PlanarDomain annulus(double inner, double outer, double size) {
   if (!(inner > 0.0 && inner < outer))
     throw InputError(fmt::format("annulus: radii {} and {}, expected 0 < inner < outer", inner, outer));
-  return {.boundary = {circle("inner", {0.0, 0.0}, inner, size), circle("outer", {0.0, 0.0}, outer, size)},
-          .embedded = {},
-          .slits = {}};
+  return {
+      .boundary = {circle("inner", {0.0, 0.0}, inner, size), circle("outer", {0.0, 0.0}, outer, size)},
+  };
 }
 
 PlanarDomain slit_rectangle(double x0, double y0, double x1, double y1, Vec<2> a, Vec<2> b) {

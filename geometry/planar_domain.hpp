@@ -20,13 +20,13 @@ struct Polyline {
 /// order and direction). Points closer than 1e-12 of the domain's extent are one point, and a point that close to a
 /// segment lies on it. Segments given twice cancel: a line between two parts of the body is no boundary.
 struct PlanarDomain {
-  std::vector<Polyline> boundary;
+  std::vector<Polyline> boundary{};
   /// Chains of segments that fine edges must follow, or single points that must be fine vertices. A name goes to those
   /// of their facets that lie on the boundary, so a facet can have several names.
-  std::vector<Polyline> embedded;
+  std::vector<Polyline> embedded{};
   /// Chains the body is cut open along; their ends are tips unless on the boundary or on each other. They may cross
   /// each other and embedded chains.
-  std::vector<Polyline> slits;
+  std::vector<Polyline> slits{};
 };
 
 struct TriangulateOptions {

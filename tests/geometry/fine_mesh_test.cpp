@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "meshes.hpp"
+
+namespace efree {
+namespace {
+
+using test::expect_consistent;
+
+/// Unit square in n x n squares of two triangles; vertex (i, j) has the number j (n + 1) + i.
+MeshData<2> grid(Index n) {
+  MeshData<2> mesh;
+  mesh.vertices.resize(2, (n + 1) * (n + 1));
+  for (Index j = 0; j <= n; ++j)
+    for (Index i = 0; i <= n; ++i) mesh.vertices.col(j * (n + 1) + i) = Vec<2>(i, j) / n;
+  mesh.cells.resize(3, 2 * n * n);
+  for (Index j = 0; j < n; ++j)
+    for (Index i = 0; i < n; ++i) {
+      const Index a = j * (n + 1) + i, b = a + 1, c = a + n + 1, d = c + 1;
+      mesh.cells.col(2 * (j * n + i)) << a, b, d;
+      mesh.cells.col(2 * (j * n + i) + 1) << a, c, d;  // the other way round
+    }
+  return mesh;
+}
+
+/// Facets along row j from column `from` to `to`, in the group "cut".
+std::vector<std::array<Index, 2>> row_of_facets(Index n, Index j, Index from, Index to, MeshData<2>& mesh) {
+  std::vector<std::array<Index, 2>> facets;
+  for (Index i = from; i < to; ++i) facets.push_back({j * (n + 1) + i, j * (n + 1) + i + 1});
+  mesh.groups.push_back({"cut", facets});
+  return facets;
+}
+
+TEST(FineMesh, OrientsCellsAndFindsTheBoundary) {
+  const FineMesh<2> mesh(grid(4));
+  expect_consistent(mesh);
+  EXPECT_EQ(mesh.num_vertices(), 25);
+  EXPECT_EQ(mesh.num_cells(), 32);
+  EXPECT_EQ(mesh.num_facets(), 16);
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_DOUBLE_EQ(mesh.volumes().sum(), 1.0);
+  EXPECT_DOUBLE_EQ(mesh.size(), std::sqrt(2.0) / 4.0);
+}
+
+TEST(FineMesh, HatGradientsReproduceLinearFunctions) {
+  const FineMesh<2> mesh(grid(3));
+  double worst = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    Mat<2> gradient = Mat<2>::Zero();
+    for (int i = 0; i < 3; ++i) gradient += mesh.vertex(mesh.cells()(i, c)) * mesh.hat_gradients(c).col(i).transpose();
+    worst = std::max(worst, (gradient - Mat<2>::Identity()).cwiseAbs().maxCoeff());
+  }
+  EXPECT_LT(worst, 1e-14);
+}
+
+TEST(FineMesh, DropsVerticesWithoutACell) {
+  MeshData<2> data = grid(2);
+  data.vertices.conservativeResize(2, 10);
+  data.vertices.col(9) << 7.0, 7.0;
+  EXPECT_EQ(FineMesh<2>(data).num_vertices(), 9);
+}
+
+TEST(FineMesh, LeavesOutGroupsInsideTheBody) {
+  MeshData<2> data = grid(2);
+  data.groups = {{"inside", {{1, 4}}}, {"mixed", {{1, 4}, {0, 1}}}};
+  const FineMesh<2> mesh(data);
+  EXPECT_EQ(mesh.groups().size(), 1u);
+  EXPECT_EQ(mesh.group("mixed").size(), 1u);
+  EXPECT_INPUT_ERROR(mesh.group("inside"), "named \"inside\"; the mesh has \"mixed\"");
+}
+
+TEST(FineMesh, RefusesMeshesThatAreNone) {
+  MeshData<2> data = grid(2);
+  data.cells.resize(3, 0);
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "no cell");
+  data = grid(2);
+  data.cells(0, 0) = 9;
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "names vertex 9, expected 0 to 8");
+  data = grid(2);
+  data.vertices(1, 3) = std::nan("");
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "not a finite number");
+  data = grid(2);
+  data.cells.col(0) << 0, 1, 2;
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "no volume");
+  data = grid(2);
+  data.cells.conservativeResize(3, 9);
+  data.cells.col(8) << 0, 4, 2;
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "more than two cells");
+  data = grid(2);
+  data.groups = {{"far", {{0, 8}}}};
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "group \"far\"");
+}
+
+TEST(CutOpen, TipsStayWholeAndBothSidesAreInTheGroup) {
+  MeshData<2> data = grid(8);
+  const auto cut = row_of_facets(8, 4, 2, 6, data);
+  const FineMesh<2> whole(data), open(cut_open<2>(data, cut));
+  expect_consistent(open);
+  EXPECT_EQ(open.num_vertices(), whole.num_vertices() + 3);  // four facets, three vertices between the tips
+  EXPECT_EQ(open.num_facets(), whole.num_facets() + 8);
+  EXPECT_EQ(open.group("cut").size(), 8u);
+  EXPECT_EQ(open.num_components(), 1);
+  EXPECT_EQ(test::euler_characteristic(open), 0);
+  Vec<2> sum = Vec<2>::Zero();
+  for (const Index f : open.group("cut")) sum += open.facet_normal(f);
+  EXPECT_EQ(sum, Vec<2>::Zero().eval());  // as many facets look up as look down
+  for (const double tip : {0.25, 0.75}) {
+    int copies = 0;
+    for (Index v = 0; v < open.num_vertices(); ++v) copies += open.vertex(v) == Vec<2>(tip, 0.5);
+    EXPECT_EQ(copies, 1) << "at the tip " << tip;
+  }
+}
+
+TEST(CutOpen, FromEdgeToEdgeSeparatesBodies) {
+  MeshData<2> data = grid(6);
+  const auto cut = row_of_facets(6, 2, 0, 6, data);
+  const FineMesh<2> mesh(cut_open<2>(data, cut));
+  expect_consistent(mesh);
+  EXPECT_EQ(mesh.num_components(), 2);
+  EXPECT_EQ(mesh.num_vertices(), 49 + 7);
+  double lower = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (mesh.component()[mesh.cells()(0, c)] == mesh.component()[0]) lower += mesh.volume(c);
+  EXPECT_NEAR(lower, 1.0 / 3.0, 1e-14);
+}
+
+TEST(CutOpen, CrossingCutsPartTheirCommonVertexInFour) {
+  MeshData<2> data = grid(8);
+  auto cut = row_of_facets(8, 4, 1, 7, data);
+  for (Index j = 2; j < 6; ++j) cut.push_back({j * 9 + 4, (j + 1) * 9 + 4});
+  const FineMesh<2> mesh(cut_open<2>(data, cut));
+  expect_consistent(mesh);
+  int copies = 0;
+  for (Index v = 0; v < mesh.num_vertices(); ++v) copies += mesh.vertex(v) == Vec<2>(0.5, 0.5);
+  EXPECT_EQ(copies, 4);
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_EQ(test::euler_characteristic(mesh), 0);
+}
+
+TEST(CutOpen, RefusesWhatItCannotCut) {
+  MeshData<2> data = grid(4);
+  EXPECT_INPUT_ERROR(cut_open<2>(data, {{0, 24}}), "no cell has a facet of vertices 0, 24");
+  EXPECT_INPUT_ERROR(cut_open<2>(data, {{11, 12}}), "stays closed");
+}
+
+}  // namespace
+}  // namespace efree
