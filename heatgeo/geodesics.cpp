@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
+#include "efree/heatgeo/heat.hpp"
 #include "efree/heatgeo/patch.hpp"
 #include "efree/heatgeo/visible_distance.hpp"
 
@@ -19,6 +20,9 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr Index sources_per_chunk = 8;
+constexpr double cluster_width_in_radii = 1.0;
+constexpr int flow_steps = 6;
+constexpr double flow_time = 0.1;  // in squared radii
 
 /// Lends scratch objects to concurrent callers, so that a call costs no allocation of the size of the mesh.
 template <class T> class Pool {
@@ -83,51 +87,79 @@ SparseRows transposed(Index rows, const std::vector<LocalField>& fields) {
   return table;
 }
 
+/// Groups of neighbours among the `chosen` sources: those in the same square of a grid as wide as the largest radius.
+Ragged<Index> clusters(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
+                       const std::vector<Index>& chosen) {
+  const double width = cluster_width_in_radii * radii.maxCoeff();
+  using Square = std::pair<double, double>;
+  const auto square = [&](Index i) {
+    const Vec<2> x = mesh.vertex(sources[i]) / width;
+    return Square{std::floor(x.x()), std::floor(x.y())};
+  };
+  std::vector<std::pair<Square, Index>> sorted;
+  for (Index i : chosen) sorted.push_back({square(i), i});
+  std::sort(sorted.begin(), sorted.end());
+  Ragged<Index> groups;
+  for (std::size_t k = 0; k < sorted.size(); ++k) {
+    if (k > 0 && sorted[k].first != sorted[k - 1].first) groups.close_row();
+    groups.items.push_back(sorted[k].second);
+  }
+  if (!sorted.empty()) groups.close_row();
+  return groups;
+}
+
 /// Finds patches and asks the engine chosen for the distances on them.
 class PlanarGeodesics {
  public:
-  PlanarGeodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) : mesh_(mesh), options_(options) {
-    if (options.engine == Weight::heat_geodesic || options.engine == Weight::heat_flow)
-      throw InputError("geodesics: the heat engines are not there yet");
+  PlanarGeodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) : options_(options) {
+    if (options.engine == Weight::heat_geodesic) delaunay_ = delaunay_mesh(mesh);
+    mesh_ = delaunay_ ? &*delaunay_ : &mesh;
     if (options.engine == Weight::visibility || options.engine == Weight::fast_marching) sight_.emplace(mesh);
   }
 
   /// Unsorted fields of all sources, each handed to `finish` as soon as it is there.
   template <class Finish>
   std::vector<LocalField> solve(const std::vector<Index>& sources, const Vector& radii, const Finish& finish) const {
-    check_sources(mesh_, sources, radii);
+    check_sources(*mesh_, sources, radii);
     std::vector<LocalField> fields(sources.size());
+    std::vector<char> put_off(sources.size(), 0);
     parallel_chunks(static_cast<Index>(sources.size()), sources_per_chunk, [&](Index begin, Index end) {
-      pool_.use([&] { return make_scratch(); },
-                [&](Scratch& scratch) {
-                  for (Index i = begin; i < end; ++i) {
-                    fields[i] = distances(scratch, sources[i], radii[i]);
-                    finish(i, fields[i]);
-                  }
-                });
+      use_scratch([&](Scratch& scratch) {
+        for (Index i = begin; i < end; ++i) {
+          const Patch<2>& patch = scratch.finder.around(sources[i], radii[i]);
+          put_off[i] = options_.engine == Weight::heat_geodesic && (patch.obstructed || options_.always_solve);
+          if (!put_off[i]) finish(i, fields[i] = distances(scratch, patch));
+        }
+      });
     });
+    solve_heat(sources, radii, put_off, [&](Index i, LocalField field) { finish(i, fields[i] = std::move(field)); });
     return fields;
   }
 
  private:
   struct Scratch {
+    explicit Scratch(const FineMesh<2>& mesh) : finder(mesh) {}
     PatchFinder<2> finder;
     std::optional<VisibleDistance> visible;
     std::optional<FastMarching> marching;
+    std::optional<PatchHeat> heat;
   };
 
-  std::unique_ptr<Scratch> make_scratch() const {
-    auto scratch = std::make_unique<Scratch>(Scratch{PatchFinder<2>(mesh_), std::nullopt, std::nullopt});
-    if (options_.engine == Weight::visibility) scratch->visible.emplace(*sight_);
-    if (options_.engine == Weight::fast_marching) scratch->marching.emplace(*sight_);
-    return scratch;
+  template <class Use> void use_scratch(const Use& body) const {
+    const auto make = [&] {
+      auto scratch = std::make_unique<Scratch>(*mesh_);
+      if (options_.engine == Weight::visibility) scratch->visible.emplace(*sight_);
+      if (options_.engine == Weight::fast_marching) scratch->marching.emplace(*sight_);
+      if (options_.engine == Weight::heat_geodesic) scratch->heat.emplace(*mesh_, options_.heat_time);
+      return scratch;
+    };
+    pool_.use(make, body);
   }
 
-  LocalField distances(Scratch& scratch, Index source, double radius) const {
-    const Patch<2>& patch = scratch.finder.around(source, radius);
+  LocalField distances(Scratch& scratch, const Patch<2>& patch) const {
     LocalField field;
     if (options_.engine == Weight::fast_marching && (patch.obstructed || options_.always_solve)) {
-      scratch.marching->march({&source, 1}, radius);
+      scratch.marching->march({&patch.source, 1}, patch.radius);
       field.vertices = scratch.marching->reached();
       for (Index v : field.vertices) field.values.push_back(scratch.marching->distance(v));
       return field;
@@ -136,15 +168,36 @@ class PlanarGeodesics {
     field.vertices.reserve(d.size());
     field.values.reserve(d.size());
     for (std::size_t k = 0; k < d.size(); ++k)
-      if (d[k] < radius) {
+      if (d[k] < patch.radius) {
         field.vertices.push_back(patch.vertices[k]);
         field.values.push_back(d[k]);
       }
     return field;
   }
 
-  const FineMesh<2>& mesh_;
+  template <class Finish> void solve_heat(const std::vector<Index>& sources, const Vector& radii,
+                                          const std::vector<char>& put_off, const Finish& finish) const {
+    std::vector<Index> chosen;
+    for (std::size_t i = 0; i < sources.size(); ++i)
+      if (put_off[i]) chosen.push_back(static_cast<Index>(i));
+    const Ragged<Index> groups = clusters(*mesh_, sources, radii, chosen);
+    parallel_chunks(groups.rows(), 1, [&](Index group, Index) {
+      std::vector<Index> members;
+      std::vector<double> reach;
+      for (Index i : groups[group]) {
+        members.push_back(sources[i]);
+        reach.push_back(radii[i]);
+      }
+      use_scratch([&](Scratch& scratch) {
+        auto fields = scratch.heat->distances(members, reach);
+        for (std::size_t k = 0; k < fields.size(); ++k) finish(groups[group][k], std::move(fields[k]));
+      });
+    });
+  }
+
   GeodesicOptions options_;
+  std::optional<FineMesh<2>> delaunay_;
+  const FineMesh<2>* mesh_;
   std::optional<SightLines> sight_;
   mutable Pool<Scratch> pool_;
 };
@@ -169,8 +222,37 @@ template <int Dim> LocalField Geodesics<Dim>::from(Index source, double radius) 
   return std::move(from(std::vector<Index>{source}, Vector::Constant(1, radius)).front());
 }
 
+namespace {
+
+std::vector<LocalField> unsorted_flow(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
+                                      int steps) {
+  check_sources(mesh, sources, radii);
+  if (steps < 1) throw InputError(fmt::format("heat flow: {} steps, expected at least 1", steps));
+  const std::optional<FineMesh<2>> delaunay = delaunay_mesh(mesh);
+  Pool<PatchHeat> pool;
+  std::vector<LocalField> fields(sources.size());
+  parallel_chunks(static_cast<Index>(sources.size()), sources_per_chunk, [&](Index begin, Index end) {
+    pool.use([&] { return std::make_unique<PatchHeat>(delaunay ? *delaunay : mesh, 1.0); },
+             [&](PatchHeat& heat) {
+               for (Index i = begin; i < end; ++i) fields[i] = heat.flow(sources[i], radii[i], steps, flow_time);
+             });
+  });
+  return fields;
+}
+
+}  // namespace
+
+template <> std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources,
+                                                         const Vector& radii, int steps) {
+  auto fields = unsorted_flow(mesh, sources, radii, steps);
+  for (LocalField& field : fields) sort_by_vertex(field);
+  return fields;
+}
+
 template <> SparseRows node_weights<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
                                        const WeightOptions& options) {
+  if (options.weight == Weight::heat_flow)
+    return transposed(mesh.num_vertices(), unsorted_flow(mesh, sources, radii, flow_steps));
   const PlanarGeodesics geodesics(mesh, {.engine = options.weight});
   return transposed(mesh.num_vertices(), geodesics.solve(sources, radii, [&](Index i, LocalField& field) {
     for (double& value : field.values) value = kernel_value(options.kernel, value / radii[i]);

@@ -26,12 +26,12 @@ struct LocalField {
 
 struct GeodesicOptions {
   Weight engine = Weight::visibility;
-  double heat_time = 1.0;   ///< heat method: t in units of the squared mean edge length
+  double heat_time = 1.0;     ///< heat method: t in units of the squared mean edge length
   bool always_solve = false;  ///< also solve where the source sees the whole patch (for measuring the engines)
 };
 
-/// Distances from single vertices. Holds what several sources share (the Delaunay edges of the domain, factorisations of
-/// clusters). Const calls may run concurrently.
+/// Distances from single vertices. Holds what several sources share (the Delaunay edges of the domain, factorisations
+/// of clusters). Const calls may run concurrently.
 template <int Dim> class Geodesics {
  public:
   /// Keeps a reference to the mesh. Throws InputError for heat_flow (no distance).
@@ -42,7 +42,8 @@ template <int Dim> class Geodesics {
 
   /// Distances d < radius from `source`, inside the body (for Weight::euclidean: through everything).
   LocalField from(Index source, double radius) const;
-  /// The same for many sources, each with its own radius; heat solves share factorisations among clusters of neighbours.
+  /// The same for many sources, each with its own radius; heat solves share factorisations among clusters of
+  /// neighbours.
   std::vector<LocalField> from(const std::vector<Index>& sources, const Vector& radii) const;
 
  private:
@@ -50,30 +51,33 @@ template <int Dim> class Geodesics {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Heat after `steps` implicit Euler steps of t = 0.1 r^2 / steps each... on the patch of radius r: zero on the patch's rim inside the body,
-/// natural condition on the body's boundary, normalised to a maximum of 1, never negative.
-template <int Dim>
-std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, const Vector& radii, int steps = 6);
+/// Heat of a point source after `steps` implicit Euler steps to the time 0.1 radius^2 on the patch: zero at the radius,
+/// natural condition on the body's boundary, normalised to a maximum of 1, positive (Bishop 2022).
+template <int Dim> std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>& mesh,
+                                                             const std::vector<Index>& sources, const Vector& radii,
+                                                             int steps = 6);
 
 struct WeightOptions {
   Weight weight = Weight::visibility;
   Kernel kernel = Kernel::cubic_spline;
 };
 
-/// Weights w_I in (0, 1] of all sources at the fine vertices: num_vertices x sources. Deterministic for any number of threads.
-template <int Dim>
-SparseRows node_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, const Vector& radii, const WeightOptions& options);
+/// Weights w_I in (0, 1] of all sources at the fine vertices: num_vertices x sources. Deterministic for any number of
+/// threads.
+template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                           const Vector& radii, const WeightOptions& options);
 
-/// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources at once).
-/// num_vertices entries; -1 and infinity where no source is in the same body.
+/// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources
+/// at once). num_vertices entries; -1 and infinity where no source is in the same body.
 struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`
   Vector distance;
 };
 template <int Dim> NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources);
 
-/// The same mesh with edges flipped until they are Delaunay (boundary kept). In a flat domain this is the intrinsic Delaunay
-/// triangulation (Bobenko & Springborn 2007): same vertices, same P1 space on the boundary, cotangent weights without negative sums.
+/// The same mesh with edges flipped until they are Delaunay (boundary kept). In a flat domain this is the intrinsic
+/// Delaunay triangulation (Bobenko & Springborn 2007): same vertices, same P1 space on the boundary, cotangent weights
+/// without negative sums.
 Cells<2> delaunay_cells(const FineMesh<2>& mesh);
 
 }  // namespace efree

@@ -14,8 +14,8 @@ struct Corner {
   bool reflex;  ///< the body's angle is more than 180 degrees: shortest paths can bend here
 };
 
-/// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to `last`,
-/// less than 180 degrees apart.
+/// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to
+/// `last`, less than 180 degrees apart.
 struct BendingWedge {
   Vec<2> first, last;  ///< unit vectors
   double slack;        ///< [length]

@@ -115,7 +115,8 @@ void VisibleDistance::bend_at(Index corner_vertex, double distance, const Vec<2>
       const Vec<2> onward = hidden->position - x;
       if (!wedge->contains(onward)) continue;
       const double length = distance + onward.norm();
-      if (length >= std::min(radius_, distances_[hidden->row]) || !sight_.visible(corner_vertex, hidden->vertex)) continue;
+      if (length >= std::min(radius_, distances_[hidden->row]) || !sight_.visible(corner_vertex, hidden->vertex))
+        continue;
       distances_[hidden->row] = length;
       if (!sight_.is_reflex(hidden->vertex)) continue;
       bends_.push_back({length, hidden->vertex, x});

@@ -41,7 +41,7 @@ class VisibleDistance {
   double radius_ = 0.0;
   std::vector<double> distances_;
   std::vector<double> horizon_;  ///< per sector of directions: distance up to which nothing hides a vertex
-  std::vector<Hidden> hidden_;  ///< by x
+  std::vector<Hidden> hidden_;   ///< by x
   std::vector<Bend> bends_;
 };
 
