@@ -279,6 +279,16 @@ void check_slits(const Session& session, const std::vector<std::string>& slits) 
                                names.empty() ? std::string("none") : fmt::format("{}", fmt::join(names, ", "))));
 }
 
+/// gmsh's parser can skip a last line that has no end.
+void check_last_line(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  file.seekg(-1, std::ios::end);
+  if (const int last = file.get(); last != '\n' && last != '\r')
+    throw InputError(fmt::format(
+        "{}: the file is empty or its last line has no end; add a line break, without it gmsh may skip that line",
+        path));
+}
+
 FineMesh<2> read(const Session& session, bool is_geometry, const GmshOptions& options) {
   session.open();
   set_parameters(session, options.parameters);
@@ -312,6 +322,7 @@ FineMesh<2> read_gmsh(const std::string& path, const GmshOptions& options) {
                                  path, options.size));
   if (!is_geometry && !options.parameters.empty())
     throw InputError(fmt::format("{}: a .msh file has no parameters", path));
+  if (is_geometry) check_last_line(path);
   const Session session(path);
   try {
     return read(session, is_geometry, options);

@@ -93,7 +93,8 @@ TEST(GmshReader, SmallCirclesAreSampledFinely) {
   const std::string path = file("holes.geo", R"(SetFactory("OpenCASCADE");
 Rectangle(1) = {0, 0, 0, 1, 1}; Disk(2) = {0.5, 0.5, 0, 0.01};
 BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };
-Physical Curve("all") = Boundary{ Surface{3}; };)");
+Physical Curve("all") = Boundary{ Surface{3}; };
+)");
   const FineMesh<2> mesh = read_gmsh(path, {.size = 0.2});
   expect_consistent(mesh);
   EXPECT_EQ(euler_characteristic(mesh), 0);
@@ -216,6 +217,8 @@ TEST(GmshReader, RefusesWrongInputInGmshsWords) {
   EXPECT_INPUT_ERROR(read_gmsh(file("empty.geo", "Point(1) = {0, 0, 0};\n"), {.size = 0.1}),
                      "there is no surface in it");
   EXPECT_INPUT_ERROR(read_gmsh(file("empty2.geo", "Point(1) = {0, 0, 0};\n")), "there are no triangles in it");
+  EXPECT_INPUT_ERROR(read_gmsh(file("cut.geo", "Point(1) = {0, 0, 0};")), "its last line has no end");
+  EXPECT_INPUT_ERROR(read_gmsh(file("nothing.geo", "")), "the file is empty or");
   const std::string sphere = file("sphere.geo", "SetFactory(\"OpenCASCADE\"); Sphere(1) = {0, 0, 0, 1};\n");
   EXPECT_INPUT_ERROR(read_gmsh(sphere, {.size = 0.3}), "of type \"Sphere\", expected a plane surface");
   EXPECT_INPUT_ERROR(read_gmsh(sphere), "not in one plane z = const");
