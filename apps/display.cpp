@@ -15,8 +15,7 @@ double seconds_since(Clock::time_point start) {
 
 }  // namespace
 
-Display::Display(bool quiet)
-    : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), start_(Clock::now()), stage_start_(start_) {}
+Display::Display(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
 
 Display::~Display() {
   clear_bar();
@@ -24,13 +23,13 @@ Display::~Display() {
 
 Progress Display::stages(std::vector<std::string> names) {
   return [this, names = std::move(names)](const std::string& stage, double fraction) {
-    if (fraction == 0.0) stage_start_ = Clock::now();
-    stage_ = stage;
+    if (stage != stage_) {
+      finish_line();
+      stage_ = stage;
+      stage_start_ = Clock::now();
+    }
     const auto position = std::ranges::find(names, stage) - names.begin();
-    if (terminal_)
-      bar(stage, (static_cast<double>(position) + fraction) / static_cast<double>(names.size()));
-    else if (fraction == 1.0 && !quiet_)
-      fmt::print(stderr, "{:<12}{:8.2f} s\n", stage, seconds_since(stage_start_));
+    if (terminal_) bar(stage, (static_cast<double>(position) + fraction) / static_cast<double>(names.size()));
   };
 }
 
@@ -45,8 +44,15 @@ Progress Display::runs() {
 }
 
 void Display::say(const std::string& message) {
+  finish_line();
   clear_bar();
   fmt::print(stderr, "{}\n", message);
+}
+
+void Display::finish_line() {
+  if (!terminal_ && !quiet_ && stage_start_ != Clock::time_point{})
+    fmt::print(stderr, "{:<12}{:8.2f} s\n", stage_, seconds_since(stage_start_));
+  stage_start_ = {};
 }
 
 void Display::bar(const std::string& label, double fraction) {

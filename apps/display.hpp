@@ -29,12 +29,15 @@ class Display {
  private:
   void bar(const std::string& label, double fraction);
   void clear_bar();
+  /// Says how long the stage took that is over now.
+  void finish_line();
 
   bool quiet_, terminal_;
   bool bar_shown_ = false;
   double fraction_ = 0.0;
   std::string stage_;
-  std::chrono::steady_clock::time_point start_, stage_start_;
+  std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point stage_start_{};  ///< zero if nothing is under way
 };
 
 }  // namespace efree

@@ -3,13 +3,12 @@
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/io/child_process.hpp"
+#include "efree/io/convergence.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/writers.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/wait.h>
-#include <unistd.h>
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
@@ -23,25 +22,16 @@ struct Options {
   int threads = 0;
   bool quiet = false;
   bool picture = true;
+  StudyOptions study;
 };
 
 /// Draws fields.png by the program beside this one; whatever goes wrong there is a message here.
 void draw_picture(OutputDirectory& out, Display& display) {
   out.supersede("fields.png");
   const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "efree-picture";
-  const std::string fields = out.file("fields.vtu").string(), picture = out.file("fields.png").string();
-  const pid_t child = fork();
-  if (child == 0) {
-    const int nowhere = open("/dev/null", O_WRONLY);
-    dup2(nowhere, STDERR_FILENO);  // VTK's own words help nobody who asked for an analysis
-    execl(program.c_str(), program.c_str(), fields.c_str(), picture.c_str(), nullptr);
-    _exit(127);
-  }
-  int status = -1;
-  if (child > 0) waitpid(child, &status, 0);
-  if (status != 0) {
+  if (run_program(out.staging(), {program.string(), "fields.vtu", "fields.png"}) != 0) {
     std::error_code ignored;
-    fs::remove(picture, ignored);
+    fs::remove(out.file("fields.png"), ignored);
     display.say("no picture of the fields (fields.png): that needs an X display or Xvfb; everything else is written");
   }
 }
@@ -50,10 +40,11 @@ void solve(const Options& options, Display& display) {
   const Case analysis = read_case(options.case_file);
   OutputDirectory out(options.out);
   try {
-    CaseResult result = solve_case(
-        analysis, display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"}));
+    const Progress progress =
+        display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"});
+    CaseResult result = solve_case(analysis, progress);
     {
-      const Stage stage("output", result.times, {});
+      const Stage stage("output", result.times, progress);
       write_fields(out.file("fields.vtu"), analysis, result);
       write_nodes(out.file("nodes.vtu"), result);
       if (options.picture) draw_picture(out, display);
@@ -67,6 +58,22 @@ void solve(const Options& options, Display& display) {
     throw;
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+}
+
+void convergence(const Options& options, Display& display) {
+  const Case analysis = read_case(options.case_file);
+  OutputDirectory out(options.out);
+  const Study study = run_study(analysis, options.study, display.runs());
+  write_study_csv(out.file("convergence.csv"), study);
+  write_study_json(out.file("convergence.json"), analysis, study);
+  for (const char* chart : {"convergence", "error_against_time", "stages"})
+    for (const char* type : {".svg", ".png"}) out.supersede(std::string(chart) + type);
+  const std::string no_charts = write_charts(out.staging(), analysis, study);
+  if (!no_charts.empty()) display.say(no_charts);
+  if (!analysis.has_exact()) display.say("the case has no [exact] solution: no errors, no observed orders");
+  out.commit();
+  if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+  if (analysis.has_exact()) fmt::print("{}", order_table(study));
 }
 
 void add_common(CLI::App& command, Options& options) {
@@ -87,15 +94,35 @@ int run(int argc, char** argv) {
       *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu and fields.png");
   add_common(solve_command, options);
   solve_command.add_flag("!--no-picture", options.picture, "do not draw fields.png");
+  CLI::App& convergence_command = *app.add_subcommand(
+      "convergence", "solve a case on finer and finer clouds; writes convergence.csv, convergence.json and charts");
+  add_common(convergence_command, options);
+  convergence_command
+      .add_option("--spacing", options.study.spacings,
+                  "cloud spacings H, separated by commas (element sizes if basis.kind is p1 or p2)")
+      ->required()
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber);
+  CLI::Option* seeds =
+      convergence_command
+          .add_option("--seeds", options.study.seeds, "clouds per spacing; default: 1, with --compare 5")
+          ->check(CLI::Range(1, 1000));
+  convergence_command.add_flag(
+      "--compare", options.study.compare,
+      "all methods: both secondary bases at M/N = 1, 2, 4, full integration, P1 and P2 finite elements");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  if (options.study.compare && seeds->empty()) options.study.seeds = 5;
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.quiet);
   try {
-    solve(options, display);
+    if (solve_command.parsed())
+      solve(options, display);
+    else
+      convergence(options, display);
     return 0;
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", error.what()));

@@ -161,19 +161,14 @@ class Section {
   }
 
   /// A number or an expression.
-  ScalarField<2> field(std::string_view key, const Expressions<2>& expressions) const {
-    return field(need(key), key, expressions);
-  }
-  /// An array of `size` numbers or expressions; where `or_free`, "free" stands for an empty one.
-  std::vector<ScalarField<2>> fields(std::string_view key, std::size_t size, const Expressions<2>& expressions,
-                                     bool or_free = false) const {
+  std::string expression(std::string_view key) const { return expression(need(key), key); }
+  /// An array of numbers or expressions; all as text.
+  template <std::size_t Size> std::array<std::string, Size> expressions(std::string_view key) const {
     const toml::array* array = need(key).as_array();
-    if (!array || array->size() != size)
-      fail(key, fmt::format("{} is {}, expected an array of {} numbers or expressions", key, shown(need(key)), size));
-    std::vector<ScalarField<2>> result;
-    for (const toml::node& node : *array)
-      result.push_back(or_free && node.value<std::string>() == "free" ? ScalarField<2>{}
-                                                                      : field(node, key, expressions));
+    if (!array || array->size() != Size)
+      fail(key, fmt::format("{} is {}, expected an array of {} numbers or expressions", key, shown(need(key)), Size));
+    std::array<std::string, Size> result;
+    for (std::size_t i = 0; i < Size; ++i) result[i] = expression(*array->get(i), key);
     return result;
   }
   Vec<2> point(std::string_view key) const {
@@ -219,10 +214,6 @@ class Section {
     if (!node.is_string() || node.value<std::string>()->empty()) reject(node, key, "a string");
     return *node.value<std::string>();
   }
-  ScalarField<2> field(const toml::node& node, std::string_view key, const Expressions<2>& expressions) const {
-    return expressions.field(expression(node, key), where(node));
-  }
-
   const toml::table* table_;
   std::string label_, file_;
 };
@@ -314,20 +305,24 @@ class BoundaryReader {
     result_.groups.push_back({on, entry.where("on")});
     const std::string_view kind = only_kind(entry);
     if (kind == "displacement") {
-      const auto fields = entry.fields(kind, 2, expressions_, true);
-      if (!fields[0] && !fields[1])
+      const auto components = entry.expressions<2>(kind);
+      if (components[0] == "free" && components[1] == "free")
         entry.fail(kind, "displacement leaves every component free, expected a value for one of them");
-      for (int i = 0; i < 2; ++i)
-        if (fields[i]) claim(entry, kind, fmt::format("displacement component {} on \"{}\"", "xy"[i], on));
-      result_.supports.push_back({on, {fields[0], fields[1]}, {}});
+      DisplacementCondition<2> condition{on, {}, {}};
+      for (std::size_t i = 0; i < 2; ++i) {
+        if (components[i] == "free") continue;
+        claim(entry, kind, fmt::format("displacement component {} on \"{}\"", "xy"[i], on));
+        condition.components[i] = expressions_.field(components[i], entry.where(kind));
+      }
+      result_.supports.push_back(std::move(condition));
     } else if (kind == "normal_displacement") {
       claim(entry, kind, fmt::format("normal displacement on \"{}\"", on));
-      result_.supports.push_back({on, {}, entry.field(kind, expressions_)});
+      result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
     } else if (kind == "traction") {
-      const auto t = entry.fields(kind, 2, expressions_);
-      result_.loads.tractions.push_back({on, [t](const Vec<2>& x, const Vec<2>&) { return Vec<2>(t[0](x), t[1](x)); }});
+      const auto traction = expressions_.fields(entry.expressions<2>(kind), entry.where(kind));
+      result_.loads.tractions.push_back({on, [traction](const Vec<2>& x, const Vec<2>&) { return traction(x); }});
     } else {
-      result_.loads.tractions.push_back(pressure<2>(on, entry.field(kind, expressions_)));
+      result_.loads.tractions.push_back(pressure<2>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
     }
   }
 
@@ -357,13 +352,10 @@ class BoundaryReader {
 
 void read_exact(const Section& section, const Expressions<2>& expressions, Case& result) {
   if (section.has("displacement"))
-    result.exact.displacement = [u = section.fields("displacement", 2, expressions)](const Vec<2>& x) {
-      return Vec<2>(u[0](x), u[1](x));
-    };
+    result.exact.displacement =
+        expressions.fields(section.expressions<2>("displacement"), section.where("displacement"));
   if (section.has("stress"))
-    result.exact.stress = [s = section.fields("stress", 3, expressions)](const Vec<2>& x) {
-      return Voigt<2>(s[0](x), s[1](x), s[2](x));
-    };
+    result.exact.stress = expressions.fields(section.expressions<3>("stress"), section.where("stress"));
   if (!result.has_exact()) section.fail("", "[exact] is empty, expected displacement or stress");
 }
 
@@ -417,9 +409,7 @@ Case read_case(const std::filesystem::path& file) {
 
   result.model.plane = analysis.choice<Plane>("plane", {{"stress", Plane::stress}, {"strain", Plane::strain}}, {});
   if (analysis.has("body_force"))
-    result.loads.body_force = [b = analysis.fields("body_force", 2, expressions)](const Vec<2>& x) {
-      return Vec<2>(b[0](x), b[1](x));
-    };
+    result.loads.body_force = expressions.fields(analysis.expressions<2>("body_force"), analysis.where("body_force"));
   material.choice<int>("model", {{"linear_elastic", 0}}, 0);
   result.model.material = {material.number("E", positive), material.number("nu", {-1.0, 0.5})};
   result.approximation.dilatation = quadrature.switch_or_auto("dilatation").value_or(locks_without_dilatation(result));

@@ -4,15 +4,18 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <muParser.h>
-#include <array>
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <list>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <numbers>
 #include <regex>
 #include <set>
+#include <thread>
 
 namespace efree {
 namespace {
@@ -31,24 +34,66 @@ template <int Dim> std::string coordinate(int i) {
   return std::string(1, "xyz"[i]);
 }
 
-/// Parsers for the names an expression uses, in order, and for the expression itself. Not to be shared between threads:
-/// muParser reads its variables from fixed addresses.
+/// Compiled expressions and the named ones they use. Not to be shared between threads: muParser reads its variables
+/// from fixed addresses.
 template <int Dim> class Program {
  public:
   Program() = default;
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// Compiles `text`; afterwards it can be used as `name` if that is not empty.
-  void add(const std::string& name, const std::string& text, const std::string& where) {
-    Step& step = steps_.emplace_back();
+  /// Compiles `text`, which later ones may call `name`.
+  void define(const std::string& name, const std::string& text, const std::string& where) {
+    Step step = compile(name, text, where);
+    if (varies(step))
+      steps_.push_back(std::move(step));
+    else
+      constants_[name] = evaluate(step);
+  }
+  /// Compiles `text` as the next component of what the program computes.
+  void add_result(const std::string& text, const std::string& where) { results_.push_back(compile("", text, where)); }
+
+  /// Forgets the definitions that no result needs.
+  void prune() {
+    std::set<std::string> needed;
+    const auto need = [&](const Step& step) {
+      for (const auto& entry : step.parser.GetUsedVar()) needed.insert(entry.first);
+    };
+    for (const Step& result : results_) need(result);
+    for (auto step = steps_.end(); step != steps_.begin();) {
+      --step;
+      if (needed.contains(step->name))
+        need(*step);
+      else
+        step = steps_.erase(step);
+    }
+  }
+  bool varies() const {
+    return std::ranges::any_of(results_, [&](const Step& result) { return varies(result); });
+  }
+
+  /// Puts the components at x into `values`.
+  void operator()(const Vec<Dim>& x, double* values) {
+    for (int i = 0; i < Dim; ++i) at_[i] = x[i];
+    for (Step& step : steps_) step.value = step.parser.Eval();
+    for (Step& result : results_) *values++ = result.parser.Eval();
+  }
+
+ private:
+  struct Step {
+    std::string name;
+    mu::Parser parser;
+    double value = 0.0;
+  };
+
+  Step compile(const std::string& name, const std::string& text, const std::string& where) {
+    Step step{name, {}};
     try {
-      for (int i = 0; i < Dim; ++i) step.parser.DefineVar(coordinate<Dim>(i), &at_[i]);
       step.parser.DefineConst("pi", std::numbers::pi);
       step.parser.DefineConst("e", std::numbers::e);
-      for (Step& earlier : steps_)
-        if (&earlier != &step) step.parser.DefineVar(earlier.name, &earlier.value);
-      step.name = name;
+      for (const auto& [constant, value] : constants_) step.parser.DefineConst(constant, value);
+      for (int i = 0; i < Dim; ++i) step.parser.DefineVar(coordinate<Dim>(i), &at_[i]);
+      for (Step& earlier : steps_) step.parser.DefineVar(earlier.name, &earlier.value);
       step.parser.SetExpr(text);
       step.parser.Eval();  // compiles; the value does not matter yet
     } catch (const mu::Parser::exception_type& error) {
@@ -57,68 +102,38 @@ template <int Dim> class Program {
     if (step.parser.GetNumResults() != 1)
       throw InputError(prefixed(where, fmt::format("expression \"{}\" has {} values separated by commas, expected one",
                                                    text, step.parser.GetNumResults())));
+    return step;
   }
+  static bool varies(const Step& step) { return !step.parser.GetUsedVar().empty(); }
+  static double evaluate(const Step& step) { return step.parser.Eval(); }
 
-  double operator()(const Vec<Dim>& x) {
-    for (int i = 0; i < Dim; ++i) at_[i] = x[i];
-    for (Step& step : steps_) step.value = step.parser.Eval();
-    return steps_.back().value;
-  }
-
-  /// Forgets the steps that the last one does not need. Returns whether what is left depends on position.
-  bool prune() {
-    std::set<std::string> needed{steps_.back().name};
-    for (auto step = steps_.end(); step != steps_.begin();) {
-      --step;
-      if (needed.contains(step->name))
-        for (const auto& entry : step->parser.GetUsedVar()) needed.insert(entry.first);
-      else
-        step = steps_.erase(step);
-    }
-    for (int i = 0; i < Dim; ++i)
-      if (needed.contains(coordinate<Dim>(i))) return true;
-    return false;
-  }
-
- private:
-  struct Step {
-    mu::Parser parser;
-    std::string name;
-    double value = 0.0;
-  };
   std::array<double, Dim> at_{};
-  std::list<Step> steps_;  // a list, because values must not move
+  std::map<std::string, double> constants_;
+  std::list<Step> steps_;  // a list, because values must not move once others refer to them
+  std::vector<Step> results_;
 };
 
-/// One program per thread that is evaluating at the moment.
+/// Hands a program to each thread that evaluates: mostly the one it had before, without waiting for others.
 template <int Dim> class Pool {
  public:
   explicit Pool(std::function<std::unique_ptr<Program<Dim>>()> make) : make_(std::move(make)) {}
+  ~Pool() {
+    for (auto& slot : slots_) delete slot.load();
+  }
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
 
-  double evaluate(const Vec<Dim>& x) {
-    auto program = take();
-    const double value = (*program)(x);
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(program));
-    return value;
+  void evaluate(const Vec<Dim>& x, double* values) {
+    auto& slot = slots_[std::hash<std::thread::id>{}(std::this_thread::get_id()) % slots_.size()];
+    std::unique_ptr<Program<Dim>> program(slot.exchange(nullptr));
+    if (!program) program = make_();
+    (*program)(x, values);
+    delete slot.exchange(program.release());
   }
 
  private:
-  std::unique_ptr<Program<Dim>> take() {
-    {
-      const std::lock_guard lock(mutex_);
-      if (!idle_.empty()) {
-        auto program = std::move(idle_.back());
-        idle_.pop_back();
-        return program;
-      }
-    }
-    return make_();
-  }
-
   std::function<std::unique_ptr<Program<Dim>>()> make_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Program<Dim>>> idle_;
+  std::array<std::atomic<Program<Dim>*>, 61> slots_{};
 };
 
 }  // namespace
@@ -138,30 +153,43 @@ void Expressions<Dim>::define(const std::string& name, const std::string& text, 
 }
 
 template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& text, const std::string& where) const {
-  const auto make = [definitions = definitions_, text, where] {
+  return [component = fields<1>({text}, where)](const Vec<Dim>& x) { return component(x)[0]; };
+}
+
+template <int Dim> template <std::size_t Size>
+std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
+    const std::array<std::string, Size>& texts, const std::string& where) const {
+  using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
+  const auto make = [definitions = definitions_, texts, where] {
     auto program = std::make_unique<Program<Dim>>();
-    for (const Definition& definition : definitions) program->add(definition.name, definition.text, where);
-    program->add("", text, where);
+    for (const Definition& definition : definitions) program->define(definition.name, definition.text, where);
+    for (const std::string& text : texts) program->add_result(text, where);
     program->prune();
     return program;
   };
-  const auto checked = [text, where](double value, const Vec<Dim>& x) {
-    if (!std::isfinite(value)) {
-      std::string point;
-      for (int i = 0; i < Dim; ++i) point += fmt::format("{}{}", i ? ", " : "", x[i]);
-      throw InputError(prefixed(
-          where, fmt::format("expression \"{}\" is {} at ({}), expected a finite number", text, value, point)));
-    }
-    return value;
+  const auto check = [texts, where](const Values& values, const Vec<Dim>& x) {
+    for (std::size_t k = 0; k < Size; ++k)
+      if (!std::isfinite(values[static_cast<int>(k)]))
+        throw InputError(prefixed(where, fmt::format("expression \"{}\" is {} at ({}), expected a finite number",
+                                                     texts[k], values[static_cast<int>(k)], fmt::join(x, ", "))));
   };
-  if (const auto program = make(); !program->prune()) {
-    const double value = checked((*program)(Vec<Dim>::Zero()), Vec<Dim>::Zero());
-    return [value](const Vec<Dim>&) { return value; };
+  const auto program = make();
+  if (!program->varies()) {
+    Values values;
+    (*program)(Vec<Dim>::Zero(), values.data());
+    check(values, Vec<Dim>::Zero());
+    return [values](const Vec<Dim>&) { return values; };
   }
-  return
-      [pool = std::make_shared<Pool<Dim>>(make), checked](const Vec<Dim>& x) { return checked(pool->evaluate(x), x); };
+  return [pool = std::make_shared<Pool<Dim>>(make), check](const Vec<Dim>& x) {
+    Values values;
+    pool->evaluate(x, values.data());
+    check(values, x);
+    return values;
+  };
 }
 
 template class Expressions<2>;
+template VectorField<2> Expressions<2>::fields(const std::array<std::string, 2>&, const std::string&) const;
+template VoigtField<2> Expressions<2>::fields(const std::array<std::string, 3>&, const std::string&) const;
 
 }  // namespace efree

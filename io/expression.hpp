@@ -4,6 +4,7 @@
 
 #include "efree/core/types.hpp"
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,10 @@ template <int Dim> class Expressions {
   /// The field described by `text`. Throws InputError naming expression, position in it and what is wrong; calling the
   /// field throws InputError naming expression and point where the value is not finite.
   ScalarField<Dim> field(const std::string& text, const std::string& where = {}) const;
+
+  /// The same for 2 or 3 components, which share what they have in common.
+  template <std::size_t Size> std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> fields(
+      const std::array<std::string, Size>& texts, const std::string& where = {}) const;
 
  private:
   struct Definition {

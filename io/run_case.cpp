@@ -44,6 +44,7 @@ double mesh_size(const Case& analysis) {
 CaseMesh read_mesh(const Case& analysis, const Progress& progress) {
   StageTimes times;
   CaseMesh result;
+  const double cpu_start = process_cpu_seconds();
   {
     const Stage stage("mesh", times, progress);
     GmshOptions options = analysis.mesh;
@@ -52,10 +53,11 @@ CaseMesh read_mesh(const Case& analysis, const Progress& progress) {
       return std::make_shared<const FineMesh<2>>(read_gmsh(analysis.mesh_file.string(), options));
     });
   }
+  result.seconds = times.total();
+  result.cpu_seconds = process_cpu_seconds() - cpu_start;
   for (const Case::Mention& group : analysis.groups)
     located(analysis, group.where, [&] { return result.mesh->group(group.name).size(); });
   if (!analysis.probes.empty()) check_probes(analysis, *result.mesh);
-  result.seconds = times.total();
   return result;
 }
 
@@ -70,7 +72,7 @@ CaseResult solve_case(const Case& analysis, const CaseMesh& mesh, const Progress
     const Stage stage("solve", result.times, progress);
     result.solution = solver.solve(analysis.loads);
   });
-  result.cpu_seconds = process_cpu_seconds() - cpu_start;
+  result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);
   result.fields = recover_fields(result.approximation, result.solution);

@@ -9,10 +9,10 @@
 
 namespace efree {
 
-/// A mesh, and the seconds it took.
+/// A mesh, and the time it took.
 struct CaseMesh {
   std::shared_ptr<const FineMesh<2>> mesh;
-  double seconds = 0.0;
+  double seconds = 0.0, cpu_seconds = 0.0;
 };
 
 struct CaseResult {
@@ -26,7 +26,7 @@ struct CaseResult {
   /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, output (recovery, errors, probes,
   /// files).
   StageTimes times;
-  double cpu_seconds = 0.0;  ///< of all threads, from cloud to solve
+  double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };
 
 /// Fine mesh size of the case [length]; 0 leaves it to the file.
