@@ -83,8 +83,11 @@ template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells
   return total;
 }
 
-template <int Dim> Matrix gather(const Matrix& values, std::span<const Index> dofs) {
-  Matrix local(values.rows(), static_cast<Index>(dofs.size()));
+/// Columns `dofs` of a field; stays on the stack.
+template <int Dim, int Rows>
+Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> gather(
+    const Eigen::Matrix<double, Rows, Eigen::Dynamic>& values, std::span<const Index> dofs) {
+  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> local(Rows, static_cast<Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) local.col(static_cast<Index>(i)) = values.col(dofs[i]);
   return local;
 }
@@ -117,7 +120,8 @@ Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>
   enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto dofs = space.cell(c);
-    const Matrix u = gather<Dim>(fields.displacement, dofs), sigma = gather<Dim>(fields.stress, dofs);
+    const auto u = gather<Dim>(fields.displacement, dofs);
+    const auto sigma = gather<Dim>(fields.stress, dofs);
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const double dV = space.mesh().volume(c) * rule.weights[q];
       const Vec<Dim> x = space.position(c, rule.points.col(q));
