@@ -34,16 +34,26 @@ template <int Dim> struct HalfFacet {
   Index cell;
   Index opposite;
   friend bool operator<(const HalfFacet& a, const HalfFacet& b) {
-    return a.key != b.key ? a.key < b.key : a.cell < b.cell;
+    for (int k = 0; k < Dim; ++k)
+      if (a.key[k] != b.key[k]) return a.key[k] < b.key[k];
+    return a.cell < b.cell;
   }
 };
 
+/// All sides of all cells, ascending by key, then by cell. Linear: a counting sort by the first vertex, then short
+/// sorts.
 template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Dim>& cells) {
-  std::vector<HalfFacet<Dim>> sides;
-  sides.reserve(static_cast<std::size_t>(cells.cols()) * (Dim + 1));
-  for (Index c = 0; c < cells.cols(); ++c)
-    for (Index i = 0; i <= Dim; ++i) sides.push_back({sorted<Dim>(facet_opposite<Dim>(cells, c, i)), c, i});
-  std::sort(sides.begin(), sides.end());
+  std::vector<std::size_t> begin(static_cast<std::size_t>(cells.maxCoeff()) + 2, 0);
+  const auto for_each_side = [&](const auto& body) {
+    for (Index c = 0; c < cells.cols(); ++c)
+      for (Index i = 0; i <= Dim; ++i) body(HalfFacet<Dim>{sorted<Dim>(facet_opposite<Dim>(cells, c, i)), c, i});
+  };
+  for_each_side([&](const HalfFacet<Dim>& side) { ++begin[side.key[0] + 1]; });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<HalfFacet<Dim>> sides(begin.back());
+  std::vector<std::size_t> cursor = begin;
+  for_each_side([&](const HalfFacet<Dim>& side) { sides[cursor[side.key[0]]++] = side; });
+  for (std::size_t v = 0; v + 1 < begin.size(); ++v) std::sort(sides.begin() + begin[v], sides.begin() + begin[v + 1]);
   return sides;
 }
 
@@ -80,15 +90,18 @@ template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& 
   return edges.determinant() / (Dim == 2 ? 2.0 : 6.0);
 }
 
+template <int Dim> void check_indices(const MeshData<Dim>& data) {
+  for (const Index v : data.cells.reshaped())
+    if (v < 0 || v >= data.vertices.cols())
+      throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}", v, data.vertices.cols() - 1));
+}
+
 }  // namespace
 
 template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   const Index given_vertices = static_cast<Index>(data.vertices.cols());
   if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
-  if (data.cells.minCoeff() < 0 || data.cells.maxCoeff() >= given_vertices)
-    throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}",
-                                 data.cells.minCoeff() < 0 ? data.cells.minCoeff() : data.cells.maxCoeff(),
-                                 given_vertices - 1));
+  check_indices(data);
   if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
 
   // Keep the vertices that some cell uses, in their order.
@@ -248,6 +261,7 @@ template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_vi
 
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets) {
   if (facets.empty()) return mesh;
+  check_indices(mesh);
   std::vector<Key<Dim>> cut;
   for (const auto& facet : facets) cut.push_back(sorted<Dim>(facet));
   std::sort(cut.begin(), cut.end());

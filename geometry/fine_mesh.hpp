@@ -30,8 +30,8 @@ template <int Dim> struct MeshData {
 /// Cuts the mesh open along facets inside it: every vertex of `facets` is split into one copy for each part of its star
 /// that the cut separates, so that the ends of a cut (its tips) stay whole. Groups follow: a group that lies on the cut
 /// afterwards holds the facets of both sides. Cost linear in the mesh.
-/// Throws InputError if a facet is not one of the mesh, or stays closed because none of its vertices splits (a cut of a
-/// single facet between two tips).
+/// Throws InputError if a cell's vertex is out of range, if a facet is not one of the mesh, or stays closed because
+/// none of its vertices splits (a cut of a single facet between two tips).
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets);
 
 /// Immutable simplicial mesh with adjacency and named parts of the boundary.

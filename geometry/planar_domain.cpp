@@ -458,7 +458,8 @@ void number_mesh(Cdt& cdt, MeshData<2>& mesh) {
     std::rotate(cell.begin(), std::min_element(cell.begin(), cell.end()), cell.end());
     cells.push_back(cell);
   }
-  std::sort(cells.begin(), cells.end());
+  std::sort(cells.begin(), cells.end(),
+            [](const auto& a, const auto& b) { return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]); });
   mesh.cells.resize(3, static_cast<Index>(cells.size()));
   for (std::size_t c = 0; c < cells.size(); ++c)
     for (int i = 0; i < 3; ++i) mesh.cells(i, static_cast<Index>(c)) = cells[c][i];

@@ -140,6 +140,8 @@ TEST(CutOpen, RefusesWhatItCannotCut) {
   MeshData<2> data = grid(4);
   EXPECT_INPUT_ERROR(cut_open<2>(data, {{0, 24}}), "no cell has a facet of vertices 0, 24");
   EXPECT_INPUT_ERROR(cut_open<2>(data, {{11, 12}}), "stays closed");
+  data.cells(0, 0) = -1;
+  EXPECT_INPUT_ERROR(cut_open<2>(data, {{0, 1}}), "names vertex -1, expected 0 to 24");
 }
 
 }  // namespace
