@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/heatgeo/ball_search.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
 #include "efree/heatgeo/heat.hpp"
 #include "efree/heatgeo/patch.hpp"
@@ -114,6 +115,7 @@ class PlanarGeodesics {
   PlanarGeodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) : options_(options) {
     if (options.engine == Weight::heat_geodesic) delaunay_ = delaunay_mesh(mesh);
     mesh_ = delaunay_ ? &*delaunay_ : &mesh;
+    if (options.engine == Weight::euclidean) ball_.emplace(mesh);
     if (options.engine == Weight::visibility || options.engine == Weight::fast_marching) sight_.emplace(mesh);
   }
 
@@ -126,6 +128,10 @@ class PlanarGeodesics {
     parallel_chunks(static_cast<Index>(sources.size()), sources_per_chunk, [&](Index begin, Index end) {
       use_scratch([&](Scratch& scratch) {
         for (Index i = begin; i < end; ++i) {
+          if (ball_) {
+            finish(i, fields[i] = straight_distances(sources[i], radii[i]));
+            continue;
+          }
           const Patch<2>& patch = scratch.finder.around(sources[i], radii[i]);
           put_off[i] = options_.engine == Weight::heat_geodesic && (patch.obstructed || options_.always_solve);
           if (!put_off[i]) finish(i, fields[i] = distances(scratch, patch));
@@ -154,6 +160,15 @@ class PlanarGeodesics {
       return scratch;
     };
     pool_.use(make, body);
+  }
+
+  LocalField straight_distances(Index source, double radius) const {
+    LocalField field;
+    ball_->for_each(mesh_->vertex(source), radius, [&](Index v, double distance) {
+      field.vertices.push_back(v);
+      field.values.push_back(distance);
+    });
+    return field;
   }
 
   LocalField distances(Scratch& scratch, const Patch<2>& patch) const {
@@ -198,6 +213,7 @@ class PlanarGeodesics {
   GeodesicOptions options_;
   std::optional<FineMesh<2>> delaunay_;
   const FineMesh<2>* mesh_;
+  std::optional<BallSearch> ball_;
   std::optional<SightLines> sight_;
   mutable Pool<Scratch> pool_;
 };

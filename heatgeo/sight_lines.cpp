@@ -62,8 +62,13 @@ std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, cons
   const auto wedge = [&](const Vec<2>& first, const Vec<2>& last, double facet) {
     return BendingWedge{first, last, tolerance_ * (1.0 + reach / facet)};
   };
-  if (cross(onward, to_next) < -tolerance_) return wedge(to_next.normalized(), onward, to_next.norm());
-  if (cross(onward, to_previous) > tolerance_) return wedge(onward, to_previous.normalized(), to_previous.norm());
+  const double next_side = cross(onward, to_next), previous_side = cross(onward, to_previous);
+  if (next_side < -tolerance_) return wedge(to_next.normalized(), onward, to_next.norm());
+  if (previous_side > tolerance_) return wedge(onward, to_previous.normalized(), to_previous.norm());
+  // Along a slit to its tip: the path may turn right back, and positions do not tell on which side it came.
+  if (next_side < tolerance_ && previous_side > -tolerance_ && onward.dot(to_next) < 0.0 &&
+      onward.dot(to_previous) < 0.0)
+    return wedge(Vec<2>::Zero(), Vec<2>::Zero(), to_next.norm());
   return std::nullopt;
 }
 

@@ -17,7 +17,7 @@ struct Corner {
 /// Directions in which a shortest path may go on that bends at a reflex corner: counterclockwise from `first` to
 /// `last`, less than 180 degrees apart.
 struct BendingWedge {
-  Vec<2> first, last;  ///< unit vectors
+  Vec<2> first, last;  ///< unit vectors, or both zero
   double slack;        ///< [length]
   bool contains(const Vec<2>& direction) const {
     return first.x() * direction.y() - first.y() * direction.x() >= -slack &&
