@@ -66,9 +66,7 @@ void convergence(const Options& options, Display& display) {
   const Study study = run_study(analysis, options.study, display.runs());
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis, study);
-  for (const char* chart : {"convergence", "error_against_time", "stages"})
-    for (const char* type : {".svg", ".png"}) out.supersede(std::string(chart) + type);
-  const std::string no_charts = write_charts(out.staging(), analysis, study);
+  const std::string no_charts = write_charts(out, analysis, study);
   if (!no_charts.empty()) display.say(no_charts);
   if (!analysis.has_exact()) display.say("the case has no [exact] solution: no errors, no observed orders");
   out.commit();

@@ -22,7 +22,7 @@ struct Look {
 };
 Look look_of(const Method& method) {
   if (method.kind == BasisKind::p1) return {"#000000", 1, "1"};
-  if (method.kind == BasisKind::p2) return {"#000000", 2, "'.'"};
+  if (method.kind == BasisKind::p2) return {"#CC79A7", 2, "1"};
   if (method.secondary == SecondaryKind::full) return {"#009E73", 9, "1"};
   const bool cells = method.secondary == SecondaryKind::cells;
   const int step = method.ratio < 1.5 ? 0 : method.ratio < 3.0 ? 1 : 2;
@@ -41,6 +41,11 @@ std::string quoted(const std::string& text) {
     result += c;
   }
   return '"' + result + '"';
+}
+
+/// In pixels: a panel for each kind of error and a column for the key.
+int chart_width(std::size_t panels) {
+  return 300 + 560 * static_cast<int>(std::max<std::size_t>(panels, 2));
 }
 
 /// Error kinds that were measured, as indices into error_kinds.
@@ -67,159 +72,210 @@ std::string data_blocks(const Study& study) {
   return text;
 }
 
-/// Smallest and largest median error of a kind and number of nodes, over all methods.
-struct Box {
-  double x_low = std::numeric_limits<double>::infinity(), x_high = 0.0, y_low = x_low, y_high = 0.0;
+/// A chart's axes.
+enum class Against { nodes, seconds };
+
+/// Smallest and largest values of all methods, with a margin for the axes.
+struct Range {
+  double low = std::numeric_limits<double>::infinity(), high = 0.0;
+  void cover(double from, double to) {
+    low = std::min(low, from);
+    high = std::max(high, to);
+  }
+  double at(double fraction) const { return low * std::pow(high / low, fraction); }  ///< on a logarithmic axis
+  Range widened(double factor) const { return {low / factor, high * factor}; }
 };
-Box box_of(const Study& study, std::size_t kind) {
+struct Box {
+  Range x, y;
+};
+Box box_of(const Study& study, std::size_t kind, Against against) {
   Box box;
   for (std::size_t m = 0; m < study.methods.size(); ++m)
     for (const StudyPoint& point : study.points(m)) {
-      box.x_low = std::min(box.x_low, point.nodes);
-      box.x_high = std::max(box.x_high, point.nodes);
-      box.y_low = std::min(box.y_low, point.errors[kind]->median);
-      box.y_high = std::max(box.y_high, point.errors[kind]->median);
+      if (against == Against::nodes)
+        box.x.cover(point.nodes, point.nodes);
+      else
+        box.x.cover(point.seconds.low, point.seconds.high);
+      box.y.cover(point.errors[kind]->low, point.errors[kind]->high);
     }
-  return box;
+  return {box.x.widened(1.4), box.y.widened(1.5)};
+}
+
+/// Range and tics of a logarithmic axis: decades have labels, and 2 and 5 as well where there are few decades.
+std::string log_axis(char axis, const Range& range) {
+  const bool few_decades = range.high < 30.0 * range.low;
+  std::string tics;
+  for (int decade = static_cast<int>(std::floor(std::log10(range.low))); std::pow(10.0, decade) < range.high; ++decade)
+    for (int digit = 1; digit < 10; ++digit) {
+      const double value = digit * std::pow(10.0, decade);
+      if (value < range.low || value > range.high) continue;
+      const bool labelled = digit == 1 || (few_decades && (digit == 2 || digit == 5));
+      const std::string label = !labelled     ? ""
+                                : few_decades ? fmt::format("{:g}", value)
+                                              : fmt::format("10^{{{}}}", decade);
+      tics += fmt::format("{}'{}' {:g} {}", tics.empty() ? "" : ", ", label, value, labelled ? 0 : 1);
+    }
+  return fmt::format("set {0}range [{1}:{2}]; set {0}tics ({3})\n", axis, range.low, range.high, tics);
 }
 
 /// A triangle in the lower left corner whose side falls like H^order, H = nodes^(-1/2).
-std::string slope_triangle(const Box& box, int order, int first_object) {
-  const double width = std::pow(box.x_high / box.x_low, 0.22), height = std::pow(width, 0.5 * order);
-  const double x0 = box.x_low * std::pow(box.x_high / box.x_low, 0.03), x1 = x0 * width;
-  const double y0 = box.y_low * std::pow(box.y_high / box.y_low, 0.02), y1 = y0 * height;
-  std::string text;
-  const auto side = [&](int i, double ax, double ay, double bx, double by) {
-    text += fmt::format("set arrow {} from {},{} to {},{} nohead lw 1.2 lc rgb '#555555' front\n", first_object + i, ax,
-                        ay, bx, by);
+std::string slope_triangle(const Box& box, int order) {
+  const double width = std::pow(box.x.high / box.x.low, 0.2), height = std::pow(width, 0.5 * order);
+  const double x0 = box.x.at(0.06), y0 = box.y.at(0.06), x1 = x0 * width, y1 = y0 * height;
+  std::string text = "unset arrow; unset label\n";
+  const auto side = [&](double ax, double ay, double bx, double by) {
+    text += fmt::format("set arrow from {},{} to {},{} nohead lw 1.2 lc rgb '#555555' front\n", ax, ay, bx, by);
   };
-  side(0, x0, y1, x1, y0);
-  side(1, x0, y0, x1, y0);
-  side(2, x0, y0, x0, y1);
-  text += fmt::format("set label {} 'H^{{{}}}' at {},{} left offset 0.6,0.3 tc rgb '#333333' front\n", first_object,
-                      order, std::sqrt(x0 * x1), std::sqrt(y0 * y1));
+  side(x0, y1, x1, y0);
+  side(x0, y0, x1, y0);
+  side(x0, y0, x0, y1);
+  text += fmt::format("set label 'H{}' at {},{} left offset 0.6,0.3 tc rgb '#333333' front\n", order == 1 ? "" : "^2",
+                      std::sqrt(x0 * x1), std::sqrt(y0 * y1));
   return text;
 }
 
-/// One curve per method with `x` (a gnuplot expression) against the error in slot `slot` of the data blocks.
-std::string curves(const Study& study, std::size_t slot, bool against_time) {
+/// One curve per method against the error in slot `slot` of the data blocks.
+std::string curves(const Study& study, std::size_t slot, Against against) {
   const std::size_t y = 5 + 3 * slot;
+  const bool timed = against == Against::seconds;
   std::string text = "plot ";
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     const Look look = look_of(study.methods[m]);
     if (m > 0) text += ", \\\n     ";
-    if (against_time)
+    if (timed)
       text += fmt::format("$m{} using 2:{}:3:4:{}:{} with xyerrorbars lw 1 pt -1 lc rgb '{}' notitle, \\\n     ", m, y,
                           y + 1, y + 2, look.colour);
     text += fmt::format("$m{} using {}:{} with linespoints lw 2 ps 1.3 pt {} dt {} lc rgb '{}' title {}", m,
-                        against_time ? 2 : 1, y, look.point, look.dash, look.colour, quoted(study.methods[m].label));
+                        timed ? 2 : 1, y, look.point, look.dash, look.colour, quoted(study.methods[m].label));
   }
   return text + '\n';
 }
 
 /// Panels side by side, one for each kind of error, with the key in a column of its own on the right.
-std::string panels(const Study& study, const std::string& name, const std::string& x_label, bool against_time) {
+std::string panels(const Study& study, const std::string& name, Against against) {
   const auto kinds = measured(study);
-  const double key_width = 0.23 * 3 / (kinds.size() + 0.69), left = 0.05, gap = 0.045;
-  const double width =
-      (1.0 - key_width - left - gap * static_cast<double>(kinds.size() - 1)) / static_cast<double>(kinds.size());
+  const auto count = static_cast<double>(kinds.size());
+  const double pixel = 1.0 / chart_width(kinds.size());
+  const double key_width = 300.0 * pixel, left = 85.0 * pixel, gap = 75.0 * pixel;
+  const double width = (1.0 - key_width - left - gap * (count - 1.0)) / count;
   std::string text = fmt::format("set output '{}.'.type\nset multiplot\n", name);
   for (std::size_t slot = 0; slot < kinds.size(); ++slot) {
     const ErrorKind& kind = error_kinds[kinds[slot]];
+    const Box box = box_of(study, kinds[slot], against);
     const double x0 = left + static_cast<double>(slot) * (width + gap);
     text += fmt::format(
-        "set lmargin at screen {}; set rmargin at screen {}; set tmargin at screen 0.90; set bmargin at screen 0.14\n",
+        "set lmargin at screen {:.4f}; set rmargin at screen {:.4f}; set tmargin at screen 0.90; set bmargin at screen "
+        "0.14\n",
         x0, x0 + width);
-    text += fmt::format("set title {} offset 0,-0.3\nset xlabel {}\n", '"' + std::string(kind.label) + '"',
-                        '"' + x_label + '"');
-    text += slot == 0 ? "set ylabel 'relative error' offset 0.5\n" : "unset ylabel\n";
+    text += fmt::format("set title '{}' offset 0,-0.3\nset xlabel '{}'\n", kind.label,
+                        against == Against::nodes ? "number of nodes" : "seconds, from mesh to solve");
+    text += slot == 0 ? "set ylabel 'relative error'\n" : "unset ylabel\n";
+    text += log_axis('x', box.x) + log_axis('y', box.y);
     text += slot + 1 == kinds.size()
-                ? fmt::format("set key at screen {},0.89 left top Left reverse vertical spacing 1.35 samplen 2.5\n",
-                              x0 + width + 0.012)
+                ? fmt::format("set key at screen {:.4f},0.89 left top Left reverse vertical spacing 1.35 samplen 2.5\n",
+                              x0 + width + 20.0 * pixel)
                 : std::string("unset key\n");
-    if (!against_time) {
-      text += "unset arrow; unset label\n";
-      text += slope_triangle(box_of(study, kinds[slot]), kinds[slot] == 0 ? 2 : 1, 1);
-    }
-    text += curves(study, slot, against_time);
+    if (against == Against::nodes)
+      text += slope_triangle(box, kinds[slot] == 0 ? 2 : 1);
+    else if (slot + 1 == kinds.size())
+      text += fmt::format(
+          "set label 'medians; bars from smallest to largest' at screen {:.4f},0.19 left font ',12' tc rgb '#333333'\n",
+          x0 + width + 20.0 * pixel);
+    text += curves(study, slot, against);
   }
   return text + "unset multiplot\nunset arrow; unset label\n";
 }
 
-/// Stacked bars: seconds per stage, for each method at its finest spacing, or for each spacing of the only method.
-std::string stage_bars(const Study& study) {
-  struct Bar {
-    std::string label;
-    StudyPoint point;
-  };
+struct Bar {
+  std::string label;
+  StudyPoint point;
+};
+/// Each method at its finest spacing, or each spacing of the only method.
+std::vector<Bar> bars_of(const Study& study) {
   std::vector<Bar> bars;
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     const auto points = study.points(m);
     if (study.methods.size() == 1)
-      for (const StudyPoint& point : points) bars.push_back({fmt::format("H = {:.4g}", point.spacing), point});
+      for (const StudyPoint& point : points)
+        bars.push_back({fmt::format("H = {:.4g}, {:.0f} nodes", point.spacing, point.nodes), point});
     else
       bars.push_back({fmt::format("{}, {:.0f} nodes", study.methods[m].label, points.back().nodes), points.back()});
   }
-  const auto& stages = bars.front().point.stages;
+  return bars;
+}
+
+/// Data block $bars: label and seconds per stage.
+std::string bar_block(const std::vector<Bar>& bars) {
   std::string text = "$bars << EOD\n";
   for (const Bar& bar : bars) {
     text += quoted(bar.label);
     for (const auto& [stage, seconds] : bar.point.stages) text += fmt::format(" {}", seconds);
     text += '\n';
   }
-  text += "EOD\n";
-  // Horizontal bars, drawn as boxes: names are long.
-  text += fmt::format(
-      "set output 'stages.'.type\nunset logscale; unset title; unset ylabel; set format x '%g'; set grid x; unset "
-      "grid\n"
-      "set lmargin at screen 0.30; set rmargin at screen 0.86; set tmargin at screen 0.95; set bmargin at screen 0.14\n"
-      "set key at screen 0.87,0.94 left top Left reverse vertical spacing 1.35 samplen 1.5\n"
-      "set xlabel 'seconds (median over clouds)'; set xrange [0:*]; set yrange [{}:-0.6]; set ytics nomirror scale 0; "
-      "set style fill solid 1 noborder\n",
+  return text + "EOD\n";
+}
+
+/// Stacked horizontal bars (names are long) of the seconds per stage.
+std::string stage_bars(const std::vector<Bar>& bars) {
+  const auto& stages = bars.front().point.stages;
+  std::string text = fmt::format(
+      "set output 'stages.'.type\nunset logscale; unset title; set xtics autofreq; unset ylabel; set format x '%g'; "
+      "unset grid; set grid x "
+      "lw 0.6 lc rgb '#dddddd'\n"
+      "set lmargin at screen 0.27; set rmargin at screen 0.87; set tmargin at screen 0.95; set bmargin at screen 0.14\n"
+      "set key at screen 0.88,0.94 left top Left reverse vertical spacing 1.35 samplen 1.5\n"
+      "set xlabel 'seconds (median over clouds)'; set xrange [0:*]; set yrange [{}:-0.6]; set ytics autofreq nomirror "
+      "scale 0\n"
+      "set style fill solid 1 noborder\nplot ",
       static_cast<double>(bars.size()) - 0.4);
-  text += "plot ";
+  std::string below = "0";
   for (std::size_t s = 0; s < stages.size(); ++s) {
-    std::string below = "0";
-    for (std::size_t i = 0; i < s; ++i) below += fmt::format("+${}", i + 2);
-    text += fmt::format(
-        "{}$bars using ({}):0:({}):({}+${}):($0-0.36):($0+0.36):ytic(1) with boxxyerror lc rgb '{}' title '{}'",
-        s ? ", \\\n     " : "", below, below, below, s + 2, stage_colours[s], stages[s].first);
+    const std::string above = fmt::format("{}+${}", below, s + 2);
+    text +=
+        fmt::format("{}$bars using ({}):0:({}):({}):($0-0.36):($0+0.36):ytic(1) with boxxyerror lc rgb '{}' title '{}'",
+                    s ? ", \\\n     " : "", below, below, above, stage_colours[s], stages[s].first);
+    below = above;
   }
   return text + '\n';
 }
 
 std::string script(const Case& analysis, const Study& study) {
   const auto kinds = measured(study);
-  const int width = kinds.size() > 1 ? 520 * static_cast<int>(kinds.size()) + 420 : 1100;
   std::string text = "# Charts of a convergence study; run with: gnuplot charts.gp\n# " + analysis.title + "\n";
-  text += data_blocks(study);
+  const auto bars = bars_of(study);
+  text += data_blocks(study) + bar_block(bars);
   text += "do for [type in 'svg png'] {\nreset\n";
   text += fmt::format(
       "if (type eq 'png') {{ set terminal pngcairo size {0},640 font 'DejaVu Sans,15' enhanced }} "
       "else {{ set terminal svg size {0},640 dynamic font 'DejaVu Sans,Helvetica,sans-serif,15' enhanced background "
       "'white' }}\n",
-      width);
+      chart_width(kinds.size()));
   text +=
       "set border 3 lw 1.2 lc rgb '#333333'; set tics nomirror tc rgb '#333333'; set grid lw 0.6 lc rgb '#dddddd'\n";
   text += "set bars 0; set pointsize 1.2\n";
   if (!kinds.empty()) {
-    text += "set logscale xy; set format '10^{%L}'\n";
-    text += panels(study, "convergence", "number of nodes", false);
-    text += panels(study, "error_against_time", "seconds, mesh to solve", true);
+    text += "set logscale xy\n";
+    text += panels(study, "convergence", Against::nodes);
+    text += panels(study, "error_against_time", Against::seconds);
   }
-  text += stage_bars(study);
+  text += stage_bars(bars);
   return text + "set output\n}\n";
 }
 
 }  // namespace
 
-std::string write_charts(const std::filesystem::path& folder, const Case& analysis, const Study& study) {
-  std::ofstream file(folder / "charts.gp");
+std::string write_charts(OutputDirectory& out, const Case& analysis, const Study& study) {
+  std::ofstream file(out.file("charts.gp"));
   file << script(analysis, study);
-  if (!file.flush()) throw InputError(fmt::format("cannot write {}", (folder / "charts.gp").string()));
   file.close();
+  if (!file) throw InputError(fmt::format("cannot write {}", out.file("charts.gp").string()));
   std::string output;
-  const int status = run_program(folder, {"gnuplot", "charts.gp"}, &output);
+  const int status = run_program(out.staging(), {"gnuplot", "charts.gp"}, &output);
+  for (const char* chart : {"convergence", "error_against_time", "stages"})
+    for (const char* type : {".svg", ".png"}) {
+      out.supersede(std::string(chart) + type);
+      if (status != 0) std::filesystem::remove(out.file(std::string(chart) + type));
+    }
   if (status == 0) return "";
   if (status == 127) return "no charts: gnuplot is not installed (charts.gp draws them later)";
   return fmt::format("no charts: gnuplot failed with status {}: {}", status, output);

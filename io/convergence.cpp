@@ -24,8 +24,8 @@ constexpr std::array<const char*, 7> study_stages{"mesh",       "cloud",    "wei
 constexpr double element_size_per_spacing = 0.85;
 
 Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
-  if (kind == BasisKind::p1) return {"p1", "linear finite elements (P1)", kind, SecondaryKind::full, 0.0};
-  if (kind == BasisKind::p2) return {"p2", "quadratic finite elements (P2)", kind, SecondaryKind::full, 0.0};
+  if (kind == BasisKind::p1) return {"p1", "P1 finite elements", kind, SecondaryKind::full, 0.0};
+  if (kind == BasisKind::p2) return {"p2", "P2 finite elements", kind, SecondaryKind::full, 0.0};
   if (secondary == SecondaryKind::full) return {"full", "efree, full integration", kind, secondary, 0.0};
   const bool cells = secondary == SecondaryKind::cells;
   if (ratio == 0.0) ratio = cells ? 2.0 : 4.0;  // approximate()'s own defaults
@@ -149,10 +149,11 @@ std::vector<StudyPoint> Study::points(std::size_t method) const {
 }
 
 std::optional<double> Study::order(std::size_t method, std::size_t error_kind) const {
+  const bool cloud = methods[method].kind == BasisKind::mls;
   std::vector<std::pair<double, double>> logs;
   for (const StudyPoint& point : points(method))
     if (const auto& error = point.errors[error_kind])
-      logs.emplace_back(std::log(point.spacing), std::log(error->median));
+      logs.emplace_back(cloud ? std::log(point.spacing) : -0.5 * std::log(point.nodes), std::log(error->median));
   if (logs.size() < 2) return {};
   return slope(logs);
 }

@@ -2,6 +2,7 @@
 /// The same case on finer and finer clouds, by one method or by all of them.
 #pragma once
 
+#include "efree/io/output_directory.hpp"
 #include "efree/io/run_case.hpp"
 
 #include <filesystem>
@@ -71,7 +72,8 @@ struct Study {
 
   /// Medians and spreads of a method, coarse to fine.
   std::vector<StudyPoint> points(std::size_t method) const;
-  /// Least-squares slope of log(median error) against log(spacing), error_kind an index into error_kinds; nothing
+  /// Observed order: least-squares slope of log(median error) against log(spacing), for finite elements against
+  /// log(nodes^(-1/2)), as the element size asked for is only a bound; error_kind an index into error_kinds; nothing
   /// without an exact solution.
   std::optional<double> order(std::size_t method, std::size_t error_kind) const;
 };
@@ -89,9 +91,9 @@ void write_study_json(const std::filesystem::path& file, const Case& analysis, c
 /// Observed orders as a table for reading.
 std::string order_table(const Study& study);
 
-/// Charts by gnuplot as SVG and PNG in `folder`: convergence (error against number of nodes, slope triangles),
-/// error_against_time, stages (where the time goes); the gnuplot script charts.gp stays beside them. Returns an empty
-/// string, or why there are no charts (no gnuplot).
-std::string write_charts(const std::filesystem::path& folder, const Case& analysis, const Study& study);
+/// Charts by gnuplot as SVG and PNG: convergence (error against number of nodes, slope triangles), error_against_time,
+/// stages (where the time goes), and beside them the script charts.gp that draws them. Returns an empty string, or why
+/// there are no charts (no gnuplot).
+std::string write_charts(OutputDirectory& out, const Case& analysis, const Study& study);
 
 }  // namespace efree

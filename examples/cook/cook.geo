@@ -24,4 +24,3 @@ Physical Curve("right") = {2};
 Physical Curve("top") = {3};
 Physical Curve("left") = {4};
 Physical Surface("membrane") = {1};
-Mesh.MeshSizeMax = 1;

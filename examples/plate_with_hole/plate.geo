@@ -36,4 +36,3 @@ Physical Curve("top") = {3};
 Physical Curve("left") = {4};
 Physical Curve("hole") = {5};
 Physical Surface("plate") = {1};
-Mesh.MeshSizeMax = 0.1;

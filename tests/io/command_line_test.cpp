@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "workspace.hpp"
+
+#include <vtkCellType.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkUnstructuredGrid.h>
+#include <vtkXMLUnstructuredGridReader.h>
+#include <regex>
+
+namespace efree::test {
+namespace {
+
+const std::vector<std::string> solve_here{"solve", "case.toml", "--out", "out", "--quiet", "--no-picture"};
+
+/// Runs the strip's case with `from` replaced by `to`.
+Workspace::Run solve_with(const Workspace& work, const std::string& from, const std::string& to) {
+  work.write("case.toml", replaced(strip_case, from, to));
+  return work.efree(solve_here);
+}
+
+void expect_refused(const Workspace::Run& run, const std::string& message) {
+  EXPECT_EQ(run.status, 2) << run.output;
+  EXPECT_TRUE(std::regex_search(run.output, std::regex(message))) << run.output;
+}
+
+TEST(CommandLine, SaysWhatItIs) {
+  const Workspace work;
+  EXPECT_EQ(work.efree({"--version"}).output, "efree 0.1.0\n");
+  const auto help = work.efree({"--help"});
+  EXPECT_EQ(help.status, 0);
+  EXPECT_NE(help.output.find("convergence"), std::string::npos);
+}
+
+TEST(CommandLine, RefusesWrongArguments) {
+  const Workspace work;
+  expect_refused(work.efree({}), "subcommand is required");
+  expect_refused(work.efree({"solve", "case.toml"}), "--out is required");
+  expect_refused(work.efree({"solve", "case.toml", "--out", "out", "--thread", "2"}), "--thread");
+  expect_refused(work.efree({"solve", "case.toml", "--out", "out", "--threads", "0"}), "--threads");
+  expect_refused(work.efree({"solve", "none.toml", "--out", "out"}), "^error: cannot read the case file none.toml");
+  expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4"}),
+                 "at least two different");
+  expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4,x"}), "--spacing");
+  expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4,-0.2"}), "--spacing");
+  EXPECT_FALSE(fs::exists(work / "out"));
+}
+
+TEST(CommandLine, RefusesWhatOnlyTheMeshCanTell) {
+  const Workspace work;
+  expect_refused(solve_with(work, "on = \"right\"", "on = \"rigt\""),
+                 "^error: case.toml:25: .*rigt.*bottom.*right.*top.*left");
+  expect_refused(solve_with(work, "at = [2.0, 0.5]", "at = [2.1, 0.5]"),
+                 "^error: case.toml:33: .*2.1.*outside the body");
+  expect_refused(solve_with(work, "mesh_size = 0.1", "parameters = { lenght = 3 }"),
+                 "^error: case.toml:3: .*lenght.*length");
+  expect_refused(solve_with(work, "mesh_size = 0.1", "slits = [\"crack\"]"), "^error: case.toml:3: .*crack");
+  expect_refused(solve_with(work, "traction = [\"1\", \"0\"]", "traction = [\"1/(y - y)\", \"0\"]"),
+                 "^error: case.toml:26: expression \"1/\\(y - y\\)\" is inf at \\(2, ");
+  EXPECT_FALSE(fs::exists(work / "out"));
+}
+
+TEST(CommandLine, NamesTheRigidMotionLeftFree) {
+  const Workspace work;
+  expect_refused(
+      solve_with(work, "on = \"bottom\"\ndisplacement = [\"free\", \"0*x\"]", "on = \"bottom\"\npressure = 1"),
+      "^error: case.toml: .*translation.*y");
+  expect_refused(solve_with(work, "on = \"left\"\ndisplacement = [0, \"free\"]", "on = \"left\"\npressure = 1"),
+                 "^error: case.toml: .*translation.*x");
+}
+
+TEST(CommandLine, RefusesADirectoryItCannotWriteTo) {
+  const Workspace work;
+  work.write("out", "a file");
+  expect_refused(work.efree(solve_here), "^error: cannot create the output directory out");
+  EXPECT_EQ(content(work / "out"), "a file");
+}
+
+TEST(CommandLine, ARunThatFailsLeavesOldResultsAlone) {
+  const Workspace work;
+  fs::create_directory(work / "out");
+  work.write("out/result.json", "old");
+  EXPECT_EQ(solve_with(work, "nu = 0.3", "nu = 0.5").status, 2);
+  EXPECT_EQ(solve_with(work, "on = \"right\"", "on = \"rigt\"").status, 2);
+  EXPECT_EQ(content(work / "out/result.json"), "old");
+  EXPECT_EQ(std::distance(fs::directory_iterator(work / "out"), fs::directory_iterator{}), 1);
+}
+
+TEST(CommandLine, SaysWhyTheNumbersFailed) {
+  const Workspace work;
+  // Three corners' worth of nodes cannot carry quadratic polynomials.
+  const std::string coarse = replaced(replaced(strip_case, "order = 1", "order = 2"), "spacing = 0.4", "spacing = 2");
+  work.write("case.toml", coarse);
+  const auto run = work.efree(solve_here);
+  EXPECT_EQ(run.status, 3) << run.output;
+  const auto failure = json(work / "out/failure.json");
+  EXPECT_EQ(failure["status"], "failed");
+  EXPECT_EQ(failure["stage"], "basis");
+  EXPECT_NE(run.output.find(failure["reason"].get<std::string>()), std::string::npos);
+  EXPECT_FALSE(fs::exists(work / "out/result.json"));
+}
+
+TEST(CommandLine, TensionOfAStripComesOutExactly) {
+  for (const char* kind : {"mls", "p1", "p2"}) {
+    const Workspace work(strip_case, "Räume mit Löchern");
+    const auto run = solve_with(work, "kind = \"mls\"", std::string("kind = \"") + kind + "\"");
+    ASSERT_EQ(run.status, 0) << run.output;
+    EXPECT_EQ(run.output, "");
+    const auto result = json(work / "out/result.json");
+    for (const char* count : {"fine_vertices", "fine_cells", "nodes", "quadrature_points"})
+      EXPECT_GT(result["counts"][count], 0) << count;
+    for (const char* error : {"l2_displacement", "energy_norm", "energy_norm_recovered"})
+      EXPECT_LT(result["errors"][error], 1e-10) << error;
+    EXPECT_NEAR(result["strain_energy"], 1.0, 1e-10);
+    const auto& probe = result["probes"]["end"];
+    EXPECT_NEAR(probe["displacement"][0], 2.0, 1e-10);
+    EXPECT_NEAR(probe["displacement"][1], -0.15, 1e-10);
+    EXPECT_NEAR(probe["strain"][1], -0.3, 1e-10);
+    EXPECT_NEAR(probe["stress"][0], 1.0, 1e-10);
+    double total = 0.0;
+    for (const auto& [stage, seconds] : result["seconds"].items())
+      if (stage != "total") total += seconds.get<double>();
+    EXPECT_NEAR(result["seconds"]["total"], total, 1e-9);
+    for (const char* stage : {"mesh", "basis", "quadrature", "assembly", "solve", "output"})
+      EXPECT_TRUE(result["seconds"].contains(stage)) << stage;
+    EXPECT_GT(result["peak_memory_mb"], 1.0);
+    EXPECT_GE(result["threads"], 1);
+    EXPECT_EQ(result["version"], "0.1.0");
+  }
+}
+
+TEST(CommandLine, NodesOfQuadraticElementsAreCounted) {
+  const Workspace work;
+  ASSERT_EQ(solve_with(work, "kind = \"mls\"", "kind = \"p2\"").status, 0);
+  const auto counts = json(work / "out/result.json")["counts"];
+  // Euler: edges = vertices + cells - 1 on a body without holes; a node at each vertex and edge.
+  EXPECT_EQ(counts["nodes"], 2 * counts["fine_vertices"].get<int>() + counts["fine_cells"].get<int>() - 1);
+}
+
+TEST(CommandLine, FieldsCanBeReadByVtk) {
+  for (const auto& [kind, cell_type] : {std::pair("mls", VTK_TRIANGLE), std::pair("p2", VTK_QUADRATIC_TRIANGLE)}) {
+    const Workspace work;
+    ASSERT_EQ(solve_with(work, "kind = \"mls\"", std::string("kind = \"") + kind + "\"").status, 0);
+    vtkNew<vtkXMLUnstructuredGridReader> reader;
+    const std::string file = (work / "out/fields.vtu").string();
+    reader->SetFileName(file.c_str());
+    reader->Update();
+    vtkUnstructuredGrid* grid = reader->GetOutput();
+    ASSERT_GT(grid->GetNumberOfCells(), 0);
+    EXPECT_EQ(grid->GetCellType(0), cell_type);
+    vtkDataArray *u = grid->GetPointData()->GetArray("displacement"),
+                 *stress = grid->GetPointData()->GetArray("stress"), *strain = grid->GetPointData()->GetArray("strain"),
+                 *mises = grid->GetPointData()->GetArray("von_mises");
+    ASSERT_TRUE(u && stress && strain && mises);
+    EXPECT_STREQ(stress->GetComponentName(2), "xy");
+    for (vtkIdType p = 0; p < grid->GetNumberOfPoints(); ++p) {
+      ASSERT_NEAR(u->GetComponent(p, 0), grid->GetPoint(p)[0], 1e-10);
+      ASSERT_NEAR(u->GetComponent(p, 1), -0.3 * grid->GetPoint(p)[1], 1e-10);
+      ASSERT_NEAR(stress->GetComponent(p, 0), 1.0, 1e-10);
+      ASSERT_NEAR(strain->GetComponent(p, 1), -0.3, 1e-10);
+      ASSERT_NEAR(mises->GetComponent(p, 0), 1.0, 1e-10);
+    }
+    // A quadratic triangle's point 3 + i lies in the middle of its edge (i, i + 1).
+    for (vtkIdType c = 0; cell_type == VTK_QUADRATIC_TRIANGLE && c < grid->GetNumberOfCells(); ++c) {
+      const vtkIdType* points = nullptr;
+      vtkIdType size = 0;
+      grid->GetCellPoints(c, size, points);
+      ASSERT_EQ(size, 6);
+      for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 2; ++k)
+          ASSERT_NEAR(grid->GetPoints()->GetData()->GetComponent(points[3 + i], k),
+                      0.5 * (grid->GetPoints()->GetData()->GetComponent(points[i], k) +
+                             grid->GetPoints()->GetData()->GetComponent(points[(i + 1) % 3], k)),
+                      1e-12);
+    }
+  }
+}
+
+TEST(CommandLine, ThreadsDoNotChangeABit) {
+  const Workspace work(replaced(strip_case, "traction = [\"1\", \"0\"]", "traction = [\"y^2\", \"sin(y)\"]"));
+  for (const char* threads : {"1", "2"})
+    ASSERT_EQ(
+        work.efree({"solve", "case.toml", "--out", threads, "--threads", threads, "--quiet", "--no-picture"}).status,
+        0);
+  auto one = json(work / "1/result.json"), two = json(work / "2/result.json");
+  EXPECT_EQ(one["threads"], 1);
+  EXPECT_EQ(two["threads"], 2);
+  for (auto* result : {&one, &two})
+    for (const char* key : {"threads", "seconds", "peak_memory_mb"}) result->erase(key);
+  EXPECT_EQ(one, two);
+  EXPECT_EQ(content(work / "1/fields.vtu"), content(work / "2/fields.vtu"));
+}
+
+TEST(CommandLine, StagesAreToldLineByLineWhereNobodyWatches) {
+  const Workspace work;
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  for (const char* stage : {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"})
+    EXPECT_TRUE(std::regex_search(run.output, std::regex(std::string("(^|\n)") + stage + " +[0-9.]+ s\n")))
+        << run.output;
+  EXPECT_EQ(run.output.find('\r'), std::string::npos);
+}
+
+TEST(CommandLine, AMachineWithoutADisplayGetsEverythingButThePicture) {
+  const Workspace work;
+  // Neither a display nor, on this PATH, an Xvfb.
+  std::string output;
+  const int status = run_program(
+      work / "",
+      {"/usr/bin/env", "-u", "DISPLAY", "PATH=/nowhere", EFREE_PROGRAM, "solve", "case.toml", "--out", "out"}, &output);
+  EXPECT_EQ(status, 0) << output;
+  EXPECT_NE(output.find("no picture of the fields"), std::string::npos) << output;
+  EXPECT_TRUE(fs::exists(work / "out/fields.vtu"));
+  EXPECT_FALSE(fs::exists(work / "out/fields.png"));
+}
+
+TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
+  const Workspace work;
+  const std::string plate = std::string(EFREE_EXAMPLES) + "/plate_with_hole/case.toml";
+  const auto run = work.efree({"convergence", plate, "--spacing", "0.8,0.4", "--seeds", "2", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const std::string csv = content(work / "out/convergence.csv");
+  EXPECT_EQ(std::ranges::count(csv, '\n'), 5);
+  EXPECT_TRUE(csv.starts_with("spacing,seed,method,nodes,")) << csv;
+  const auto& method = json(work / "out/convergence.json")["methods"]["cells-2"];
+  EXPECT_GT(method["orders"]["l2_displacement"], 1.5);
+  EXPECT_GT(method["orders"]["energy_norm"], 0.6);
+  EXPECT_EQ(method["medians"].size(), 2u);
+  EXPECT_NE(run.output.find("observed orders"), std::string::npos);
+  if (run.output.find("gnuplot is not installed") == std::string::npos)
+    for (const char* chart : {"convergence", "error_against_time", "stages"})
+      for (const char* type : {".svg", ".png"})
+        EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
+}
+
+}  // namespace
+}  // namespace efree::test

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case_file.hpp"
+
+#include <gtest/gtest.h>
+#include <cmath>
+#include <random>
+
+namespace efree {
+namespace {
+
+const std::string examples = EFREE_EXAMPLES;
+
+Case kirsch() {
+  return read_case(examples + "/plate_with_hole/case.toml");
+}
+
+/// Points of the quarter plate outside the hole, the boundary left out by `margin`.
+std::vector<Vec<2>> plate_points(double margin) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> coordinate(margin, 4.0 - margin);
+  std::vector<Vec<2>> points;
+  while (points.size() < 200) {
+    const Vec<2> x(coordinate(random), coordinate(random));
+    if (x.norm() > 1.0 + margin) points.push_back(x);
+  }
+  return points;
+}
+
+TEST(KirschSolution, StressBelongsToTheDisplacement) {
+  const Case plate = kirsch();
+  const VoigtMatrix<2> C = stiffness<2>(plane_lame(plate.model.material, plate.model.plane));
+  constexpr double h = 1e-4;
+  for (const Vec<2>& x : plate_points(0.01)) {
+    const auto difference = [&](int j) {
+      const Vec<2> step = h * Vec<2>::Unit(j);
+      return Vec<2>((plate.exact.displacement(x + step) - plate.exact.displacement(x - step)) / (2 * h));
+    };
+    const Vec<2> dx = difference(0), dy = difference(1);
+    const Voigt<2> strain(dx[0], dy[1], dx[1] + dy[0]);
+    EXPECT_LT((C * strain - plate.exact.stress(x)).cwiseAbs().maxCoeff(), 1e-6) << x.transpose();
+  }
+}
+
+TEST(KirschSolution, IsInEquilibrium) {
+  const Case plate = kirsch();
+  constexpr double h = 1e-4;
+  for (const Vec<2>& x : plate_points(0.01)) {
+    const Voigt<2> dx =
+        (plate.exact.stress(x + h * Vec<2>::UnitX()) - plate.exact.stress(x - h * Vec<2>::UnitX())) / (2 * h);
+    const Voigt<2> dy =
+        (plate.exact.stress(x + h * Vec<2>::UnitY()) - plate.exact.stress(x - h * Vec<2>::UnitY())) / (2 * h);
+    EXPECT_NEAR(dx[0] + dy[2], 0.0, 1e-5) << x.transpose();
+    EXPECT_NEAR(dx[2] + dy[1], 0.0, 1e-5) << x.transpose();
+  }
+}
+
+TEST(KirschSolution, LeavesTheHoleFreeAndTriplesTheTensionAboveIt) {
+  const Case plate = kirsch();
+  for (int i = 0; i <= 90; ++i) {
+    const double t = i * std::acos(-1.0) / 180.0;
+    const Vec<2> n(std::cos(t), std::sin(t));
+    const Voigt<2> s = plate.exact.stress(n);
+    EXPECT_NEAR(s[0] * n[0] + s[2] * n[1], 0.0, 1e-12);
+    EXPECT_NEAR(s[2] * n[0] + s[1] * n[1], 0.0, 1e-12);
+  }
+  EXPECT_NEAR(plate.exact.stress(Vec<2>(0, 1))[0], 3.0, 1e-12);
+  EXPECT_NEAR(plate.exact.displacement(Vec<2>(0, 2))[0], 0.0, 1e-12);
+  EXPECT_NEAR(plate.exact.displacement(Vec<2>(2, 0))[1], 0.0, 1e-12);
+}
+
+TEST(KirschSolution, LoadsAreItsStresses) {
+  const Case plate = kirsch();
+  ASSERT_EQ(plate.loads.tractions.size(), 2u);
+  const Vec<2> right(4, 1.7), top(2.1, 4);
+  EXPECT_EQ(plate.loads.tractions[0].traction(right, Vec<2>::UnitX()),
+            Vec<2>(plate.exact.stress(right)[0], plate.exact.stress(right)[2]));
+  EXPECT_EQ(plate.loads.tractions[1].traction(top, Vec<2>::UnitY()),
+            Vec<2>(plate.exact.stress(top)[2], plate.exact.stress(top)[1]));
+}
+
+TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {
+  const Case stress = read_case(examples + "/cook/plane_stress.toml"),
+             strain = read_case(examples + "/cook/plane_strain.toml");
+  EXPECT_FALSE(stress.approximation.dilatation);
+  EXPECT_TRUE(strain.approximation.dilatation);
+  EXPECT_EQ(strain.loads.tractions.at(0).traction({48, 50}, {1, 0}), Vec<2>(0, 6.25));
+}
+
+}  // namespace
+}  // namespace efree

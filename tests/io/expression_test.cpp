@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/expression.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+
+#include <gtest/gtest.h>
+#include <cmath>
+#include <numbers>
+
+namespace efree {
+namespace {
+
+/// Message of the InputError that `work` throws.
+template <class Work> std::string complaint(const Work& work) {
+  try {
+    work();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Expression, EvaluatesTheUsualFunctions) {
+  const Expressions<2> expressions;
+  const Vec<2> x(0.7, -1.3);
+  const auto value = [&](const char* text) { return expressions.field(text)(x); };
+  EXPECT_DOUBLE_EQ(value("sin(pi*x) + y^2"), std::sin(std::numbers::pi * 0.7) + 1.69);
+  EXPECT_DOUBLE_EQ(value("atan2(y, x)"), std::atan2(-1.3, 0.7));
+  EXPECT_DOUBLE_EQ(value("sqrt(x) - abs(y)"), std::sqrt(0.7) - 1.3);
+  EXPECT_DOUBLE_EQ(value("x > 0.5 ? 2 : 3"), 2.0);
+  EXPECT_DOUBLE_EQ(value("log(e) + ln(e) + log10(100)"), 4.0);
+  EXPECT_DOUBLE_EQ(value("-2^2"), -4.0);
+  EXPECT_DOUBLE_EQ(value("1e-3"), 1e-3);
+}
+
+TEST(Expression, DefinitionsBuildOnEachOther) {
+  Expressions<2> expressions;
+  expressions.define("a", "2");
+  expressions.define("r", "sqrt(x^2 + y^2)/a");
+  expressions.define("unused", "1/0*x");
+  expressions.define("q", "r^2");
+  EXPECT_DOUBLE_EQ(expressions.field("q + a")(Vec<2>(3, 4)), 8.25);
+  const Vec<2> pair = expressions.fields<2>({"q", "r*x"})(Vec<2>(3, 4));
+  EXPECT_DOUBLE_EQ(pair[0], 6.25);
+  EXPECT_DOUBLE_EQ(pair[1], 7.5);
+}
+
+TEST(Expression, SaysWhereAndWhatIsWrong) {
+  Expressions<2> expressions;
+  EXPECT_EQ(complaint([&] { expressions.field("1 + foo*x", "case:3"); }),
+            "case:3: expression \"1 + foo*x\", position 5: Unexpected token \"foo\" found");
+  EXPECT_NE(complaint([&] { expressions.field("sin("); }).find("expression \"sin(\", position 5"), std::string::npos);
+  EXPECT_NE(complaint([&] { expressions.field("1, 2"); }).find("2 values"), std::string::npos);
+  EXPECT_NE(complaint([&] { expressions.define("x", "1"); }).find("\"x\" already has a meaning"), std::string::npos);
+  EXPECT_NE(complaint([&] { expressions.define("sin", "1"); }).find("already has a meaning"), std::string::npos);
+  EXPECT_NE(complaint([&] { expressions.define("2a", "1"); }).find("\"2a\" cannot name"), std::string::npos);
+}
+
+TEST(Expression, RefusesValuesThatAreNotFinite) {
+  const Expressions<2> expressions;
+  const auto field = expressions.field("1/(x - 2)", "case:7");
+  EXPECT_DOUBLE_EQ(field(Vec<2>(3, 0)), 1.0);
+  EXPECT_EQ(complaint([&] { field(Vec<2>(2, 0.5)); }),
+            "case:7: expression \"1/(x - 2)\" is inf at (2, 0.5), expected a finite number");
+  EXPECT_NE(complaint([&] { expressions.field("0/0"); }).find("expected a finite number"), std::string::npos);
+}
+
+TEST(Expression, ThreadsDoNotDisturbEachOther) {
+  Expressions<2> expressions;
+  expressions.define("s", "x + 2*y");
+  const auto field = expressions.field("s*x - y");
+  constexpr Index n = 20000;
+  Vector values(n);
+  const int before = num_threads();
+  set_num_threads(4);
+  parallel_for(n, [&](Index i) { values[i] = field(Vec<2>(i, 0.5 * i)); });
+  set_num_threads(before);
+  for (Index i = 0; i < n; ++i) ASSERT_EQ(values[i], 2.0 * i * i - 0.5 * i);
+}
+
+}  // namespace
+}  // namespace efree
