@@ -8,9 +8,9 @@ namespace efree {
 
 /// Fast marching with virtual sources: Dijkstra's order, but a vertex takes its distance from the vertex its straight
 /// line comes from (a source, or a reflex corner where the path bent last), so the update has no error where
-/// the line crosses the front edge. Vertices may be improved after they were passed, so obtuse cells do no harm.
-/// After Sethian (1996) and the virtual sources of Novotni & Klein (2002). Exact but near places where several fronts
-/// meet inside one cell. Keeps scratch memory: use one per thread.
+/// the line crosses the front edge; where two fronts meet, the line of sight is checked. Vertices may be improved after
+/// they were passed, so obtuse cells do no harm. After Sethian (1996) and the virtual sources of Novotni & Klein
+/// (2002). Exact but near places where several fronts meet inside one cell. Keeps scratch memory: use one per thread.
 class FastMarching {
  public:
   /// Keeps a reference.

@@ -21,7 +21,7 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr Index sources_per_chunk = 8;
-constexpr double cluster_width_in_radii = 1.0;
+constexpr double cluster_width_in_radii = 1.5;
 constexpr int flow_steps = 6;
 constexpr double flow_time = 0.1;  // in squared radii
 

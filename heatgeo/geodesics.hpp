@@ -26,12 +26,13 @@ struct LocalField {
 
 struct GeodesicOptions {
   Weight engine = Weight::visibility;
-  double heat_time = 1.0;     ///< heat method: t in units of the squared mean edge length
-  bool always_solve = false;  ///< also solve where the source sees the whole patch (for measuring the engines)
+  double heat_time = 0.25;    ///< heat method: t in units of the squared mean edge length
+  bool always_solve = false;  ///< march and heat also where the source sees all of its patch (to measure them)
 };
 
-/// Distances from single vertices. Holds what several sources share (the Delaunay edges of the domain, factorisations
-/// of clusters). Const calls may run concurrently.
+/// Distances from single vertices. Holds what sources share: the corners of the boundary, the Delaunay cells, scratch
+/// memory. Where a source sees all of its patch the distance is the straight line and nothing is solved. Const calls
+/// may run concurrently; results do not depend on the number of threads.
 template <int Dim> class Geodesics {
  public:
   /// Keeps a reference to the mesh. Throws InputError for heat_flow (no distance).
@@ -42,8 +43,8 @@ template <int Dim> class Geodesics {
 
   /// Distances d < radius from `source`, inside the body (for Weight::euclidean: through everything).
   LocalField from(Index source, double radius) const;
-  /// The same for many sources, each with its own radius; heat solves share factorisations among clusters of
-  /// neighbours.
+  /// The same for many sources, each with its own radius; the heat method shares factorisations among neighbours.
+  /// Throws InputError for a source that is no vertex or a radius that is not positive.
   std::vector<LocalField> from(const std::vector<Index>& sources, const Vector& radii) const;
 
  private:
@@ -68,7 +69,8 @@ template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std:
                                            const Vector& radii, const WeightOptions& options);
 
 /// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources
-/// at once). num_vertices entries; -1 and infinity where no source is in the same body.
+/// at once; where three of their regions meet inside one triangle the second nearest may be taken). num_vertices
+/// entries; -1 and infinity where no source is in the same body.
 struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`
   Vector distance;

@@ -4,7 +4,7 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/CholmodSupport>
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -12,13 +12,7 @@ namespace efree {
 namespace {
 
 using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, Index>;
-#ifdef EFREE_EIGEN_LLT
-using Factorization = Eigen::SimplicialLLT<SparseMatrix, Eigen::Lower>;
-#elif defined EFREE_SUPER
-using Factorization = Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower>;
-#else
-using Factorization = Eigen::CholmodSimplicialLLT<SparseMatrix, Eigen::Lower>;
-#endif
+using Factorization = Eigen::SimplicialLLT<SparseMatrix, Eigen::Lower>;  // on patches faster than CHOLMOD
 
 /// Beyond the radius by this many diffusion lengths, so that what happens at the rim is not felt inside.
 constexpr double margin_in_diffusion_lengths = 3.0;

@@ -4,8 +4,6 @@
 
 #include "efree/geometry/fine_mesh.hpp"
 
-#include <limits>
-
 namespace efree {
 
 /// Connected part of the fine mesh inside a ball around a source vertex.
