@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <numeric>
 
 namespace efree {
@@ -34,7 +35,7 @@ template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeClo
   for (Index v = 0; v < mesh.num_vertices(); ++v) {
     const Index I = nearest.source[v];
     if (I < 0)
-      throw NumericalError(fmt::format("the body around vertex {} holds no node; use a smaller spacing", v));
+      throw NumericalError(fmt::format("the body around ({:.6g}) holds no node; use a smaller spacing", fmt::join(mesh.vertex(v), ", ")));
     const double full = volume_per_node<Dim> * std::pow(cloud.spacing[I], Dim);
     spacing[v] = std::pow(std::min(share[I], full) / (volume_per_node<Dim> * ratio), 1.0 / Dim);
   }
@@ -45,7 +46,7 @@ template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeClo
 /// nodes are left out, worst first, until every weight is positive.
 template <int Dim>
 SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cloud, const ApproximationOptions& options, Index& dropped) {
-  MlsOptions mls{.order = 1, .support = 2.0, .weights = {options.weight, options.kernel}};
+  const MlsOptions mls{.order = 1, .support = 2.0, .weights = {options.weight, options.kernel}, .vanish_on = {}};
   for (;;) {
     const auto table = moving_least_squares(space.mesh(), cloud, mls).shape;
     auto secondary = secondary_from_table(space, table, cloud);
@@ -63,11 +64,12 @@ SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cl
   }
 }
 
-/// Joins quadrature points into about 0.85 unions per node: enough constraints to control volume, few enough not to lock.
+/// Joins quadrature points into unions that carry the volumetric part: few enough not to lock. Asking for 0.35 unions per
+/// node gives about 0.65, since nodes on the boundary own little volume but count.
 template <int Dim>
 void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
                  const std::vector<Index>& vertices, Approximation<Dim>& result) {
-  constexpr double unions_per_node = 0.85;
+  constexpr double unions_per_node = 0.35;
   const auto seeds = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, unions_per_node), seed);
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
   std::vector<Index> renumbered(seeds.size(), -1);
@@ -113,7 +115,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
     cloud = sample_cloud(mesh, CloudOptions{options.spacing, options.seed});
   }
   const MlsOptions mls_options{.order = options.order,
-                               .support = options.support > 0.0 ? options.support : options.order == 1 ? 2.0 : 3.0,
+                               .support = options.support > 0.0 ? options.support : options.order == 1 ? 2.5 : 3.0,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
   auto mls = moving_least_squares(mesh, cloud, mls_options, &clock, progress);

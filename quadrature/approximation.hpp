@@ -31,7 +31,7 @@ struct ApproximationOptions {
   int order = 1;            ///< polynomials MLS reproduces: 1 or 2
   double spacing = 0.0;     ///< H [length]; required for MLS
   std::uint64_t seed = 1;   ///< of the clouds
-  double support = 0.0;     ///< radius in units of H; 0: 2 for order 1, 3 for order 2
+  double support = 0.0;     ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
   Weight weight = Weight::visibility;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
