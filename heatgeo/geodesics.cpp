@@ -3,7 +3,6 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/heatgeo/ball_search.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
 #include "efree/heatgeo/heat.hpp"
 #include "efree/heatgeo/patch.hpp"
