@@ -45,7 +45,7 @@ std::string quoted(const std::string& text) {
 
 /// In pixels: a panel for each kind of error and a column for the key.
 int chart_width(std::size_t panels) {
-  return 300 + 560 * static_cast<int>(std::max<std::size_t>(panels, 2));
+  return 330 + 560 * static_cast<int>(std::max<std::size_t>(panels, 2));
 }
 
 /// Error kinds that were measured, as indices into error_kinds.
@@ -156,7 +156,7 @@ std::string panels(const Study& study, const std::string& name, Against against)
   const auto kinds = measured(study);
   const auto count = static_cast<double>(kinds.size());
   const double pixel = 1.0 / chart_width(kinds.size());
-  const double key_width = 300.0 * pixel, left = 85.0 * pixel, gap = 75.0 * pixel;
+  const double key_width = 330.0 * pixel, left = 85.0 * pixel, gap = 75.0 * pixel;
   const double width = (1.0 - key_width - left - gap * (count - 1.0)) / count;
   std::string text = fmt::format("set output '{}.'.type\nset multiplot\n", name);
   for (std::size_t slot = 0; slot < kinds.size(); ++slot) {
@@ -179,7 +179,8 @@ std::string panels(const Study& study, const std::string& name, Against against)
       text += slope_triangle(box, kinds[slot] == 0 ? 2 : 1);
     else if (slot + 1 == kinds.size())
       text += fmt::format(
-          "set label 'medians; bars from smallest to largest' at screen {:.4f},0.19 left font ',12' tc rgb '#333333'\n",
+          "set label \"medians; bars from\\nsmallest to largest\" at screen {:.4f},0.19 left font ',12' tc rgb "
+          "'#333333'\n",
           x0 + width + 20.0 * pixel);
     text += curves(study, slot, against);
   }

@@ -7,9 +7,9 @@
 
 namespace efree {
 
-int run_program(const std::filesystem::path& folder, const std::vector<std::string>& command, std::string* output) {
+int run_program(const std::filesystem::path& folder, std::vector<std::string> command, std::string* output) {
   std::vector<char*> arguments;
-  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+  for (std::string& word : command) arguments.push_back(word.data());
   arguments.push_back(nullptr);
   std::array<int, 2> channel{};
   if (pipe(channel.data()) != 0) return 127;

@@ -25,12 +25,15 @@ constexpr double element_size_per_spacing = 0.85;
 
 Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   if (kind == BasisKind::p1) return {"p1", "P1 finite elements", kind, SecondaryKind::full, 0.0};
-  if (kind == BasisKind::p2) return {"p2", "P2 finite elements", kind, SecondaryKind::full, 0.0};
+  if (kind == BasisKind::p2) return {"p2", "P2 (straight sides)", kind, SecondaryKind::full, 0.0};
   if (secondary == SecondaryKind::full) return {"full", "efree, full integration", kind, secondary, 0.0};
   const bool cells = secondary == SecondaryKind::cells;
-  if (ratio == 0.0) ratio = cells ? 2.0 : 4.0;  // approximate()'s own defaults
-  return {fmt::format("{}-{}", cells ? "cells" : "mls", ratio),
-          fmt::format("efree, {}, M/N = {}", cells ? "cells" : "MLS", ratio), kind, secondary, ratio};
+  Method method{cells ? "cells" : "mls", cells ? "efree, cells" : "efree, MLS", kind, secondary, ratio};
+  if (ratio > 0.0) {
+    method.name += fmt::format("-{}", ratio);
+    method.label += fmt::format(", M/N = {}", ratio);
+  }
+  return method;
 }
 
 std::vector<Method> methods_for(const Case& analysis, bool compare) {

@@ -14,7 +14,7 @@ namespace efree {
 
 /// A way to discretise.
 struct Method {
-  std::string name;   ///< as in "cells-2": secondary basis and quadrature points per node, "full", "p1", "p2"
+  std::string name;   ///< "cells", "mls" (with M/N, as in "cells-2", unless it is the default), "full", "p1", "p2"
   std::string label;  ///< for charts
   BasisKind kind = BasisKind::mls;
   SecondaryKind secondary = SecondaryKind::cells;

@@ -26,7 +26,8 @@ std::string prefixed(const std::string& where, const std::string& message) {
 
 [[noreturn]] void reject(const mu::Parser::exception_type& error, const std::string& text, const std::string& where) {
   const std::string& message = error.GetMsg();  // counts positions from 0, where it names them at all
-  throw InputError(prefixed(where, fmt::format("expression \"{}\", position {}: {}", text, error.GetPos() + 1,
+  const std::size_t position = std::min(static_cast<std::size_t>(error.GetPos()), text.size()) + 1;
+  throw InputError(prefixed(where, fmt::format("expression \"{}\", position {}: {}", text, position,
                                                message.substr(0, message.find(" at position")))));
 }
 

@@ -18,8 +18,7 @@ std::string complaint(const std::string& text) {
   try {
     read_case(work / "case.toml");
   } catch (const InputError& error) {
-    const std::string message = error.what(), folder = (work / "").string();
-    return replaced(message, folder, "");
+    return std::regex_replace(error.what(), std::regex((work / "").string()), "");
   }
   return "no error";
 }
@@ -61,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"nu = 0.3", "nu = -1", R"(^case.toml:17: nu is -1, expected)"},
         Wrong{"E = 1.0", "E = 0", R"(^case.toml:16: E is 0, expected a number > 0)"},
         Wrong{"E = 1.0", "E = nan", R"(^case.toml:16: E is nan, expected a number > 0)"},
-        Wrong{"E = 1.0", "E = \"1\"", R"(^case.toml:16: E is "?1"?, expected a number > 0)"},
+        Wrong{"E = 1.0", "E = \"1\"", R"(^case.toml:16: E is '1', expected a number > 0)"},
         Wrong{"order = 1", "order = 3", R"(^case.toml:12: order is 3, expected an integer from 1 to 2)"},
         Wrong{"order = 1", "order = 1.5", R"(^case.toml:12: order is 1.5, expected an integer)"},
         Wrong{"seed = 1", "seed = -1", R"(^case.toml:7: seed is -1, expected an integer >= 0)"},
@@ -70,27 +69,27 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"mesh_size = 0.1", "mesh_size = 0.1\nmesh_ratio = 4", R"(^case.toml:5: mesh_size and mesh_ratio)"},
         Wrong{"basis = \"cells\"", "dilatation = 1",
               R"(^case.toml:9: dilatation is 1, expected true, false or "auto")"},
-        Wrong{"at = [2.0, 0.5]", "at = [2.0]", R"(^case.toml:33: at is an array, expected an array of 2 numbers)"},
+        Wrong{"at = [2.0, 0.5]", "at = [2.0]", R"(^case.toml:32: at is an array, expected an array of 2 numbers)"},
         Wrong{"[quadrature]\nbasis = \"cells\"", "quadrature = 2", R"(^case.toml:8: )"}));
 
 INSTANTIATE_TEST_SUITE_P(
     Boundaries, WrongCase,
-    testing::Values(
-        Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1 +\", \"0\"]",
-              R"(^case.toml:26: expression "1 \+", position)"},
-        Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1/0\", \"0\"]", R"(^case.toml:26: expression "1/0" is inf)"},
-        Wrong{"traction = [\"1\", \"0\"]", "traction = [1]",
-              R"(^case.toml:26: traction is an array, expected an array of 2)"},
-        Wrong{"traction = [\"1\", \"0\"]", "",
-              R"(^case.toml:25: a \[\[boundary\]\] entry prescribes exactly one of .* has none)"},
-        Wrong{"traction = [\"1\", \"0\"]", "traction = [1, 0]\ndisplacement = [1, 0]",
-              R"(^case.toml:25: .*exactly one of .*displacement and traction)"},
-        Wrong{"displacement = [0, \"free\"]", "displacement = [\"free\", \"free\"]",
-              R"(^case.toml:20: displacement leaves every)"},
-        Wrong{"on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\ndisplacement = [1, 0]",
-              R"(^case.toml:26: displacement component x on "left" is already prescribed at .*case.toml:20)"},
-        Wrong{"[exact]\ndisplacement = [\"x\", \"-0.3*y\"]\nstress = [1, 0, 0]", "[exact]",
-              R"(^case.toml:27: \[exact\] is empty)"}));
+    testing::Values(Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1 +\", \"0\"]",
+                          R"(^case.toml:26: expression "1 \+", position)"},
+                    Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1/0\", \"0\"]",
+                          R"(^case.toml:26: expression "1/0" is inf)"},
+                    Wrong{"traction = [\"1\", \"0\"]", "traction = [1]",
+                          R"(^case.toml:26: traction is an array, expected an array of 2)"},
+                    Wrong{"traction = [\"1\", \"0\"]", "",
+                          R"(^case.toml:25: a \[\[boundary\]\] entry prescribes exactly one of .* has none)"},
+                    Wrong{"traction = [\"1\", \"0\"]", "traction = [1, 0]\ndisplacement = [1, 0]",
+                          R"(^case.toml:25: .*exactly one of .*displacement and traction)"},
+                    Wrong{"displacement = [0, \"free\"]", "displacement = [\"free\", \"free\"]",
+                          R"(^case.toml:20: displacement leaves every)"},
+                    Wrong{"on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\ndisplacement = [1, 0]",
+                          R"(^case.toml:26: displacement component x on "left" is already prescribed at case.toml:20)"},
+                    Wrong{"[exact]\ndisplacement = [\"x\", \"-0.3*y\"]\nstress = [1, 0, 0]", "[exact]",
+                          R"(^case.toml:27: \[exact\] is empty)"}));
 
 TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   const Workspace work;

@@ -49,9 +49,9 @@ TEST(CommandLine, RefusesWrongArguments) {
 TEST(CommandLine, RefusesWhatOnlyTheMeshCanTell) {
   const Workspace work;
   expect_refused(solve_with(work, "on = \"right\"", "on = \"rigt\""),
-                 "^error: case.toml:25: .*rigt.*bottom.*right.*top.*left");
+                 "^error: case.toml:25: .*rigt.*bottom.*left.*right.*top");
   expect_refused(solve_with(work, "at = [2.0, 0.5]", "at = [2.1, 0.5]"),
-                 "^error: case.toml:33: .*2.1.*outside the body");
+                 "^error: case.toml:32: .*2.1.*outside the body");
   expect_refused(solve_with(work, "mesh_size = 0.1", "parameters = { lenght = 3 }"),
                  "^error: case.toml:3: .*lenght.*length");
   expect_refused(solve_with(work, "mesh_size = 0.1", "slits = [\"crack\"]"), "^error: case.toml:3: .*crack");
@@ -221,15 +221,15 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
   const std::string csv = content(work / "out/convergence.csv");
   EXPECT_EQ(std::ranges::count(csv, '\n'), 5);
   EXPECT_TRUE(csv.starts_with("spacing,seed,method,nodes,")) << csv;
-  const auto& method = json(work / "out/convergence.json")["methods"]["cells-2"];
+  const auto method = json(work / "out/convergence.json")["methods"]["cells"];
   EXPECT_GT(method["orders"]["l2_displacement"], 1.5);
   EXPECT_GT(method["orders"]["energy_norm"], 0.6);
   EXPECT_EQ(method["medians"].size(), 2u);
   EXPECT_NE(run.output.find("observed orders"), std::string::npos);
-  if (run.output.find("gnuplot is not installed") == std::string::npos)
-    for (const char* chart : {"convergence", "error_against_time", "stages"})
-      for (const char* type : {".svg", ".png"})
-        EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
+  if (run.output.find("gnuplot is not installed") != std::string::npos) return;
+  for (const char* chart : {"convergence", "error_against_time", "stages"})
+    for (const char* type : {".svg", ".png"})
+      EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
 }
 
 }  // namespace
