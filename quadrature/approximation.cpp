@@ -42,6 +42,19 @@ template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeClo
   return spacing;
 }
 
+/// Cloud of about `ratio` points per node, locally. Points on the boundary own little volume but count, so the density asked
+/// for is corrected by what came out until the total is within five per cent (three passes at most).
+template <int Dim>
+NodeCloud<Dim> sample_points(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, double ratio, std::uint64_t seed) {
+  double asked = ratio;
+  for (int pass = 0;; ++pass) {
+    auto points = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, asked), seed);
+    const double got = static_cast<double>(points.size()) / cloud.size();
+    if (std::abs(got - ratio) < 0.05 * ratio || pass == 2) return points;
+    asked *= ratio / got;
+  }
+}
+
 /// MLS functions on the quadrature cloud. Around small features the integral of a function can come out negative: such
 /// nodes are left out, worst first, until every weight is positive.
 template <int Dim>
@@ -64,13 +77,12 @@ SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cl
   }
 }
 
-/// Joins quadrature points into unions that carry the volumetric part: few enough not to lock. Asking for 0.35 unions per
-/// node gives about 0.65, since nodes on the boundary own little volume but count.
+/// Joins quadrature points into unions that carry the volumetric part: few enough not to lock.
 template <int Dim>
 void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
                  const std::vector<Index>& vertices, Approximation<Dim>& result) {
-  constexpr double unions_per_node = 0.35;
-  const auto seeds = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, unions_per_node), seed);
+  constexpr double unions_per_node = 0.65;
+  const auto seeds = sample_points(mesh, cloud, nearest, unions_per_node, seed);
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
   std::vector<Index> renumbered(seeds.size(), -1);
   Index unions = 0;
@@ -106,7 +118,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
   StageTimes& clock = times ? *times : unused;
   if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
 
-  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 4.0 : 2.0;
+  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 3.0;
   Approximation<Dim> result;
   result.space = FineSpace<Dim>(mesh, 1);
   NodeCloud<Dim> cloud;
@@ -131,7 +143,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
     Stage stage("cloud", clock, progress);
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
-    if (second_cloud) points = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, ratio), options.seed + 0x9e3779b97f4a7c15ull);
+    if (second_cloud) points = sample_points(mesh, cloud, nearest, ratio, options.seed + 0x9e3779b97f4a7c15ull);
   }
   Stage stage("quadrature", clock, progress);
   const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Stability of the projected form: smallest eigenvalue of Kbar u = lambda K u, with K integrated on every fine cell and the
+/// rigid motions removed, over M/N and the support, for both secondary bases. Writes CSV to standard output.
+///
+///   bench_coercivity [spacing = 0.4] [seeds = 3]
+#include "efree/assembly/operators.hpp"
+#include "efree/geometry/planar_domain.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/quadrature/approximation.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+#include <cstdio>
+#include <cstdlib>
+
+using namespace efree;
+
+namespace {
+
+Matrix dense_stiffness(const Discretization<2>& discretization) {
+  const Lame lame = plane_lame({1.0, 0.3}, Plane::stress);
+  const SymmetricMatrix full = stiffness_matrix(discretization, stiffness<2>(lame)).selfadjointView<Eigen::Lower>();
+  return Matrix(full);
+}
+
+/// Orthonormal basis of the coefficients that hold no rigid motion (order 1 reproduces those from nodal positions).
+Matrix without_rigid_motions(const Points<2>& nodes) {
+  Matrix rigid = Matrix::Zero(2 * nodes.cols(), 3);
+  for (Index a = 0; a < nodes.cols(); ++a) {
+    rigid(2 * a, 0) = rigid(2 * a + 1, 1) = 1.0;
+    rigid(2 * a, 2) = -nodes(1, a);
+    rigid(2 * a + 1, 2) = nodes(0, a);
+  }
+  const Matrix Q = Eigen::HouseholderQR<Matrix>(rigid).householderQ();
+  return Q.rightCols(Q.cols() - 3);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const double spacing = argc > 1 ? std::atof(argv[1]) : 0.4;
+  const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
+  const auto mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, spacing / 8.0), {.size = spacing / 8.0});
+  std::printf("secondary,support,asked,seed,nodes,points,ratio,smallest,largest,zero_modes\n");
+  for (const double support : {1.5, 2.0, 2.5, 3.0})
+    for (int seed = 1; seed <= seeds; ++seed) {
+      ApproximationOptions options{.spacing = spacing, .seed = static_cast<std::uint64_t>(seed), .support = support, .secondary = SecondaryKind::full};
+      const auto reference = approximate(mesh, options);
+      const Matrix basis = without_rigid_motions(reference.nodes);
+      const Matrix K = basis.transpose() * dense_stiffness(reference.quadrature) * basis;
+      for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
+        for (const double ratio : {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0}) {
+          options.secondary = secondary;
+          options.ratio = ratio;
+          const auto approximation = approximate(mesh, options);
+          const Matrix Kbar = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
+          const Vector lambda = Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(Kbar, K, Eigen::EigenvaluesOnly).eigenvalues();
+          const Index points = approximation.quadrature.size();
+          std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", secondary == SecondaryKind::cells ? "cells" : "mls", support, ratio, seed,
+                      approximation.nodes.cols(), points, static_cast<double>(points) / static_cast<double>(approximation.nodes.cols()),
+                      lambda.minCoeff(), lambda.maxCoeff(), (lambda.array() < 1e-8).count());
+          std::fflush(stdout);
+        }
+    }
+}
