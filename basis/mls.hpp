@@ -12,10 +12,10 @@ namespace efree {
 struct MlsOptions {
   int order = 1;         ///< polynomials reproduced: 1 or 2
   double support = 2.0;  ///< radius in units of each node's spacing
-  WeightOptions weights;
+  WeightOptions weights{};
   double largest_sum = 5.0;  ///< a row with a larger sum |phi_I| counts as badly placed
   /// Named boundary parts on which the weights of all other nodes vanish.
-  std::vector<std::string> vanish_on;
+  std::vector<std::string> vanish_on{};
 };
 
 /// Where too few nodes, or badly placed ones, made supports grow.

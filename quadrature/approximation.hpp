@@ -40,7 +40,7 @@ struct ApproximationOptions {
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
   /// strongly.
-  std::vector<std::string> vanish_on;
+  std::vector<std::string> vanish_on{};
 };
 
 /// Immutable result. Keeps a pointer to the mesh, which must outlive it.
