@@ -16,12 +16,13 @@ namespace {
 /// discs of diameter r, Tanemura 1979).
 template <int Dim> constexpr double volume_per_node = 1.436;
 
-void check(const ApproximationOptions& options) {
+template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
   if (options.order != 1 && options.order != 2) throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
   if (options.ratio != 0.0 && !(options.ratio >= 0.25 && options.ratio <= 100.0))
     throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
-  if (options.kind == BasisKind::mls && !(options.spacing > 0.0))
-    throw InputError(fmt::format("cloud spacing = {}, expected a positive length", options.spacing));
+  const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
+  if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
+    throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})", options.spacing, extent));
 }
 
 /// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of the
@@ -113,7 +114,7 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
 
 template <int Dim>
 Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes* times, const Progress& progress) {
-  check(options);
+  check(mesh, options);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
