@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/basis/mls.hpp"
+#include "efree/core/error.hpp"
+#include "efree/tests/bodies.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+/// Largest error at any fine vertex with which the table reproduces the monomials up to the order (body of size 1).
+double reproduction_error(const FineMesh<2>& mesh, const Points<2>& nodes, const ShapeTable<2>& shape, int order) {
+  const auto monomials = [&](const Points<2>& x) {
+    Matrix g(order == 1 ? 3 : 6, x.cols());
+    g.row(0).setOnes();
+    g.middleRows(1, 2) = x;
+    if (order == 2) g.bottomRows(3) << x.row(0).cwiseAbs2(), x.row(0).cwiseProduct(x.row(1)), x.row(1).cwiseAbs2();
+    return g;
+  };
+  return (interpolate(shape, monomials(nodes)) - monomials(mesh.vertices())).cwiseAbs().maxCoeff();
+}
+
+class MlsOn : public ::testing::TestWithParam<std::tuple<const char*, int>> {};
+
+TEST_P(MlsOn, ReproducesPolynomialsAtEveryFineVertex) {
+  const auto [name, order] = GetParam();
+  const auto body = testing::body(name);
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, seed});
+    const auto mls = moving_least_squares(body.mesh, cloud, {.order = order, .support = order + 1.0});
+    EXPECT_LT(reproduction_error(body.mesh, cloud.positions, mls.shape, order), 1e-12);
+    EXPECT_LT(mls.report.largest_sum, 5.0);
+  }
+}
+
+TEST_P(MlsOn, ReproducesPolynomialsWhereItVanishesOnTheOuterBoundary) {
+  const auto [name, order] = GetParam();
+  const auto body = testing::body(name);
+  const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, 1});
+  const auto mls =
+      moving_least_squares(body.mesh, cloud, {.order = order, .support = order + 1.0, .vanish_on = body.outer});
+  EXPECT_LT(reproduction_error(body.mesh, cloud.positions, mls.shape, order), 1e-12);
+  for (const auto& part : body.outer) {
+    std::vector<char> on_part(body.mesh.num_vertices(), 0);
+    for (Index f : body.mesh.group(part))
+      for (int k = 0; k < 2; ++k) on_part[body.mesh.facets()(k, f)] = 1;
+    for (Index v = 0; v < body.mesh.num_vertices(); ++v)
+      if (on_part[v])
+        for (Index I : mls.shape.row(v).nodes)
+          ASSERT_TRUE(on_part[cloud.vertices[I]]) << "a node off \"" << part << "\" acts on it";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bodies, MlsOn,
+                         ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
+                                                              "random_holes"),
+                                            ::testing::Values(1, 2)),
+                         [](const auto& info) {
+                           return std::string(std::get<0>(info.param)) + "_order_" +
+                                  std::to_string(std::get<1>(info.param));
+                         });
+
+TEST(Mls, EveryWeightGivesABasis) {
+  const auto body = testing::body("slit");
+  const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, 1});
+  for (const Weight weight :
+       {Weight::heat_geodesic, Weight::heat_flow, Weight::fast_marching, Weight::visibility, Weight::euclidean}) {
+    const auto mls = moving_least_squares(body.mesh, cloud, {.support = 2.5, .weights = {.weight = weight}});
+    EXPECT_LT(reproduction_error(body.mesh, cloud.positions, mls.shape, 1), 1e-12)
+        << "weight " << static_cast<int>(weight);
+  }
+}
+
+TEST(Mls, ThinLigamentsGrowSupportsAndSaySo) {
+  PlanarDomain domain = shapes::rectangle(0, 0, 4, 2);
+  for (const double x : {1.485, 2.515}) {  // two holes of radius 0.5 that leave 0.03
+    Polyline hole{"holes", {}};
+    for (int k = 0; k <= 64; ++k) {
+      const double t = 2.0 * std::numbers::pi * (k % 64) / 64.0;
+      hole.points.push_back({x + 0.5 * std::cos(t), 1.0 + 0.5 * std::sin(t)});
+    }
+    domain.boundary.push_back(hole);
+  }
+  const auto mesh = triangulate(domain, {.size = 0.04});
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const auto cloud = sample_cloud(mesh, CloudOptions{0.2, seed});
+    const auto mls = moving_least_squares(mesh, cloud, {.support = 1.25});
+    EXPECT_GT(mls.report.grown_vertices, 0);
+    EXPECT_GT(mls.report.grown_nodes, 0);
+    EXPECT_GT(mls.report.largest_growth, 1.0);
+    EXPECT_LE(mls.report.largest_sum, 5.0);
+    EXPECT_LT(reproduction_error(mesh, cloud.positions, mls.shape, 1), 1e-12);
+  }
+}
+
+TEST(Mls, StripThinnerThanTheSpacingHasALinearBasisButNoQuadraticOne) {
+  // All nodes lie on the two long sides, so no function of them is quadratic across the strip.
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 0.04), {.size = 0.02});
+  const auto cloud = sample_cloud(mesh, CloudOptions{0.2, 1});
+  const auto mls = moving_least_squares(mesh, cloud, {});
+  EXPECT_LT(reproduction_error(mesh, cloud.positions, mls.shape, 1), 1e-12);
+  EXPECT_LE(mls.report.largest_sum, 5.0);
+  EXPECT_THAT([&] { moving_least_squares(mesh, cloud, {.order = 2}); },
+              ThrowsMessage<NumericalError>(HasSubstr("use a smaller spacing there")));
+}
+
+TEST(Mls, DisconnectedBodiesDoNotSeeEachOther) {
+  PlanarDomain domain = shapes::rectangle(0, 0, 1, 1);
+  domain.boundary.push_back({"other", {{1.05, 0}, {2, 0}, {2, 1}, {1.05, 1}, {1.05, 0}}});
+  const auto mesh = triangulate(domain, {.size = 0.05});
+  ASSERT_EQ(mesh.num_components(), 2);
+  const auto cloud = sample_cloud(mesh, CloudOptions{0.25, 1});
+  const auto mls = moving_least_squares(mesh, cloud, {});
+  EXPECT_LT(reproduction_error(mesh, cloud.positions, mls.shape, 1), 1e-12);
+  for (Index v = 0; v < mesh.num_vertices(); ++v)
+    for (Index I : mls.shape.row(v).nodes) ASSERT_EQ(mesh.component()[v], mesh.component()[cloud.vertices[I]]);
+}
+
+TEST(Mls, BodyWithTooFewNodesIsNamed) {
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.5});
+  NodeCloud<2> cloud{{0, 1}, mesh.vertices().leftCols(2), Vector::Constant(2, 0.5)};
+  EXPECT_THAT([&] { moving_least_squares(mesh, cloud, {}); },
+              ThrowsMessage<NumericalError>(HasSubstr("has 2 nodes, order 1 needs 3")));
+}
+
+TEST(Mls, OptionsOutOfRangeAreRefused) {
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.5});
+  const auto cloud = sample_cloud(mesh, CloudOptions{0.5, 1});
+  EXPECT_THAT([&] { moving_least_squares(mesh, cloud, {.order = 3}); },
+              ThrowsMessage<InputError>(HasSubstr("order 3")));
+  EXPECT_THAT([&] { moving_least_squares(mesh, cloud, {.support = 0.1}); },
+              ThrowsMessage<InputError>(HasSubstr("support = 0.1")));
+  EXPECT_THAT([&] { moving_least_squares(mesh, cloud, {.vanish_on = {"nowhere"}}); },
+              ThrowsMessage<InputError>(HasSubstr("nowhere")));
+}
+
+}  // namespace
+}  // namespace efree

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Bodies and linear fields that the tests and the patch-test table share.
+#pragma once
+
+#include "efree/geometry/planar_domain.hpp"
+#include "efree/quadrature/approximation.hpp"
+#include "efree/solvers/static_analysis.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace efree::testing {
+
+inline double smallest_angle(const FineMesh<2>& mesh) {
+  double least = 180.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int i = 0; i < 3; ++i) {
+      const Vec<2> x = mesh.vertex(mesh.cells()(i, c));
+      const Vec<2> a = mesh.vertex(mesh.cells()((i + 1) % 3, c)) - x, b = mesh.vertex(mesh.cells()((i + 2) % 3, c)) - x;
+      least = std::min(least, std::atan2(std::abs(a.x() * b.y() - a.y() * b.x()), a.dot(b)) * 180.0 / std::numbers::pi);
+    }
+  return least;
+}
+
+/// The mesh with every third cell split in three at a point on the line from the middle of its first edge to its
+/// centroid: the nearer to the edge (`share` of the way), the flatter the cell there. New vertices come last, so the
+/// numbers of the others stay.
+inline FineMesh<2> with_split_cells(const FineMesh<2>& mesh, double share) {
+  const Index cells = mesh.num_cells(), vertices = mesh.num_vertices(), added = (cells + 2) / 3;
+  MeshData<2> data{mesh.vertices(), mesh.cells(), {}};
+  data.vertices.conservativeResize(2, vertices + added);
+  data.cells.conservativeResize(3, cells + 2 * added);
+  for (Index k = 0; k < added; ++k) {
+    const Eigen::Vector3i cell = mesh.cells().col(3 * k);
+    const Vec<2> middle = 0.5 * (mesh.vertex(cell[0]) + mesh.vertex(cell[1]));
+    data.vertices.col(vertices + k) = middle + share * (mesh.centroid(3 * k) - middle);
+    data.cells.col(3 * k) << cell[0], cell[1], vertices + k;
+    data.cells.col(cells + 2 * k) << cell[1], cell[2], vertices + k;
+    data.cells.col(cells + 2 * k + 1) << cell[2], cell[0], vertices + k;
+  }
+  for (const auto& group : mesh.groups()) {
+    data.groups.push_back({group.name, {}});
+    for (Index f : group.facets) data.groups.back().facets.push_back({mesh.facets()(0, f), mesh.facets()(1, f)});
+  }
+  return FineMesh<2>(data);
+}
+
+/// A fine mesh with a spacing for its clouds. Everything but `free` counts as outer boundary.
+struct Body {
+  FineMesh<2> mesh;
+  double spacing;
+  std::vector<std::string> outer;
+  std::vector<std::string> inner;
+};
+
+/// Bodies by name: square, slivers (the square with cells as flat as 0.1 degree), plate_with_hole, l_shape, slit (open
+/// at the lower side), random_holes.
+inline Body body(const std::string& name) {
+  const std::vector<std::string> sides{"left", "bottom", "right", "top"};
+  if (name == "square") return {triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.05}), 0.25, sides, {}};
+  if (name == "slivers") return {with_split_cells(body("square").mesh, 0.003), 0.25, sides, {}};
+  if (name == "plate_with_hole")
+    return {triangulate(shapes::quarter_plate_with_hole(0.25, 1.0, 0.04), {.size = 0.04}), 0.2, sides, {"hole"}};
+  if (name == "l_shape") return {triangulate(shapes::l_shape(1.0), {.size = 0.05}), 0.25, sides, {"notch"}};
+  if (name == "slit")
+    return {
+        triangulate(shapes::slit_rectangle(0, 0, 1, 1, {0.4, 0.0}, {0.6, 0.6}), {.size = 0.05}), 0.25, sides, {"slit"}};
+  if (name == "random_holes")
+    return {triangulate(shapes::plate_with_random_holes(1.0, 25, 0.01, 0.1, 0.0075, 1, 0.02), {.size = 0.02}),
+            0.1,
+            sides,
+            {"holes"}};
+  throw std::invalid_argument("no body named " + name);
+}
+
+/// u(x) = shift + H x.
+struct LinearField {
+  const char* name;
+  Mat<2> H;
+  Vec<2> shift{0.3, -0.2};
+
+  Vec<2> displacement(const Vec<2>& x) const { return shift + H * x; }
+  Voigt<2> stress(const Lame& lame) const { return stiffness<2>(lame) * Voigt<2>(H(0, 0), H(1, 1), H(0, 1) + H(1, 0)); }
+};
+inline std::vector<LinearField> linear_fields() {
+  const Mat<2> tension{{1.0, 0.0}, {0.0, -0.3}}, shear{{0.0, 1.0}, {0.0, 0.0}}, rotation{{0.0, -1.0}, {1.0, 0.0}};
+  return {{"tension", tension}, {"shear", shear}, {"rotation", rotation}};
+}
+
+inline Vec<2> traction_of(const Voigt<2>& stress, const Vec<2>& n) {
+  return {stress[0] * n.x() + stress[2] * n.y(), stress[2] * n.x() + stress[1] * n.y()};
+}
+/// Every component prescribed.
+inline DisplacementCondition<2> displacement(std::string on, const VectorField<2>& u) {
+  return {std::move(on), {[u](const Vec<2>& x) { return u(x).x(); }, [u](const Vec<2>& x) { return u(x).y(); }}, {}};
+}
+
+/// Largest errors anywhere, relative to the largest displacement and to |C| |H|.
+struct PatchError {
+  double displacement = 0.0;  ///< at fine vertices
+  double stress = 0.0;        ///< at quadrature points
+  double recovered = 0.0;     ///< stress at fine vertices
+};
+
+/// Solves for a linear field: displacements prescribed on some parts of the boundary, its tractions on others.
+inline PatchError patch_error(const Approximation<2>& approximation, const ElasticModel& model,
+                              const LinearField& field, const std::vector<std::string>& held,
+                              const std::vector<std::string>& loaded) {
+  const Lame lame = plane_lame(model.material, model.plane);
+  const Voigt<2> stress = field.stress(lame);
+  const VectorField<2> u = [&](const Vec<2>& x) { return field.displacement(x); };
+  std::vector<DisplacementCondition<2>> conditions;
+  for (const auto& part : held) conditions.push_back(displacement(part, u));
+  Loads<2> loads;
+  for (const auto& part : loaded)
+    loads.tractions.push_back({part, [&](const Vec<2>&, const Vec<2>& n) { return traction_of(stress, n); }});
+  const auto solution = ElasticSolver<2>(approximation, model, conditions).solve(loads);
+  const auto fields = recover_fields(approximation, solution);
+
+  const auto& vertices = approximation.space.points();
+  Points<2> exact(2, vertices.cols());
+  for (Index v = 0; v < exact.cols(); ++v) exact.col(v) = u(vertices.col(v));
+  const double scale = (lame.lambda + 2.0 * lame.mu) * field.H.norm();
+  return {(fields.displacement - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff(),
+          (solution.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale,
+          (fields.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale};
+}
+
+/// The approximation with gradients evaluated at the quadrature points instead of projected. Clusters of cells.
+inline Approximation<2> with_point_evaluation(const FineMesh<2>& mesh, const ApproximationOptions& options) {
+  Approximation<2> approximation = approximate(mesh, options);
+  const auto points = sample_cloud(mesh, CloudOptions{options.spacing / std::sqrt(2.0), options.seed + 1000});
+  approximation.quadrature =
+      evaluate_at_points(approximation.space, approximation.shape, cell_clusters(approximation.space, points));
+  return approximation;
+}
+
+}  // namespace efree::testing

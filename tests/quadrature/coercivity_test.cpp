@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Eigenvalues of the projected stiffness against the fully integrated one, rigid motions removed.
+#include "efree/assembly/operators.hpp"
+#include "efree/tests/bodies.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+namespace efree {
+namespace {
+
+Matrix dense_stiffness(const Discretization<2>& discretization) {
+  const auto C = stiffness<2>(plane_lame({1.0, 0.3}, Plane::stress));
+  return Matrix(SymmetricMatrix(stiffness_matrix(discretization, C).selfadjointView<Eigen::Lower>()));
+}
+
+/// Orthonormal complement of the rigid motions.
+Matrix deformations(const Points<2>& nodes) {
+  Matrix rigid = Matrix::Zero(2 * nodes.cols(), 3);
+  for (Index a = 0; a < nodes.cols(); ++a) {
+    rigid.block<2, 2>(2 * a, 0).setIdentity();
+    rigid.block<2, 1>(2 * a, 2) << -nodes(1, a), nodes(0, a);
+  }
+  const Matrix Q = Eigen::HouseholderQR<Matrix>(rigid).householderQ();
+  return Q.rightCols(Q.cols() - 3);
+}
+
+class Coercivity : public ::testing::TestWithParam<std::tuple<SecondaryKind, int>> {};
+
+TEST_P(Coercivity, ProjectedStiffnessIsAtLeastAFifthOfTheFullOneAndNeverMore) {
+  const auto [secondary, seed] = GetParam();
+  const auto mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, 0.06), {.size = 0.06});
+  const auto approximation = approximate(
+      mesh, {.spacing = 0.4, .seed = static_cast<std::uint64_t>(seed), .secondary = secondary, .fine = true});
+  const Matrix basis = deformations(approximation.nodes);
+  const Matrix projected = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
+  const Matrix full = basis.transpose() * dense_stiffness(approximation.fine) * basis;
+  const Vector lambda =
+      Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(projected, full, Eigen::EigenvaluesOnly).eigenvalues();
+  EXPECT_GE(lambda.minCoeff(), 0.2) << approximation.nodes.cols() << " nodes";
+  EXPECT_LE(lambda.maxCoeff(), 1.0 + 1e-10);
+  ::testing::Test::RecordProperty("smallest", std::to_string(lambda.minCoeff()));
+}
+
+INSTANTIATE_TEST_SUITE_P(Defaults, Coercivity,
+                         ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                                            ::testing::Values(1, 2, 3)),
+                         [](const auto& info) {
+                           return (std::get<0>(info.param) == SecondaryKind::cells ? "cells_" : "mls_") +
+                                  std::to_string(std::get<1>(info.param));
+                         });
+
+}  // namespace
+}  // namespace efree
