@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <filesystem>
 
 namespace {
@@ -136,6 +137,7 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  return run(argc, argv);
+int main(int argc, char** argv) try { return run(argc, argv); } catch (...) {
+  std::fputs("error: efree cannot go on\n", stderr);  // not even a message could be made
+  return 1;
 }
