@@ -82,7 +82,7 @@ SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cl
 template <int Dim>
 void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
                  const std::vector<Index>& vertices, Approximation<Dim>& result) {
-  constexpr double unions_per_node = 0.65;
+  constexpr double unions_per_node = 0.5;
   const auto seeds = sample_points(mesh, cloud, nearest, unions_per_node, seed);
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
   std::vector<Index> renumbered(seeds.size(), -1);
@@ -119,7 +119,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
   StageTimes& clock = times ? *times : unused;
   if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
 
-  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 3.0;
+  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
   Approximation<Dim> result;
   result.space = FineSpace<Dim>(mesh, 1);
   NodeCloud<Dim> cloud;

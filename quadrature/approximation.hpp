@@ -35,7 +35,7 @@ struct ApproximationOptions {
   Weight weight = Weight::visibility;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
-  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 3 for cells, 6 for mls
+  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, 6 for mls
   bool dilatation = false;  ///< also build the coarser clusters that carry the volumetric part (B-bar)
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
