@@ -33,11 +33,19 @@ template <int Dim> struct Loads {
 template <int Dim> TractionCondition<Dim> pressure(std::string on, ScalarField<Dim> p) {
   return {std::move(on), [p = std::move(p)](const Vec<Dim>& x, const Vec<Dim>& n) -> Vec<Dim> { return -p(x) * n; }};
 }
-/// The same displacement value for every component.
+/// Pull along the normal: traction p n, p > 0 outward.
+template <int Dim> TractionCondition<Dim> tension(std::string on, double p) {
+  return pressure<Dim>(std::move(on), [p](const Vec<Dim>&) { return -p; });
+}
+/// No displacement.
 template <int Dim> DisplacementCondition<Dim> clamp(std::string on) {
   DisplacementCondition<Dim> condition{std::move(on), {}, {}};
   condition.components.fill([](const Vec<Dim>&) { return 0.0; });
   return condition;
+}
+/// No displacement along the normal, free to slide.
+template <int Dim> DisplacementCondition<Dim> symmetry_plane(std::string on) {
+  return {std::move(on), {}, [](const Vec<Dim>&) { return 0.0; }};
 }
 
 }  // namespace efree
