@@ -20,7 +20,10 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
-  const bool stabilised = stabilisation > 0.0 && approximation.fine.size() > 0;
+  const bool integrated_fully = approximation.quadrature.size() >= approximation.space.mesh().num_cells();
+  const bool stabilised = stabilisation > 0.0 && !integrated_fully;
+  if (stabilised && approximation.fine.size() == 0)
+    throw InputError(fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
   if (!unions && !stabilised) return {{&approximation.quadrature, lame}};
   const Lame dev = deviatoric<Dim>(lame), vol = volumetric<Dim>(lame);
   const double kept = stabilised ? 1.0 - stabilisation : 1.0;

@@ -21,7 +21,7 @@ struct ElasticModel {
   LinearElastic material;
   Plane plane = Plane::stress;
   Essential essential = Essential::nitsche;
-  double stabilisation = 0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration
+  double stabilisation = 0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
 };
 
 /// Coefficients and what is derived at the quadrature points.
