@@ -24,7 +24,7 @@ double reproduction_error(const FineMesh<2>& mesh, const Points<2>& nodes, const
   return (interpolate(shape, monomials(nodes)) - monomials(mesh.vertices())).cwiseAbs().maxCoeff();
 }
 
-class MlsOn : public ::testing::TestWithParam<std::tuple<const char*, int>> {};
+class MlsOn : public ::testing::TestWithParam<std::tuple<std::string, int>> {};
 
 TEST_P(MlsOn, ReproducesPolynomialsAtEveryFineVertex) {
   const auto [name, order] = GetParam();
@@ -48,10 +48,10 @@ TEST_P(MlsOn, ReproducesPolynomialsWhereItVanishesOnTheOuterBoundary) {
     std::vector<char> on_part(body.mesh.num_vertices(), 0);
     for (Index f : body.mesh.group(part))
       for (int k = 0; k < 2; ++k) on_part[body.mesh.facets()(k, f)] = 1;
+    Index intruders = 0;
     for (Index v = 0; v < body.mesh.num_vertices(); ++v)
-      if (on_part[v])
-        for (Index I : mls.shape.row(v).nodes)
-          ASSERT_TRUE(on_part[cloud.vertices[I]]) << "a node off \"" << part << "\" acts on it";
+      for (Index I : mls.shape.row(v).nodes) intruders += on_part[v] && !on_part[cloud.vertices[I]];
+    EXPECT_EQ(intruders, 0) << "nodes off \"" << part << "\" act on it";
   }
 }
 
@@ -59,9 +59,9 @@ INSTANTIATE_TEST_SUITE_P(Bodies, MlsOn,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
                                                               "random_holes"),
                                             ::testing::Values(1, 2)),
-                         [](const auto& info) {
-                           return std::string(std::get<0>(info.param)) + "_order_" +
-                                  std::to_string(std::get<1>(info.param));
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) + "_order_" +
+                                  std::to_string(std::get<1>(test.param));
                          });
 
 TEST(Mls, EveryWeightGivesABasis) {
@@ -94,6 +94,7 @@ TEST(Mls, ThinLigamentsGrowSupportsAndSaySo) {
     EXPECT_GT(mls.report.largest_growth, 1.0);
     EXPECT_LE(mls.report.largest_sum, 5.0);
     EXPECT_LT(reproduction_error(mesh, cloud.positions, mls.shape, 1), 1e-12);
+    EXPECT_LE(moving_least_squares(mesh, cloud, {.support = 2.5}).report.largest_sum, 5.0);
   }
 }
 

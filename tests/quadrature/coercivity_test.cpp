@@ -46,9 +46,9 @@ TEST_P(Coercivity, ProjectedStiffnessIsAtLeastAFifthOfTheFullOneAndNeverMore) {
 INSTANTIATE_TEST_SUITE_P(Defaults, Coercivity,
                          ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
                                             ::testing::Values(1, 2, 3)),
-                         [](const auto& info) {
-                           return (std::get<0>(info.param) == SecondaryKind::cells ? "cells_" : "mls_") +
-                                  std::to_string(std::get<1>(info.param));
+                         [](const auto& test) {
+                           return (std::get<0>(test.param) == SecondaryKind::cells ? "cells_" : "mls_") +
+                                  std::to_string(std::get<1>(test.param));
                          });
 
 }  // namespace

@@ -79,7 +79,7 @@ void expect_exact_sums(const FineMesh<2>& mesh, const Discretization<2>& quadrat
   EXPECT_LT((quadrature.points * quadrature.weights - first_moment).norm(), 1e-12);
 }
 
-class QuadratureOn : public ::testing::TestWithParam<std::tuple<const char*, int>> {};
+class QuadratureOn : public ::testing::TestWithParam<std::tuple<std::string, int>> {};
 
 TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
   const auto [name, order] = GetParam();
@@ -95,8 +95,9 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
     for (int p = 0; p < reproduced; ++p)
       EXPECT_LT((found[p] - exact[p]).cwiseAbs().maxCoeff(), 1e-12) << "monomial " << p;
     if (secondary !=
-        SecondaryKind::full)  // whose gradients in a sliver are as large as it is flat, and so is their rounding
+        SecondaryKind::full) {  // gradients in a sliver are as large as it is flat, and so is their rounding
       EXPECT_LT(reproduction_error(quadrature, approximation.nodes, secondary == SecondaryKind::cells), 1e-12);
+    }
   }
 }
 
@@ -120,9 +121,9 @@ INSTANTIATE_TEST_SUITE_P(Bodies, QuadratureOn,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
                                                               "random_holes"),
                                             ::testing::Values(1, 2)),
-                         [](const auto& info) {
-                           return std::string(std::get<0>(info.param)) + "_order_" +
-                                  std::to_string(std::get<1>(info.param));
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) + "_order_" +
+                                  std::to_string(std::get<1>(test.param));
                          });
 
 TEST(Quadrature, EvaluatedGradientsViolateTheIntegrationConstraint) {

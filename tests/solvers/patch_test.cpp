@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// A linear displacement field, prescribed on the boundary or driven by its own tractions, must come out exactly.
+#include "efree/tests/bodies.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+constexpr double bar = 1e-11;
+
+class PatchTest : public ::testing::TestWithParam<std::tuple<std::string, SecondaryKind, Essential>> {
+ protected:
+  /// Solves all linear fields, held on the whole outer boundary and on the left side alone, on clouds with seeds 1 ..
+  /// `clouds`.
+  static void expect_exact(const testing::Body& body, ApproximationOptions options, ElasticModel model, int clouds) {
+    options.spacing = body.spacing;
+    if (model.essential == Essential::strong) options.vanish_on = body.outer;
+    std::vector<std::string> loaded(body.outer.begin() + 1, body.outer.end());
+    loaded.insert(loaded.end(), body.inner.begin(), body.inner.end());
+    testing::PatchError worst;
+    for (int seed = 1; seed <= clouds; ++seed) {
+      options.seed = static_cast<std::uint64_t>(seed);
+      const auto approximation = approximate(body.mesh, options);
+      for (const auto& field : testing::linear_fields())
+        for (const bool all : {true, false}) {
+          const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
+                                 : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);
+          EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+          EXPECT_LE(error.stress, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+          EXPECT_LE(error.recovered, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        }
+    }
+  }
+};
+
+TEST_P(PatchTest, LinearFieldsAreExact) {
+  const auto [name, secondary, essential] = GetParam();
+  const auto body = testing::body(name);
+  const int clouds = std::string(name) == "square" ? 20 : 4;
+  expect_exact(body, {.secondary = secondary}, {.material = {1.0, 0.3}, .essential = essential}, clouds);
+}
+
+TEST_P(PatchTest, LinearFieldsAreExactWithUnionsAndStabilisation) {
+  const auto [name, secondary, essential] = GetParam();
+  const auto body = testing::body(name);
+  const ElasticModel strain{.material = {1.0, 0.45}, .plane = Plane::strain, .essential = essential};
+  ElasticModel stabilised = strain;
+  stabilised.stabilisation = 0.5;
+  expect_exact(body, {.secondary = secondary, .dilatation = true}, strain, 1);
+  expect_exact(body, {.secondary = secondary, .fine = true}, stabilised, 1);
+  expect_exact(body, {.secondary = secondary, .dilatation = true, .fine = true}, stabilised, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Bodies, PatchTest,
+                         ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape",
+                                                              "slit"),
+                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                                            ::testing::Values(Essential::nitsche, Essential::strong)),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) +
+                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls") +
+                                  (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
+                         });
+
+TEST(PatchTestBodies, SliversAreAsFlatAsPromised) {
+  EXPECT_LT(testing::smallest_angle(testing::body("slivers").mesh), 0.1);
+  EXPECT_GT(testing::smallest_angle(testing::body("square").mesh), 15.0);
+}
+
+TEST(PatchTestContrast, PointEvaluationMissesLinearFieldsByMoreThanAPercent) {
+  const auto body = testing::body("square");
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const auto approximation = testing::with_point_evaluation(body.mesh, {.spacing = body.spacing, .seed = seed});
+    const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}}, testing::linear_fields()[0],
+                                            {"left"}, {"bottom", "right", "top"});
+    EXPECT_GT(error.stress, 0.01);
+  }
+}
+
+TEST(PatchTestFiniteElements, LinearFieldsAreExact) {
+  const auto body = testing::body("l_shape");
+  for (const auto kind : {BasisKind::p1, BasisKind::p2})
+    for (const auto essential : {Essential::nitsche, Essential::strong}) {
+      const auto approximation = approximate(body.mesh, {.kind = kind});
+      for (const auto& field : testing::linear_fields()) {
+        const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}, .essential = essential}, field,
+                                                {"left"}, {"bottom", "right", "top", "notch"});
+        EXPECT_LE(error.displacement, bar) << field.name;
+        EXPECT_LE(error.stress, bar) << field.name;
+      }
+    }
+}
+
+}  // namespace
+}  // namespace efree

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Order 2 on a quadratic field. The basis reproduces it at every fine vertex, but lives in the piecewise linear
+/// functions of the fine mesh, so what is reached is O(h^2) in displacement: exact only in the limit of a fine mesh.
+#include "efree/tests/bodies.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+/// Largest error at fine vertices, relative to the largest displacement. u = (x^2 + x y, y^2 - x y / 2), plane stress,
+/// E = 1.
+double quadratic_patch_error(double h, const ApproximationOptions& options) {
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = h});
+  const auto approximation = approximate(mesh, options);
+  const ElasticModel model{.material = {1.0, 0.3}};
+  const Lame lame = plane_lame(model.material, model.plane);
+  const VectorField<2> u = [](const Vec<2>& x) -> Vec<2> {
+    return {x.x() * x.x() + x.x() * x.y(), x.y() * x.y() - 0.5 * x.x() * x.y()};
+  };
+  // eps_xx = 2x + y, eps_yy = 2y - x/2, gamma = x - y/2, so the forces are constant.
+  const Vec<2> b(-(1.5 * lame.lambda + 4.0 * lame.mu - 0.5 * lame.mu), -(3.0 * lame.lambda + 4.0 * lame.mu + lame.mu));
+  std::vector<DisplacementCondition<2>> conditions;
+  for (const char* side : {"left", "bottom", "right", "top"}) conditions.push_back(testing::displacement(side, u));
+  const auto solution =
+      ElasticSolver<2>(approximation, model, conditions).solve({{}, [&](const Vec<2>&) { return b; }});
+  const Points<2> found = recover_fields(approximation, solution).displacement;
+  double error = 0.0, largest = 0.0;
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    error = std::max(error, (found.col(v) - u(mesh.vertex(v))).cwiseAbs().maxCoeff());
+    largest = std::max(largest, u(mesh.vertex(v)).cwiseAbs().maxCoeff());
+  }
+  return error / largest;
+}
+
+double order_between(double coarse, double fine, double refinement) {
+  return std::log(coarse / fine) / std::log(refinement);
+}
+
+TEST(QuadraticPatch, QuadraticElementsAreExact) {
+  EXPECT_LE(quadratic_patch_error(0.1, {.kind = BasisKind::p2}), 1e-12);
+}
+
+TEST(QuadraticPatch, FullIntegrationErrorFallsWithTheSquareOfTheFineMeshSize) {
+  const ApproximationOptions options{.order = 2, .spacing = 0.25, .secondary = SecondaryKind::full};
+  const double coarse = quadratic_patch_error(0.05, options), fine = quadratic_patch_error(0.0125, options);
+  EXPECT_LE(coarse, 2e-4);
+  EXPECT_NEAR(order_between(coarse, fine, 4.0), 2.0, 0.3);
+}
+
+class ProjectedQuadraticPatch : public ::testing::TestWithParam<SecondaryKind> {};
+
+TEST_P(ProjectedQuadraticPatch, ErrorFallsWithTheSquareOfTheSpacing) {
+  const auto worst = [](double H) {
+    double error = 0.0;
+    for (std::uint64_t seed = 1; seed <= 3; ++seed)
+      error = std::max(
+          error, quadratic_patch_error(H / 8.0, {.order = 2, .spacing = H, .seed = seed, .secondary = GetParam()}));
+    return error;
+  };
+  const double coarse = worst(0.25), fine = worst(0.0625);
+  EXPECT_LE(coarse, 2e-2);
+  EXPECT_NEAR(order_between(coarse, fine, 4.0), 2.0, 0.4);
+}
+
+TEST_P(ProjectedQuadraticPatch, ErrorFallsWithTheNumberOfQuadraturePoints) {
+  const auto error = [](double ratio) {
+    return quadratic_patch_error(0.0125, {.order = 2, .spacing = 0.25, .secondary = GetParam(), .ratio = ratio});
+  };
+  EXPECT_LE(error(32.0), error(4.0) / 3.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Secondary, ProjectedQuadraticPatch,
+                         ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                         [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
+
+}  // namespace
+}  // namespace efree
