@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The linear patch test as a Markdown table: tension, shear and rotation on 20 random clouds for every body, condition
+/// and secondary basis, held on the whole outer boundary and on one side only; largest error anywhere. The last rows
+/// show what gradients evaluated at the quadrature points give instead of projected ones.
+///
+///   bench_patch_table [clouds = 20]
+#include "efree/tests/bodies.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+
+using namespace efree;
+
+namespace {
+
+struct Errors3 {
+  std::vector<double> displacement, stress, recovered;
+};
+
+void add_errors(const testing::Body& body, const Approximation<2>& approximation, const ElasticModel& model,
+                Errors3& errors) {
+  std::vector<std::string> loaded(body.outer.begin() + 1, body.outer.end());
+  loaded.insert(loaded.end(), body.inner.begin(), body.inner.end());
+  for (const auto& field : testing::linear_fields())
+    for (const bool all : {true, false}) {
+      const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
+                             : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);
+      errors.displacement.push_back(error.displacement);
+      errors.stress.push_back(error.stress);
+      errors.recovered.push_back(error.recovered);
+    }
+}
+
+void print_row(const std::string& name, const char* secondary, const char* essential, Errors3& errors) {
+  std::printf("| %s | %s | %s |", name.c_str(), secondary, essential);
+  for (auto* list : {&errors.displacement, &errors.stress, &errors.recovered}) {
+    std::sort(list->begin(), list->end());
+    std::printf(" %.1e | %.1e |", list->back(), (*list)[list->size() / 2]);
+  }
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int clouds = argc > 1 ? std::atoi(argv[1]) : 20;
+  std::printf(
+      "| body | secondary basis | conditions | displacement, worst | median | stress, worst | median | recovered "
+      "stress, worst | median |\n");
+  std::printf("|---|---|---|---|---|---|---|---|---|\n");
+  const std::vector<std::string> names{"square", "slivers", "plate_with_hole", "l_shape", "slit"};
+  for (const auto& name : names) {
+    const auto body = testing::body(name);
+    for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
+      for (const auto essential : {Essential::nitsche, Essential::strong}) {
+        Errors3 errors;
+        for (int seed = 1; seed <= clouds; ++seed) {
+          ApproximationOptions options{
+              .spacing = body.spacing, .seed = static_cast<std::uint64_t>(seed), .secondary = secondary};
+          if (essential == Essential::strong) options.vanish_on = body.outer;
+          add_errors(body, approximate(body.mesh, options), {.material = {1.0, 0.3}, .essential = essential}, errors);
+        }
+        print_row(name, secondary == SecondaryKind::cells ? "cells" : "mls",
+                  essential == Essential::nitsche ? "Nitsche" : "strong", errors);
+      }
+  }
+  for (const auto& name : names) {
+    const auto body = testing::body(name);
+    Errors3 errors;
+    for (int seed = 1; seed <= clouds; ++seed) {
+      const ApproximationOptions options{.spacing = body.spacing, .seed = static_cast<std::uint64_t>(seed)};
+      add_errors(body, testing::with_point_evaluation(body.mesh, options), {.material = {1.0, 0.3}}, errors);
+    }
+    print_row(name, "cells, gradients evaluated", "Nitsche", errors);
+  }
+}
