@@ -140,7 +140,7 @@ SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud
     for (Index v = 0; v < mesh.num_vertices(); ++v)
       if (on_part[v]) sources.push_back(v);
     if (sources.empty()) throw InputError(fmt::format("boundary part \"{}\" is empty", part));
-    const Vector distance = nearest_source(mesh, sources).distance;
+    const Vector distance = nearest_source(mesh, sources, cloud.spacing.maxCoeff()).distance;
     for (Index v = 0; v < mesh.num_vertices(); ++v)
       for (SparseRows::InnerIterator entry(weights, v); entry; ++entry)
         if (!on_part[cloud.vertices[entry.col()]]) {

@@ -5,6 +5,7 @@
 #include "efree/geometry/fine_mesh.hpp"
 #include "efree/heatgeo/kernel.hpp"
 
+#include <limits>
 #include <memory>
 
 namespace efree {
@@ -70,12 +71,14 @@ template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std:
 
 /// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources
 /// at once; where three of their regions meet inside one triangle the second nearest may be taken). num_vertices
-/// entries; -1 and infinity where no source is in the same body.
+/// entries; -1 and infinity where no source of the same body is nearer than `reach`.
 struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`
   Vector distance;
 };
-template <int Dim> NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources);
+template <int Dim>
+NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                             double reach = std::numeric_limits<double>::infinity());
 
 /// The same mesh with edges flipped until they are Delaunay (boundary kept). In a flat domain this is the intrinsic
 /// Delaunay triangulation (Bobenko & Springborn 2007): same vertices, same P1 space on the boundary, cotangent weights

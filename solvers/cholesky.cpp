@@ -54,6 +54,10 @@ Cholesky::Cholesky(const SymmetricMatrix& lower) : impl_(std::make_unique<Impl>(
     const auto* permutation = static_cast<const int*>(impl_->factor->Perm);
     throw NumericalError(fmt::format("the matrix is not positive definite (at unknown {} of {})", permutation[impl_->factor->minor], lower.rows()));
   }
+  // Rounding can hide a zero pivot; what it leaves is no stiffness.
+  constexpr double smallest_pivot_ratio = 1e-13;
+  if (const double ratio = cholmod_rcond(impl_->factor, &impl_->common); ratio < smallest_pivot_ratio)
+    throw NumericalError(fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
 }
 
 Cholesky::~Cholesky() = default;

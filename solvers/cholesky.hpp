@@ -11,7 +11,8 @@ namespace efree {
 /// Analyses and factors once; solves any number of right-hand sides. Bitwise reproducible for any number of threads.
 class Cholesky {
  public:
-  /// Throws NumericalError naming the first unknown at which the matrix is not positive definite.
+  /// Throws NumericalError naming the first unknown at which the matrix is not positive definite, or if its pivots span
+  /// more than 13 orders of magnitude.
   explicit Cholesky(const SymmetricMatrix& lower);
   ~Cholesky();
   Cholesky(Cholesky&&) noexcept;
