@@ -114,7 +114,7 @@ class PlanarGeodesics {
   PlanarGeodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) : options_(options) {
     if (options.engine == Weight::heat_geodesic) delaunay_ = delaunay_mesh(mesh);
     mesh_ = delaunay_ ? &*delaunay_ : &mesh;
-    if (options.engine == Weight::euclidean) ball_.emplace(mesh);
+    if (options.engine == Weight::euclidean) grid_.emplace(mesh);
     if (options.engine == Weight::visibility || options.engine == Weight::fast_marching) sight_.emplace(mesh);
   }
 
@@ -127,13 +127,9 @@ class PlanarGeodesics {
     parallel_chunks(static_cast<Index>(sources.size()), sources_per_chunk, [&](Index begin, Index end) {
       use_scratch([&](Scratch& scratch) {
         for (Index i = begin; i < end; ++i) {
-          if (ball_) {
-            finish(i, fields[i] = straight_distances(sources[i], radii[i]));
-            continue;
-          }
-          const Patch<2>& patch = scratch.finder.around(sources[i], radii[i]);
-          put_off[i] = options_.engine == Weight::heat_geodesic && (patch.obstructed || options_.always_solve);
-          if (!put_off[i]) finish(i, fields[i] = distances(scratch, patch));
+          auto field = distances(scratch, sources[i], radii[i]);
+          put_off[i] = !field;
+          if (field) finish(i, fields[i] = std::move(*field));
         }
       });
     });
@@ -143,8 +139,7 @@ class PlanarGeodesics {
 
  private:
   struct Scratch {
-    explicit Scratch(const FineMesh<2>& mesh) : finder(mesh) {}
-    PatchFinder<2> finder;
+    std::optional<PatchFinder<2>> finder;
     std::optional<VisibleDistance> visible;
     std::optional<FastMarching> marching;
     std::optional<PatchHeat> heat;
@@ -152,7 +147,9 @@ class PlanarGeodesics {
 
   template <class Use> void use_scratch(const Use& body) const {
     const auto make = [&] {
-      auto scratch = std::make_unique<Scratch>(*mesh_);
+      auto scratch = std::make_unique<Scratch>();
+      if (options_.engine == Weight::fast_marching || options_.engine == Weight::heat_geodesic)
+        scratch->finder.emplace(*mesh_);
       if (options_.engine == Weight::visibility) scratch->visible.emplace(*sight_);
       if (options_.engine == Weight::fast_marching) scratch->marching.emplace(*sight_);
       if (options_.engine == Weight::heat_geodesic) scratch->heat.emplace(*mesh_, options_.heat_time);
@@ -161,31 +158,45 @@ class PlanarGeodesics {
     pool_.use(make, body);
   }
 
+  /// Nothing where heat has to be solved.
+  std::optional<LocalField> distances(Scratch& scratch, Index source, double radius) const {
+    if (options_.engine == Weight::euclidean) return straight_distances(source, radius);
+    if (options_.engine == Weight::visibility) {
+      scratch.visible->measure(source, radius);
+      return reached_by(*scratch.visible);
+    }
+    const Patch<2>& patch = scratch.finder->around(source, radius);
+    if (!patch.obstructed && !options_.always_solve) return straight_distances(patch);
+    if (options_.engine == Weight::heat_geodesic) return std::nullopt;
+    scratch.marching->march({&source, 1}, radius);
+    return reached_by(*scratch.marching);
+  }
+
   LocalField straight_distances(Index source, double radius) const {
     LocalField field;
-    ball_->for_each(mesh_->vertex(source), radius, [&](Index v, double distance) {
-      field.vertices.push_back(v);
-      field.values.push_back(distance);
-    });
+    const Vec<2> x = mesh_->vertex(source);
+    grid_->for_each({x.array() - radius, x.array() + radius},
+                    [&](Index v, const Vec<2>& position) { append(field, v, (position - x).norm(), radius); });
     return field;
   }
 
-  LocalField distances(Scratch& scratch, const Patch<2>& patch) const {
+  static LocalField straight_distances(const Patch<2>& patch) {
     LocalField field;
-    if (options_.engine == Weight::fast_marching && (patch.obstructed || options_.always_solve)) {
-      scratch.marching->march({&patch.source, 1}, patch.radius);
-      field.vertices = scratch.marching->reached();
-      for (Index v : field.vertices) field.values.push_back(scratch.marching->distance(v));
-      return field;
-    }
-    const auto& d = options_.engine == Weight::visibility ? scratch.visible->from(patch) : patch.distances;
-    field.vertices.reserve(d.size());
-    field.values.reserve(d.size());
-    for (std::size_t k = 0; k < d.size(); ++k)
-      if (d[k] < patch.radius) {
-        field.vertices.push_back(patch.vertices[k]);
-        field.values.push_back(d[k]);
-      }
+    for (std::size_t k = 0; k < patch.vertices.size(); ++k)
+      append(field, patch.vertices[k], patch.distances[k], patch.radius);
+    return field;
+  }
+
+  static void append(LocalField& field, Index v, double distance, double radius) {
+    if (distance >= radius) return;
+    field.vertices.push_back(v);
+    field.values.push_back(distance);
+  }
+
+  template <class Engine> static LocalField reached_by(const Engine& engine) {
+    LocalField field{engine.reached(), {}};
+    field.values.reserve(field.vertices.size());
+    for (Index v : field.vertices) field.values.push_back(engine.distance(v));
     return field;
   }
 
@@ -212,7 +223,7 @@ class PlanarGeodesics {
   GeodesicOptions options_;
   std::optional<FineMesh<2>> delaunay_;
   const FineMesh<2>* mesh_;
-  std::optional<BallSearch> ball_;
+  std::optional<VertexGrid> grid_;
   std::optional<SightLines> sight_;
   mutable Pool<Scratch> pool_;
 };
@@ -274,11 +285,11 @@ template <> SparseRows node_weights<2>(const FineMesh<2>& mesh, const std::vecto
   }));
 }
 
-template <> NearestSource nearest_source<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources) {
+template <> NearestSource nearest_source<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources, double reach) {
   check_sources(mesh, sources, Vector::Ones(static_cast<Index>(sources.size())));
   const SightLines sight(mesh);
   FastMarching marching(sight);
-  marching.march(sources, infinity);
+  marching.march(sources, reach);
   NearestSource nearest;
   nearest.source.assign(mesh.num_vertices(), -1);
   nearest.distance.setConstant(mesh.num_vertices(), infinity);

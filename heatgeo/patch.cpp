@@ -12,6 +12,12 @@ double cross(const Vec<2>& a, const Vec<2>& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
+std::vector<Index> all_vertices(const FineMesh<2>& mesh) {
+  std::vector<Index> all(mesh.num_vertices());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
 }  // namespace
 
 template <int Dim> double length_tolerance(const FineMesh<Dim>& mesh) {
@@ -104,27 +110,31 @@ template <int Dim> const Patch<Dim>& PatchFinder<Dim>::around(Index source, doub
 template class PatchFinder<2>;
 template double length_tolerance<2>(const FineMesh<2>&);
 
-BallSearch::BallSearch(const FineMesh<2>& mesh) : mesh_(mesh), origin_(mesh.vertices().rowwise().minCoeff()) {
+VertexGrid::VertexGrid(const FineMesh<2>& mesh) : VertexGrid(mesh, all_vertices(mesh)) {}
+
+VertexGrid::VertexGrid(const FineMesh<2>& mesh, const std::vector<Index>& vertices)
+    : origin_(mesh.vertices().rowwise().minCoeff()) {
   constexpr double vertices_per_square = 8.0;
   const Vec<2> extent = mesh.vertices().rowwise().maxCoeff() - origin_;
-  width_ = std::sqrt(extent.prod() * vertices_per_square / mesh.num_vertices());
+  width_ = std::sqrt(extent.prod() * vertices_per_square / static_cast<double>(vertices.size()));
   columns_ = static_cast<Index>(extent.x() / width_) + 1;
   rows_ = static_cast<Index>(extent.y() / width_) + 1;
 
-  std::vector<Index> of(mesh.num_vertices());
+  std::vector<Index> of(vertices.size());
   squares_.offsets.assign(static_cast<std::size_t>(columns_) * rows_ + 1, 0);
-  for (Index v = 0; v < mesh.num_vertices(); ++v) {
-    const auto at = square(mesh.vertex(v));
-    of[v] = at.y() * columns_ + at.x();
-    ++squares_.offsets[of[v] + 1];
+  for (std::size_t k = 0; k < vertices.size(); ++k) {
+    const auto at = square(mesh.vertex(vertices[k]));
+    of[k] = at.y() * columns_ + at.x();
+    ++squares_.offsets[of[k] + 1];
   }
   std::partial_sum(squares_.offsets.begin(), squares_.offsets.end(), squares_.offsets.begin());
-  squares_.items.resize(mesh.num_vertices());
+  squares_.items.resize(vertices.size());
   std::vector<Index> cursor(squares_.offsets.begin(), squares_.offsets.end() - 1);
-  for (Index v = 0; v < mesh.num_vertices(); ++v) squares_.items[cursor[of[v]]++] = v;
+  for (std::size_t k = 0; k < vertices.size(); ++k)
+    squares_.items[cursor[of[k]]++] = {mesh.vertex(vertices[k]), vertices[k]};
 }
 
-Eigen::Vector2i BallSearch::square(const Vec<2>& x) const {
+Eigen::Vector2i VertexGrid::square(const Vec<2>& x) const {
   const Vec<2> at = (x - origin_) / width_;
   return {static_cast<int>(std::clamp(at.x(), 0.0, columns_ - 1.0)),
           static_cast<int>(std::clamp(at.y(), 0.0, rows_ - 1.0))};

@@ -4,6 +4,9 @@
 
 #include "efree/geometry/fine_mesh.hpp"
 
+#include <Eigen/Geometry>
+#include <cmath>
+
 namespace efree {
 
 /// Connected part of the fine mesh inside a ball around a source vertex.
@@ -46,30 +49,43 @@ template <int Dim> class PatchFinder {
   Index stamp_ = 0;
 };
 
-/// Finds the vertices in a ball, wherever the boundary is: a regular grid of squares with about eight vertices each.
-/// Immutable.
-class BallSearch {
+/// Finds vertices by where they are, wherever the boundary is: a regular grid of squares with about eight vertices
+/// each. Immutable.
+class VertexGrid {
  public:
-  /// Keeps a reference to the mesh.
-  explicit BallSearch(const FineMesh<2>& mesh);
-  /// Calls body(v, distance) for every vertex nearer than `radius` to x. Cost linear in their number.
-  template <class Body> void for_each(const Vec<2>& x, double radius, const Body& body) const {
-    const auto low = square(x.array() - radius), high = square(x.array() + radius);
+  using Box = Eigen::AlignedBox<double, 2>;
+
+  VertexGrid(const FineMesh<2>& mesh, const std::vector<Index>& vertices);
+  /// Of all vertices.
+  explicit VertexGrid(const FineMesh<2>& mesh);
+
+  /// Calls body(v, position) for every vertex in the box, and for some around it. Cost linear in their number.
+  template <class Body> void for_each(const Box& box, const Body& body) const {
+    for_each(
+        box, [](const Vec<2>&, double) { return true; }, body);
+  }
+  /// The same without the squares for which meets(centre, half their diagonal) is false.
+  template <class Meets, class Body> void for_each(const Box& box, const Meets& meets, const Body& body) const {
+    const auto low = square(box.min()), high = square(box.max());
+    const double half_diagonal = std::sqrt(0.5) * width_;
     for (Index row = low.y(); row <= high.y(); ++row)
       for (Index column = low.x(); column <= high.x(); ++column)
-        for (Index v : squares_[row * columns_ + column])
-          if (const double distance = (mesh_.vertex(v) - x).norm(); distance < radius) body(v, distance);
+        if (meets(origin_ + width_ * Vec<2>(column + 0.5, row + 0.5), half_diagonal))
+          for (const Item& item : squares_[row * columns_ + column]) body(item.vertex, item.position);
   }
 
  private:
+  struct Item {
+    Vec<2> position;
+    Index vertex;
+  };
   /// Column and row, clamped to the grid.
   Eigen::Vector2i square(const Vec<2>& x) const;
 
-  const FineMesh<2>& mesh_;
   Vec<2> origin_;
   double width_;
   Index columns_, rows_;
-  Ragged<Index> squares_;
+  Ragged<Item> squares_;  ///< row by row
 };
 
 }  // namespace efree

@@ -72,6 +72,15 @@ std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, cons
   return std::nullopt;
 }
 
+std::array<BendingWedge, 2> SightLines::bends(Index v, const Corner& corner, double reach) const {
+  constexpr double wider = 100.0;  // than the slack of a bend
+  const Vec<2> to_next = mesh_.vertex(corner.next) - mesh_.vertex(v),
+               to_previous = mesh_.vertex(corner.previous) - mesh_.vertex(v);
+  const double slack = wider * tolerance_ * (1.0 + reach / std::min(to_next.norm(), to_previous.norm()));
+  const Vec<2> next = to_next.normalized(), previous = to_previous.normalized();
+  return {BendingWedge{next, -previous, slack}, BendingWedge{-next, previous, slack}};
+}
+
 SightLines::Departure SightLines::depart(Index v, const Vec<2>& direction) const {
   const Vec<2> x = mesh_.vertex(v);
   const double slack = tolerance_ * direction.norm();

@@ -4,6 +4,7 @@
 
 #include "efree/geometry/fine_mesh.hpp"
 
+#include <array>
 #include <optional>
 
 namespace efree {
@@ -19,9 +20,21 @@ struct Corner {
 struct BendingWedge {
   Vec<2> first, last;  ///< unit vectors, or both zero
   double slack;        ///< [length]
-  bool contains(const Vec<2>& direction) const {
-    return first.x() * direction.y() - first.y() * direction.x() >= -slack &&
-           last.x() * direction.y() - last.y() * direction.x() <= slack;
+  /// `margin` widens the wedge on either side [length].
+  bool contains(const Vec<2>& direction, double margin = 0.0) const {
+    return after_first(direction, margin) && before_last(direction, margin);
+  }
+  /// True only if no point of the segment from a to b is in the wedge (the converse does not hold).
+  bool misses(const Vec<2>& a, const Vec<2>& b) const {
+    return (!after_first(a, 0.0) && !after_first(b, 0.0)) || (!before_last(a, 0.0) && !before_last(b, 0.0));
+  }
+
+ private:
+  bool after_first(const Vec<2>& d, double margin) const {
+    return first.x() * d.y() - first.y() * d.x() >= -slack - margin;
+  }
+  bool before_last(const Vec<2>& d, double margin) const {
+    return last.x() * d.y() - last.y() * d.x() <= slack + margin;
   }
 };
 
@@ -41,12 +54,17 @@ class SightLines {
 
   /// Corners of the boundary at vertex v: none inside the body, one on its boundary, more where parts touch in a point.
   std::span<const Corner> corners(Index v) const { return corners_[v]; }
+  /// Number of the first of them; corners are numbered through the mesh, num_corners() in all.
+  Index first_corner(Index v) const { return corners_.offsets[v]; }
+  Index num_corners() const { return static_cast<Index>(corners_.items.size()); }
   bool is_reflex(Index v) const;
 
   /// Where a path that came to v straight from the point `from` may go on after bending at the corner, if anywhere
   /// (taut string: it bends towards the obstacle, and no further than the obstacle's side). Good for directions no
   /// longer than `reach`.
   std::optional<BendingWedge> bend(Index v, const Corner& corner, const Vec<2>& from, double reach) const;
+  /// The two wedges, one for each way around the obstacle, that hold all directions `bend` can give at a reflex corner.
+  std::array<BendingWedge, 2> bends(Index v, const Corner& corner, double reach) const;
 
  private:
   /// How a ray leaves a vertex: along one or (at the tip of a slit) two edges, or through a cell's opposite facet.

@@ -2,127 +2,103 @@
 #include "efree/heatgeo/visible_distance.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace efree {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr int sectors = 256;
-constexpr double sector_slack = 1e-6;  // far more than the rounding of a direction, far less than a sector
 
-/// Grows with the angle of v from 0 to `sectors`, without trigonometry.
-double sector_coordinate(const Vec<2>& v) {
-  const double p = v.x() / (std::abs(v.x()) + std::abs(v.y()));
-  return 0.25 * sectors * (v.y() < 0.0 ? 3.0 + p : 1.0 - p);
+VertexGrid::Box box_around(const Vec<2>& x, double radius) {
+  return {x.array() - radius, x.array() + radius};
 }
 
-/// Smallest and largest x of the directions in the wedge that are no longer than `reach`.
-std::pair<double, double> horizontal_extent(const BendingWedge& wedge, double reach) {
+/// Box around the points nearer than `reach` whose directions from x lie in the wedge.
+VertexGrid::Box box_around(const Vec<2>& x, const BendingWedge& wedge, double reach) {
   const double cosine_of_half = 0.5 * (wedge.first + wedge.last).norm();
-  if (cosine_of_half < 0.5) return {-reach, reach};
+  if (cosine_of_half < 0.5) return box_around(x, reach);
   // A triangle around the sector.
-  const double a = reach * wedge.first.x() / cosine_of_half, b = reach * wedge.last.x() / cosine_of_half;
-  return {std::min({0.0, a, b}), std::max({0.0, a, b})};
-}
-
-double distance_to_segment(const Vec<2>& a, const Vec<2>& b) {
-  const Vec<2> along = b - a;
-  const double t = std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0);
-  return (a + t * along).norm();
+  VertexGrid::Box box(x);
+  box.extend(x + reach / cosine_of_half * wedge.first);
+  box.extend(x + reach / cosine_of_half * wedge.last);
+  return {box.min().array() - wedge.slack, box.max().array() + wedge.slack};
 }
 
 }  // namespace
 
-VisibleDistance::VisibleDistance(const SightLines& sight) : sight_(sight) {}
+VisibleDistance::VisibleDistance(const SightLines& sight)
+    : sight_(sight),
+      grid_(sight.mesh()),
+      viewpoint_(sight),
+      distance_(sight.mesh().num_vertices(), infinity),
+      fans_(sight.num_corners()) {}
 
-const std::vector<double>& VisibleDistance::from(const Patch<2>& patch) {
-  distances_ = patch.distances;
-  if (!patch.obstructed) return distances_;
-  radius_ = patch.radius;
+void VisibleDistance::measure(Index source, double radius) {
+  for (Index v : reached_) distance_[v] = infinity;
+  reached_.clear();
   bends_.clear();
-  build_horizon(patch);
-  find_hidden(patch);
-  while (!bends_.empty() && !hidden_.empty()) {
-    std::pop_heap(bends_.begin(), bends_.end());
-    const Bend bend = bends_.back();
-    bends_.pop_back();
-    bend_at(bend.vertex, bend.distance, bend.came_from);
-  }
-  return distances_;
-}
-
-/// In every direction, the distance within which no facet shows its outer side.
-void VisibleDistance::build_horizon(const Patch<2>& patch) {
-  const FineMesh<2>& mesh = sight_.mesh();
-  const Vec<2> source = mesh.vertex(patch.source);
-  horizon_.assign(sectors, infinity);
-  const auto lower = [&](const Vec<2>& right, const Vec<2>& left, double distance) {
-    const int first = static_cast<int>(std::floor(sector_coordinate(right) - sector_slack));
-    int last = static_cast<int>(std::floor(sector_coordinate(left) + sector_slack));
-    if (last < first) last += sectors;
-    for (int k = first; k <= last; ++k) {
-      double& horizon = horizon_[(k + sectors) % sectors];
-      horizon = std::min(horizon, distance);
-    }
-  };
-  for (Index f : patch.facets) {
-    if (!shows_outer_side(mesh, f, source, sight_.tolerance())) continue;
-    // Seen from its outer side a facet runs clockwise.
-    const Vec<2> left = mesh.vertex(mesh.facets()(0, f)) - source, right = mesh.vertex(mesh.facets()(1, f)) - source;
-    lower(right, left, distance_to_segment(right, left) * (1.0 - sector_slack));
-  }
-  for (const Corner& corner : sight_.corners(patch.source))
-    lower(mesh.vertex(corner.previous) - source, mesh.vertex(corner.next) - source, 0.0);
-}
-
-/// Lists the vertices that the source does not see and queues the bends that it does see.
-void VisibleDistance::find_hidden(const Patch<2>& patch) {
-  const FineMesh<2>& mesh = sight_.mesh();
-  const Vec<2> source = mesh.vertex(patch.source);
-  hidden_.clear();
-  for (std::size_t k = 1; k < patch.vertices.size(); ++k) {
-    if (distances_[k] >= radius_) continue;
-    const Index v = patch.vertices[k];
-    const Vec<2> x = mesh.vertex(v);
-    const auto surely_seen = [&] {
-      return distances_[k] > 0.0 && distances_[k] < horizon_[static_cast<int>(sector_coordinate(x - source)) % sectors];
-    };
-    if (surely_seen() || sight_.visible(patch.source, v)) {
-      if (sight_.is_reflex(v)) bends_.push_back({distances_[k], v, source});
-    } else {
-      distances_[k] = infinity;
-      hidden_.push_back({x, v, static_cast<Index>(k)});
-    }
-  }
-  std::sort(hidden_.begin(), hidden_.end(), [](const Hidden& a, const Hidden& b) {
-    return a.position.x() != b.position.x() ? a.position.x() < b.position.x() : a.row < b.row;
+  radius_ = radius;
+  const Vec<2> x = sight_.mesh().vertex(source);
+  const VertexGrid::Box box = box_around(x, radius);
+  viewpoint_.look(source, box);
+  grid_.for_each(box, [&](Index v, const Vec<2>& position) {
+    const Vec<2> line = position - x;
+    const double length = line.norm();
+    if (length < radius && viewpoint_.sees(v, line, length)) offer(v, length, x);
   });
-  std::make_heap(bends_.begin(), bends_.end());
+  if (!viewpoint_.obstructed()) return;
+  while (!bends_.empty()) {
+    std::pop_heap(bends_.begin(), bends_.end());
+    const Bend nearest = bends_.back();
+    bends_.pop_back();
+    if (nearest.distance <= distance_[nearest.vertex]) bend(nearest);
+  }
 }
 
-void VisibleDistance::bend_at(Index corner_vertex, double distance, const Vec<2>& came_from) {
-  const Vec<2> x = sight_.mesh().vertex(corner_vertex);
-  const double reach = radius_ - distance;
-  for (const Corner& corner : sight_.corners(corner_vertex)) {
-    const auto wedge = sight_.bend(corner_vertex, corner, came_from, reach);
-    if (!wedge) continue;
-    const auto [low, high] = horizontal_extent(*wedge, reach);
-    auto hidden = std::lower_bound(hidden_.begin(), hidden_.end(), x.x() + low - wedge->slack,
-                                   [](const Hidden& h, double value) { return h.position.x() < value; });
-    for (; hidden != hidden_.end() && hidden->position.x() <= x.x() + high + wedge->slack; ++hidden) {
-      const Vec<2> onward = hidden->position - x;
-      if (!wedge->contains(onward)) continue;
-      const double length = distance + onward.norm();
-      if (length >= std::min(radius_, distances_[hidden->row]) || !sight_.visible(corner_vertex, hidden->vertex))
-        continue;
-      distances_[hidden->row] = length;
-      if (!sight_.is_reflex(hidden->vertex)) continue;
-      bends_.push_back({length, hidden->vertex, x});
-      std::push_heap(bends_.begin(), bends_.end());
-    }
+void VisibleDistance::offer(Index v, double distance, const Vec<2>& came_from) {
+  if (distance_[v] == infinity) reached_.push_back(v);
+  distance_[v] = distance;
+  if (!sight_.is_reflex(v)) return;
+  bends_.push_back({distance, v, came_from});
+  std::push_heap(bends_.begin(), bends_.end());
+}
+
+void VisibleDistance::bend(const Bend& at) {
+  const FineMesh<2>& mesh = sight_.mesh();
+  const Vec<2> x = mesh.vertex(at.vertex);
+  Index number = sight_.first_corner(at.vertex);
+  for (const Corner& corner : sight_.corners(at.vertex)) {
+    const auto wedge = sight_.bend(at.vertex, corner, at.came_from, radius_ - at.distance);
+    if (wedge)
+      for (const auto& [length, v] : fan(at.vertex, number, corner)) {
+        const double distance = at.distance + length;
+        if (distance >= radius_) break;
+        if (distance < distance_[v] && wedge->contains(mesh.vertex(v) - x)) offer(v, distance, x);
+      }
+    ++number;
   }
+}
+
+const VisibleDistance::Seen& VisibleDistance::fan(Index vertex, Index number, const Corner& corner) {
+  Fan& fan = fans_[number];
+  if (fan.reach >= radius_) return fan.seen;
+  const Vec<2> x = sight_.mesh().vertex(vertex);
+  seen_.clear();
+  for (const BendingWedge& wedge : sight_.bends(vertex, corner, radius_)) {
+    const VertexGrid::Box box = box_around(x, wedge, radius_);
+    viewpoint_.look(vertex, box, &wedge);
+    grid_.for_each(
+        box, [&](const Vec<2>& centre, double margin) { return wedge.contains(centre - x, margin); },
+        [&](Index v, const Vec<2>& position) {
+          const Vec<2> line = position - x;
+          if (v == vertex || !wedge.contains(line)) return;
+          const double length = line.norm();
+          if (length < radius_ && viewpoint_.sees(v, line, length)) seen_.push_back({length, v});
+        });
+  }
+  std::sort(seen_.begin(), seen_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  fan = {radius_, seen_};
+  return fan.seen;
 }
 
 }  // namespace efree

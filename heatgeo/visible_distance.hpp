@@ -2,31 +2,27 @@
 /// Exact distances inside a planar body.
 #pragma once
 
-#include "efree/heatgeo/patch.hpp"
-#include "efree/heatgeo/sight_lines.hpp"
+#include "efree/heatgeo/viewpoint.hpp"
 
 namespace efree {
 
-/// Shortest distances inside a planar body, exact up to rounding, from the source of a patch to its vertices: straight
-/// lines, and paths that bend at reflex corners of the boundary (visibility graph, Lozano-Perez & Wesley 1979, in
-/// Dijkstra's order, with only the bends a taut string makes). Keeps scratch memory: use one per thread.
+/// Shortest distances inside a planar body, exact up to rounding, from one vertex to those in reach: straight lines,
+/// and paths that bend at reflex corners of the boundary (visibility graph, Lozano-Perez & Wesley 1979, in Dijkstra's
+/// order, with only the bends a taut string makes). What a corner sees in the directions of its bends is found once and
+/// remembered for the next sources. Keeps scratch memory: use one per thread.
 class VisibleDistance {
  public:
   /// Keeps a reference.
   explicit VisibleDistance(const SightLines& sight);
-  /// Distances of patch.vertices; infinite where no path is shorter than patch.radius. Valid until the next call.
-  const std::vector<double>& from(const Patch<2>& patch);
+
+  /// Finds the vertices nearer to `source` than `radius`.
+  void measure(Index source, double radius);
+
+  /// Vertices found last, in no special order; `distance` holds for them.
+  const std::vector<Index>& reached() const { return reached_; }
+  double distance(Index v) const { return distance_[v]; }
 
  private:
-  void build_horizon(const Patch<2>& patch);
-  void find_hidden(const Patch<2>& patch);
-  void bend_at(Index corner_vertex, double distance, const Vec<2>& came_from);
-
-  struct Hidden {
-    Vec<2> position;
-    Index vertex;
-    Index row;  ///< in patch.vertices
-  };
   /// Bends still to be gone through, the nearest one on top.
   struct Bend {
     double distance;
@@ -36,13 +32,26 @@ class VisibleDistance {
       return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
     }
   };
+  using Seen = std::vector<std::pair<double, Index>>;  // distance and vertex
+  /// What a corner sees in the directions of its bends, nearest first.
+  struct Fan {
+    double reach = 0.0;
+    Seen seen;
+  };
+
+  void offer(Index v, double distance, const Vec<2>& came_from);
+  void bend(const Bend& at);
+  const Seen& fan(Index vertex, Index number, const Corner& corner);
 
   const SightLines& sight_;
+  VertexGrid grid_;
+  Viewpoint viewpoint_;
   double radius_ = 0.0;
-  std::vector<double> distances_;
-  std::vector<double> horizon_;  ///< per sector of directions: distance up to which nothing hides a vertex
-  std::vector<Hidden> hidden_;   ///< by x
+  std::vector<double> distance_;
+  std::vector<Index> reached_;
   std::vector<Bend> bends_;
+  std::vector<Fan> fans_;  ///< one for each corner
+  Seen seen_;
 };
 
 }  // namespace efree

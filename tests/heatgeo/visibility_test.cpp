@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/heatgeo/patch.hpp"
 #include "efree/heatgeo/sight_lines.hpp"
+#include "efree/heatgeo/visible_distance.hpp"
 
 #include <gtest/gtest.h>
 
@@ -168,6 +169,43 @@ TEST(Visibility, IsSymmetric) {
     for (int j = 0; j < i; ++j)
       largest = std::max(largest, std::abs(fields[i].values[vertices[j]] - fields[j].values[vertices[i]]));
   EXPECT_LT(largest, 1e-13);
+}
+
+TEST(Visibility, WhatCornersRememberDoesNotChangeDistances) {
+  const FineMesh<2> mesh =
+      triangulate(shapes::plate_with_random_holes(1.0, 20, 0.03, 0.1, 0.02, 1, 0.02), {.size = 0.04});
+  const SightLines sight(mesh);
+  VisibleDistance used(sight);
+  for (const double radius : {0.3, 0.8, 0.2, 0.5})
+    for (Index source : random_vertices(mesh, 20, 5)) {
+      VisibleDistance fresh(sight);
+      fresh.measure(source, radius);
+      used.measure(source, radius);
+      ASSERT_EQ(used.reached().size(), fresh.reached().size());
+      for (Index v : fresh.reached()) ASSERT_EQ(used.distance(v), fresh.distance(v));
+    }
+}
+
+TEST(Viewpoint, SeesWhatSightLinesReach) {
+  const FineMesh<2> domains[] = {
+      slit_square(0.1), with_slivers(slit_square(0.15)), triangulate(shapes::l_shape(2.0), {.size = 0.15}),
+      triangulate(shapes::plate_with_random_holes(1.0, 12, 0.03, 0.1, 0.02, 1, 0.03), {.size = 0.06}),
+      triangulate(jagged_domain(7), {.size = 0.2})};
+  for (const FineMesh<2>& mesh : domains) {
+    const SightLines sight(mesh);
+    Viewpoint viewpoint(sight);
+    int hidden = 0;
+    for (Index source = 0; source < mesh.num_vertices(); ++source) {
+      viewpoint.look(source, {mesh.vertices().rowwise().minCoeff(), mesh.vertices().rowwise().maxCoeff()});
+      for (Index v = 0; v < mesh.num_vertices(); ++v) {
+        const Vec<2> line = mesh.vertex(v) - mesh.vertex(source);
+        const bool seen = sight.visible(source, v);
+        ASSERT_EQ(viewpoint.sees(v, line, line.norm()), seen) << "from " << source << " to " << v;
+        hidden += !seen;
+      }
+    }
+    EXPECT_GT(hidden, mesh.num_vertices());
+  }
 }
 
 TEST(SightLines, TheTwoSidesOfASlitDoNotSeeEachOther) {
