@@ -53,6 +53,39 @@ template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalC
   return SymmetricMatrix(T.transpose() * full * T).template triangularView<Eigen::Lower>();
 }
 
+/// Twice the shear energy per shear modulus of a Voigt strain: |dev eps|^2.
+template <int Dim> double deviator_squared(const Voigt<Dim>& strain) {
+  const double mean = strain.template head<Dim>().mean();
+  return (strain.template head<Dim>().array() - mean).square().sum() + 0.5 * strain.template tail<voigt_size<Dim> - Dim>().squaredNorm();
+}
+
+/// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.
+/// Compares the distortion the quadrature sees with that of the field itself on the fine mesh.
+template <int Dim> void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
+  constexpr double smallest_share = 0.05;
+  const auto& space = approximation.space;
+  const auto& mesh = space.mesh();
+  double seen = 0.0;
+  for (Index K = 0; K < approximation.quadrature.size(); ++K)
+    seen += approximation.quadrature.weights[K] * deviator_squared<Dim>(strain.col(K));
+  const Points<Dim> u = interpolate(approximation.shape, U);
+  const auto& rule = space.cell_rule();
+  double there = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto dN = space.gradients(c, rule.points.col(q));
+      const auto dofs = space.cell(c);
+      Voigt<Dim> eps = Voigt<Dim>::Zero();
+      for (std::size_t i = 0; i < dofs.size(); ++i) eps += strain_matrix<Dim>(dN.col(i)) * u.col(dofs[i]);
+      there += mesh.volume(c) * rule.weights[q] * deviator_squared<Dim>(eps);
+    }
+  const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
+  const double rounding = 1e-20 * mesh.volumes().sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
+  if (there > rounding && seen < smallest_share * there)
+    throw NumericalError(fmt::format("unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes; raise the ratio M/N",
+                                     approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes()));
+}
+
 template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
   for (const auto& frame : frames)
     if (frame != Mat<Dim>::Identity()) return false;
@@ -185,6 +218,7 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
       solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
   }
   solution.strain = strain(approximation.quadrature, solution.coefficients);
+  require_stable(approximation, solution.coefficients, solution.strain);
   solution.stress = stiffness<Dim>(impl_->lame) * solution.strain;
   if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
     const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);

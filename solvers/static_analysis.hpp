@@ -43,7 +43,8 @@ template <int Dim> class ElasticSolver {
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
 
-  /// One load case with the prescribed displacements.
+  /// One load case with the prescribed displacements. Throws NumericalError if the solution lives on deformations that the
+  /// quadrature does not see (too few points per node).
   Solution<Dim> solve(const Loads<Dim>& loads) const;
   Index num_unknowns() const;
 
