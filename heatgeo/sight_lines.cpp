@@ -57,6 +57,7 @@ bool SightLines::is_reflex(Index v) const {
 std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, const Vec<2>& from, double reach) const {
   if (!corner.reflex) return std::nullopt;
   const Vec<2> x = mesh_.vertex(v), onward = (x - from).normalized();
+  if (corners(v).size() > 1 && !opens(v, corner, -onward)) return std::nullopt;
   const Vec<2> to_next = mesh_.vertex(corner.next) - x, to_previous = mesh_.vertex(corner.previous) - x;
   // A short facet magnifies the rounding of its vertices over the reach.
   const auto wedge = [&](const Vec<2>& first, const Vec<2>& last, double facet) {
@@ -79,6 +80,21 @@ std::array<BendingWedge, 2> SightLines::bends(Index v, const Corner& corner, dou
   const double slack = wider * tolerance_ * (1.0 + reach / std::min(to_next.norm(), to_previous.norm()));
   const Vec<2> next = to_next.normalized(), previous = to_previous.normalized();
   return {BendingWedge{next, -previous, slack}, BendingWedge{-next, previous, slack}};
+}
+
+bool SightLines::opens(Index v, const Corner& corner, const Vec<2>& direction) const {
+  const Vec<2> to_next = mesh_.vertex(corner.next) - mesh_.vertex(v),
+               to_previous = mesh_.vertex(corner.previous) - mesh_.vertex(v);
+  const double from_next = cross(to_next, direction), from_previous = cross(direction, to_previous);
+  const double inwards = corner.reflex ? std::max(from_next, from_previous) : std::min(from_next, from_previous);
+  return inwards >= -tolerance_ * (direction.norm() + to_next.norm() + to_previous.norm());
+}
+
+bool SightLines::passes(Index v, const Vec<2>& direction) const {
+  const auto here = corners(v);
+  return here.size() < 2 || std::any_of(here.begin(), here.end(), [&](const Corner& corner) {
+           return opens(v, corner, direction) && opens(v, corner, -direction);
+         });
 }
 
 SightLines::Departure SightLines::depart(Index v, const Vec<2>& direction) const {
@@ -132,12 +148,13 @@ bool SightLines::visible(Index from, Index to) const {
     const Vec<2> origin = mesh_.vertex(from), direction = target - origin;
     if (direction.norm() <= tolerance_) return false;  // arrived on the other side of a slit
     const Departure departure = depart(from, direction);
-    if (departure.also_along >= 0 && visible(departure.also_along, to)) return true;
+    if (departure.also_along >= 0 && passes(departure.also_along, direction) && visible(departure.also_along, to))
+      return true;
     if (departure.along >= 0)
       from = departure.along;
     else
       from = departure.cell < 0 ? -1 : next_on_line(origin, direction, departure.cell, departure.facet);
-    if (from < 0) return false;
+    if (from < 0 || (from != to && !passes(from, direction))) return false;
     if (direction.dot(target - mesh_.vertex(from)) < -tolerance_ * direction.norm())
       return false;  // passed it on another sheet
   }

@@ -49,7 +49,8 @@ class SightLines {
   const FineMesh<2>& mesh() const { return mesh_; }
   double tolerance() const { return tolerance_; }
 
-  /// True if the straight segment between two vertices stays in the body. Cost linear in the cells it crosses.
+  /// True if the straight segment between two vertices stays in the body; it does not go on through a point where two
+  /// parts of the body touch. Cost linear in the cells it crosses.
   bool visible(Index from, Index to) const;
 
   /// Corners of the boundary at vertex v: none inside the body, one on its boundary, more where parts touch in a point.
@@ -75,6 +76,11 @@ class SightLines {
   Departure depart(Index v, const Vec<2>& direction) const;
   /// First vertex on the line from `origin` after leaving `cell` through its facet; -1 where the line leaves the body.
   Index next_on_line(const Vec<2>& origin, const Vec<2>& direction, Index cell, Index facet) const;
+
+  /// Whether a direction points into the body at this corner, or along one of its sides.
+  bool opens(Index v, const Corner& corner, const Vec<2>& direction) const;
+  /// Whether a line goes on in the same part of the body: parts that touch in a point do not see each other through it.
+  bool passes(Index v, const Vec<2>& direction) const;
 
   const FineMesh<2>& mesh_;
   double tolerance_;

@@ -52,7 +52,6 @@ void Viewpoint::look(Index origin, const VertexGrid::Box& box, const BendingWedg
   position_ = mesh.vertex(origin);
   opening_ = opening(origin);
   obstructed_ = false;
-  wedge_ = wedge;
   screens_.clear();
   const Vec<2> around = Vec<2>::Constant(longest_facet_);
   boundary_.for_each(
@@ -62,18 +61,18 @@ void Viewpoint::look(Index origin, const VertexGrid::Box& box, const BendingWedg
       },
       [&](Index v, const Vec<2>&) {
         for (Index f : mesh.facets_of(v))
-          if (mesh.facets()(0, f) == v) add(f);
+          if (mesh.facets()(0, f) == v) add(f, wedge);
       });
   if (obstructed_) sort_into_sectors();
 }
 
-void Viewpoint::add(Index facet) {
+void Viewpoint::add(Index facet, const BendingWedge* wedge) {
   const FineMesh<2>& mesh = sight_.mesh();
   // Seen from its outer side a facet runs clockwise.
   const Index left_vertex = mesh.facets()(0, facet), right_vertex = mesh.facets()(1, facet);
   if (left_vertex == origin_ || right_vertex == origin_) return;
   const Vec<2> left = mesh.vertex(left_vertex) - position_, right = mesh.vertex(right_vertex) - position_;
-  if (wedge_ && wedge_->misses(left, right)) return;
+  if (wedge && wedge->misses(left, right)) return;
   const double height = cross(left, right), extent = left.lpNorm<1>() + (right - left).lpNorm<1>();
   if (height > doubt_ * extent) return;
   const bool outer = height < -doubt_ * extent;

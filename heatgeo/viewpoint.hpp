@@ -42,7 +42,7 @@ class Viewpoint {
     bool outer;  ///< surely its outer side
   };
 
-  void add(Index facet);
+  void add(Index facet, const BendingWedge* wedge);
   void sort_into_sectors();
   Verdict judge(Index v, const Vec<2>& line, double length) const;
   Opening opening(Index v) const;
@@ -55,11 +55,10 @@ class Viewpoint {
   Index origin_ = -1;
   Vec<2> position_;
   Opening opening_;
-  const BendingWedge* wedge_ = nullptr;
   bool obstructed_ = false;
-  std::vector<Screen> screens_;  ///< by distance
-  Ragged<Index> sectors_;        ///< screens in each sector of directions, by distance
-  std::vector<std::pair<int, int>> ranges_;
+  std::vector<Screen> screens_;              ///< by distance
+  Ragged<Index> sectors_;                    ///< screens in each sector of directions, by distance
+  std::vector<std::pair<int, int>> ranges_;  ///< first and last sector of each screen
   std::vector<Index> cursor_;
 };
 

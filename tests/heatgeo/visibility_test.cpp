@@ -97,6 +97,23 @@ PlanarDomain jagged_domain(unsigned seed) {
   return domain;
 }
 
+/// A square with a kinked and a branching slit, one end on the boundary.
+PlanarDomain cracked_square() {
+  PlanarDomain domain = shapes::rectangle(-1, -1, 1, 1);
+  domain.slits.push_back({"kinked", {{-1.0, -0.4}, {-0.3, -0.3}, {0.1, -0.6}, {0.5, -0.6}}});
+  domain.slits.push_back({"trunk", {{-0.5, 0.3}, {0.1, 0.3}}});
+  domain.slits.push_back({"branches", {{0.4, 0.7}, {0.1, 0.3}, {0.5, 0.1}}});
+  return domain;
+}
+
+/// Two squares that meet in a corner, next to a third across a gap.
+PlanarDomain touching_squares() {
+  PlanarDomain domain = shapes::rectangle(0, 0, 1, 1);
+  for (const PlanarDomain& other : {shapes::rectangle(1, 1, 2, 2), shapes::rectangle(1.1, 0, 2, 0.9)})
+    domain.boundary.insert(domain.boundary.end(), other.boundary.begin(), other.boundary.end());
+  return domain;
+}
+
 TEST(Visibility, MatchesTheCornerGraphOfJaggedDomains) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     const PlanarDomain domain = jagged_domain(seed);
@@ -171,6 +188,27 @@ TEST(Visibility, IsSymmetric) {
   EXPECT_LT(largest, 1e-13);
 }
 
+TEST(Visibility, PartsThatTouchInAPointDoNotSeeEachOther) {
+  const FineMesh<2> mesh = triangulate(touching_squares(), {.size = 0.1});
+  const Geodesics<2> geodesics(mesh, {.engine = Weight::visibility});
+  const auto square = [&](Index v) {
+    const Vec<2> x = mesh.centroid(mesh.cells_of(v).front());
+    return x.y() > 1.0 ? 2 : x.x() > 1.0 ? 1 : 0;
+  };
+  const Index contact = vertex_near(mesh, {1.0, 1.0});
+  for (Index source = 0; source < mesh.num_vertices(); ++source) {
+    if (source == contact) continue;
+    Index reached = 0, expected = 0;
+    for (Index v : geodesics.from(source, 5.0).vertices) {
+      ASSERT_TRUE(v == contact || square(v) == square(source)) << "from " << source << " to " << v;
+      ++reached;
+    }
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      expected += square(v) == square(source) || (v == contact && square(source) != 1);
+    ASSERT_EQ(reached, expected);
+  }
+}
+
 TEST(Visibility, WhatCornersRememberDoesNotChangeDistances) {
   const FineMesh<2> mesh =
       triangulate(shapes::plate_with_random_holes(1.0, 20, 0.03, 0.1, 0.02, 1, 0.02), {.size = 0.04});
@@ -188,7 +226,11 @@ TEST(Visibility, WhatCornersRememberDoesNotChangeDistances) {
 
 TEST(Viewpoint, SeesWhatSightLinesReach) {
   const FineMesh<2> domains[] = {
-      slit_square(0.1), with_slivers(slit_square(0.15)), triangulate(shapes::l_shape(2.0), {.size = 0.15}),
+      triangulate(cracked_square(), {.size = 0.12}),
+      triangulate(touching_squares(), {.size = 0.15}),
+      slit_square(0.1),
+      with_slivers(slit_square(0.15)),
+      triangulate(shapes::l_shape(2.0), {.size = 0.15}),
       triangulate(shapes::plate_with_random_holes(1.0, 12, 0.03, 0.1, 0.02, 1, 0.03), {.size = 0.06}),
       triangulate(jagged_domain(7), {.size = 0.2})};
   for (const FineMesh<2>& mesh : domains) {
