@@ -196,8 +196,8 @@ ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const
   try {
     impl_->factor.emplace(K);
   } catch (const NumericalError& error) {
-    throw NumericalError(fmt::format("{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness, "
-                                     "raise the ratio M/N",
+    throw NumericalError(fmt::format("{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
+                                     "(raise the ratio M/N), as do euclidean weights across a slit (use geodesic ones)",
                                      error.what(), approximation.shape.num_nodes(), approximation.quadrature.size()));
   }
 }
