@@ -22,6 +22,7 @@
 #include "efree/heatgeo/kernel.hpp"
 #include "efree/heatgeo/patch.hpp"
 #include "efree/heatgeo/sight_lines.hpp"
+#include "efree/heatgeo/viewpoint.hpp"
 #include "efree/heatgeo/visible_distance.hpp"
 #include "efree/io/case_file.hpp"
 #include "efree/io/child_process.hpp"
