@@ -3,12 +3,12 @@
 
 #include "efree/core/error.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <map>
 
 namespace efree {
@@ -24,7 +24,8 @@ template <int Dim> struct BoundaryPoint {
   typename FineSpace<Dim>::CellValues N;  ///< of dofs
 };
 
-template <int Dim, class Visit> void for_each_point(const FineSpace<Dim>& space, const std::vector<Index>& facets, const Visit& visit) {
+template <int Dim, class Visit>
+void for_each_point(const FineSpace<Dim>& space, const std::vector<Index>& facets, const Visit& visit) {
   const auto& rule = space.facet_rule();
   const Index per_facet = static_cast<Index>(rule.weights.size());
   for (Index f : facets) {
@@ -33,17 +34,22 @@ template <int Dim, class Visit> void for_each_point(const FineSpace<Dim>& space,
     const Index c = space.mesh().facet_cell(f);
     for (Index g = 0; g < per_facet; ++g) {
       const auto at = space.facet_point(f, rule.points.col(g));
-      visit(BoundaryPoint<Dim>{f, f * per_facet + g, space.position(c, at), normal, measure * rule.weights[g], space.cell(c), space.values(at)});
+      visit(BoundaryPoint<Dim>{f, f * per_facet + g, space.position(c, at), normal, measure * rule.weights[g],
+                               space.cell(c), space.values(at)});
     }
   }
 }
 
-template <int Dim> std::string at(const Vec<Dim>& x) { return fmt::format("({:.6g})", fmt::join(x, ", ")); }
+template <int Dim> std::string at(const Vec<Dim>& x) {
+  return fmt::format("({:.6g})", fmt::join(x, ", "));
+}
 
 /// Value of a restraint, checked.
 template <int Dim> double prescribed(const Restraint<Dim>& restraint, const Vec<Dim>& x) {
   const double value = restraint.value(x);
-  if (!std::isfinite(value)) throw InputError(fmt::format("displacement on \"{}\" is {} at {}, expected a finite number", restraint.on, value, at<Dim>(x)));
+  if (!std::isfinite(value))
+    throw InputError(
+        fmt::format("displacement on \"{}\" is {} at {}, expected a finite number", restraint.on, value, at<Dim>(x)));
   return value;
 }
 
@@ -90,8 +96,8 @@ template <int Dim> struct BoundaryMoments {
   std::vector<double> penalty;                                   ///< beta_K, all K
 };
 
-template <int Dim>
-BoundaryMoments<Dim> boundary_moments(const FineSpace<Dim>& space, const StiffnessTerm<Dim>& term, const std::vector<Restraint<Dim>>& restraints) {
+template <int Dim> BoundaryMoments<Dim> boundary_moments(const FineSpace<Dim>& space, const StiffnessTerm<Dim>& term,
+                                                         const std::vector<Restraint<Dim>>& restraints) {
   const auto& on_facets = term.discretization->on_facets;
   BoundaryMoments<Dim> moments;
   std::vector<double> measure(term.discretization->size(), 0.0);
@@ -106,7 +112,8 @@ BoundaryMoments<Dim> boundary_moments(const FineSpace<Dim>& space, const Stiffne
         moments.value.emplace_back(phi.col(), factor * g * traction);
         for (std::size_t i = 0; i < point.dofs.size(); ++i)
           if (point.N[i] != 0.0)
-            moments.shape.emplace_back(std::pair(phi.col(), point.dofs[i]), factor * point.N[i] * d * traction.transpose());
+            moments.shape.emplace_back(std::pair(phi.col(), point.dofs[i]),
+                                       factor * point.N[i] * d * traction.transpose());
       }
     });
   combine(moments.shape);
@@ -120,9 +127,8 @@ BoundaryMoments<Dim> boundary_moments(const FineSpace<Dim>& space, const Stiffne
 }
 
 /// -int (sigma(u) n).v and its transpose, and the matching right-hand side.
-template <int Dim>
-void add_consistency(const ShapeTable<Dim>& shape, const StiffnessTerm<Dim>& term, const BoundaryMoments<Dim>& moments, Triplets& triplets,
-                     Points<Dim>& rhs) {
+template <int Dim> void add_consistency(const ShapeTable<Dim>& shape, const StiffnessTerm<Dim>& term,
+                                        const BoundaryMoments<Dim>& moments, Triplets& triplets, Points<Dim>& rhs) {
   const VoigtMatrix<Dim> C = stiffness<Dim>(term.lame);
   const auto& table = term.discretization->shape;
   using Block = typename BoundaryMoments<Dim>::Block;
@@ -132,7 +138,8 @@ void add_consistency(const ShapeTable<Dim>& shape, const StiffnessTerm<Dim>& ter
     nodal.clear();
     for (; s < moments.shape.size() && moments.shape[s].first.first == K; ++s) {
       const auto row = shape.row(moments.shape[s].first.second);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal.emplace_back(row.nodes[k], row.N[k] * moments.shape[s].second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k)
+        nodal.emplace_back(row.nodes[k], row.N[k] * moments.shape[s].second);
     }
     combine(nodal);
     const auto row = table.row(K);
@@ -143,15 +150,16 @@ void add_consistency(const ShapeTable<Dim>& shape, const StiffnessTerm<Dim>& ter
   }
   for (const auto& [K, q] : moments.value) {
     const auto row = table.row(K);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) rhs.col(row.nodes[k]) -= (C * strain_matrix<Dim>(row.dN[k])).transpose() * q;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      rhs.col(row.nodes[k]) -= (C * strain_matrix<Dim>(row.dN[k])).transpose() * q;
   }
 }
 
 /// beta int u.v along the restrained directions.
 template <int Dim>
-void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const std::vector<StiffnessTerm<Dim>>& terms,
-                 const std::vector<BoundaryMoments<Dim>>& moments, const std::vector<Restraint<Dim>>& restraints, Triplets& triplets,
-                 Points<Dim>& rhs) {
+void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                 const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<BoundaryMoments<Dim>>& moments,
+                 const std::vector<Restraint<Dim>>& restraints, Triplets& triplets, Points<Dim>& rhs) {
   std::vector<std::pair<std::pair<Index, Index>, Mat<Dim>>> fine;
   Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
   for (const auto& restraint : restraints)
@@ -167,7 +175,8 @@ void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, cons
         fine_rhs.col(point.dofs[i]) += point.weight * beta * point.N[i] * g * d;
         for (std::size_t j = 0; j < point.dofs.size(); ++j)
           if (point.N[j] != 0.0)
-            fine.emplace_back(std::pair(point.dofs[i], point.dofs[j]), (point.weight * beta * point.N[i] * point.N[j]) * (d * d.transpose()));
+            fine.emplace_back(std::pair(point.dofs[i], point.dofs[j]),
+                              (point.weight * beta * point.N[i] * point.N[j]) * (d * d.transpose()));
       }
     });
   combine(fine);
@@ -197,7 +206,8 @@ template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<Disp
     for (int i = 0; i < Dim; ++i)
       if (condition.components[i]) list.push_back({condition.on, i, condition.components[i]});
     if (condition.normal && list.size() > before)
-      throw InputError(fmt::format("displacement on \"{}\": give components or the normal one, not both", condition.on));
+      throw InputError(
+          fmt::format("displacement on \"{}\": give components or the normal one, not both", condition.on));
     if (condition.normal) list.push_back({condition.on, -1, condition.normal});
     if (list.size() == before) throw InputError(fmt::format("displacement on \"{}\" prescribes nothing", condition.on));
   }
@@ -248,13 +258,15 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
       if (nullity == 3) {
         names.push_back("rotation");
       } else if (nullity > static_cast<int>(names.size())) {
-        // What is left of the free motions beside the named translations: a rotation about some point, or an oblique translation.
+        // What is left of the free motions beside the named translations: a rotation about some point, or an oblique
+        // translation.
         Eigen::Vector3d motion = basis.col(0);
         for (int k = 0; k < nullity; ++k)
           if (std::abs(basis(2, k)) > std::abs(motion[2])) motion = basis.col(k);
         if (std::abs(motion[2]) > 1e-6) {
           const double spin = motion[2] / radius;
-          names.push_back(fmt::format("rotation about ({:.4g}, {:.4g})", centre(0, body) - motion[1] / spin, centre(1, body) + motion[0] / spin));
+          names.push_back(fmt::format("rotation about ({:.4g}, {:.4g})", centre(0, body) - motion[1] / spin,
+                                      centre(1, body) + motion[0] / spin));
         } else {
           const Vec<2> along = motion.head<2>().normalized();
           names.push_back(fmt::format("translation along ({:.4g}, {:.4g})", along.x(), along.y()));
@@ -263,19 +275,23 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
     }
     if (nullity > 0)
       free_motions.push_back(bodies == 1 ? fmt::format("{}", fmt::join(names, ", "))
-                                         : fmt::format("body around ({:.4g}, {:.4g}): {}", centre(0, body), centre(1, body), fmt::join(names, ", ")));
+                                         : fmt::format("body around ({:.4g}, {:.4g}): {}", centre(0, body),
+                                                       centre(1, body), fmt::join(names, ", ")));
   }
   if (!free_motions.empty())
-    throw InputError(fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it", fmt::join(free_motions, "; ")));
+    throw InputError(fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it",
+                                 fmt::join(free_motions, "; ")));
 }
 
-template <int Dim> Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads) {
+template <int Dim>
+Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads) {
   Points<Dim> fine = Points<Dim>::Zero(Dim, space.size());
   for (const auto& load : loads.tractions)
     for_each_point<Dim>(space, space.mesh().group(load.on), [&](const BoundaryPoint<Dim>& point) {
       const Vec<Dim> t = load.traction(point.x, point.n);
       if (!t.allFinite())
-        throw InputError(fmt::format("traction on \"{}\" is {} at {}, expected finite numbers", load.on, at<Dim>(t), at<Dim>(point.x)));
+        throw InputError(fmt::format("traction on \"{}\" is {} at {}, expected finite numbers", load.on, at<Dim>(t),
+                                     at<Dim>(point.x)));
       for (std::size_t i = 0; i < point.dofs.size(); ++i) fine.col(point.dofs[i]) += point.weight * point.N[i] * t;
     });
   if (loads.body_force) {
@@ -283,18 +299,20 @@ template <int Dim> Points<Dim> load_vector(const FineSpace<Dim>& space, const Sh
     for (Index c = 0; c < space.mesh().num_cells(); ++c)
       for (Index q = 0; q < rule.weights.size(); ++q) {
         const Vec<Dim> x = space.position(c, rule.points.col(q)), b = loads.body_force(x);
-        if (!b.allFinite()) throw InputError(fmt::format("body force is {} at {}, expected finite numbers", at<Dim>(b), at<Dim>(x)));
+        if (!b.allFinite())
+          throw InputError(fmt::format("body force is {} at {}, expected finite numbers", at<Dim>(b), at<Dim>(x)));
         const auto N = space.values(rule.points.col(q));
         const auto dofs = space.cell(c);
-        for (std::size_t i = 0; i < dofs.size(); ++i) fine.col(dofs[i]) += space.mesh().volume(c) * rule.weights[q] * N[i] * b;
+        for (std::size_t i = 0; i < dofs.size(); ++i)
+          fine.col(dofs[i]) += space.mesh().volume(c) * rule.weights[q] * N[i] * b;
       }
   }
   return to_nodes(shape, fine);
 }
 
-template <int Dim>
-NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const std::vector<StiffnessTerm<Dim>>& terms,
-                           const std::vector<Restraint<Dim>>& restraints) {
+template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                              const std::vector<StiffnessTerm<Dim>>& terms,
+                                              const std::vector<Restraint<Dim>>& restraints) {
   Triplets triplets;
   Points<Dim> rhs = Points<Dim>::Zero(Dim, shape.num_nodes());
   std::vector<BoundaryMoments<Dim>> moments;
@@ -311,9 +329,9 @@ NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& s
   return system;
 }
 
-template <int Dim>
-NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const std::vector<Index>& node_dofs,
-                                      const std::vector<Restraint<Dim>>& restraints) {
+template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                         const std::vector<Index>& node_dofs,
+                                                         const std::vector<Restraint<Dim>>& restraints) {
   struct Condition {
     std::vector<Vec<Dim>> directions;
     std::vector<double> values;
@@ -329,15 +347,18 @@ NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTa
         const Vec<Dim> n = space.mesh().facet_normal(f);
         const auto [it, is_new] = normal_at.emplace(dof, n);
         if (!is_new && restraint.component < 0 && (it->second - n).norm() > 1e-6)
-          throw InputError(fmt::format("normal displacement on \"{}\" cannot be set strongly: the part is not flat at {}; use essential = \"nitsche\"",
-                                       restraint.on, at<Dim>(space.points().col(dof))));
+          throw InputError(
+              fmt::format("normal displacement on \"{}\" cannot be set strongly: the part is not flat at {}; use "
+                          "essential = \"nitsche\"",
+                          restraint.on, at<Dim>(space.points().col(dof))));
       }
     for (const auto& [dof, n] : normal_at) {
       for (Index I : shape.row(dof).nodes)
         if (!normal_at.contains(node_dofs[I]))
-          throw InputError(fmt::format("displacement on \"{}\" cannot be set strongly: the function of the node at {} does not vanish at {}; "
-                                       "build the basis with vanish_on = \"{}\", or use essential = \"nitsche\"",
-                                       restraint.on, at<Dim>(space.points().col(node_dofs[I])), at<Dim>(space.points().col(dof)), restraint.on));
+          throw InputError(fmt::format(
+              "displacement on \"{}\" cannot be set strongly: the function of the node at {} does not vanish at {}; "
+              "build the basis with vanish_on = \"{}\", or use essential = \"nitsche\"",
+              restraint.on, at<Dim>(space.points().col(node_dofs[I])), at<Dim>(space.points().col(dof)), restraint.on));
       if (node_at[dof] < 0) continue;
       Condition& condition = by_node[node_at[dof]];
       condition.directions.push_back(restraint.direction(n));
@@ -354,7 +375,8 @@ NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTa
     Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition(directions);
     const Vec<Dim> u = decomposition.solve(values);
     if ((directions * u - values).norm() > 1e-9 * (values.norm() + 1e-300))
-      throw InputError(fmt::format("displacements prescribed at {} contradict each other", at<Dim>(space.points().col(node_dofs[I]))));
+      throw InputError(fmt::format("displacements prescribed at {} contradict each other",
+                                   at<Dim>(space.points().col(node_dofs[I]))));
     const int rank = static_cast<int>(decomposition.rank());
     Mat<Dim> frame = Mat<Dim>::Identity();
     if (rank < Dim) {
@@ -372,7 +394,9 @@ NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTa
 template std::vector<Restraint<2>> restraints<2>(const std::vector<DisplacementCondition<2>>&);
 template void require_restrained<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&);
 template Points<2> load_vector<2>(const FineSpace<2>&, const ShapeTable<2>&, const Loads<2>&);
-template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<StiffnessTerm<2>>&, const std::vector<Restraint<2>>&);
-template NodalConditions<2> nodal_conditions<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<Index>&, const std::vector<Restraint<2>>&);
+template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<StiffnessTerm<2>>&,
+                                     const std::vector<Restraint<2>>&);
+template NodalConditions<2> nodal_conditions<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<Index>&,
+                                                const std::vector<Restraint<2>>&);
 
 }  // namespace efree

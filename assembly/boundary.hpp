@@ -24,37 +24,39 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
 
 /// f = int phi_I t + int phi_I b, integrated on the fine mesh: Dim x N. Throws InputError for an unknown boundary or a
 /// traction or force that is not finite (naming the point).
-template <int Dim> Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads);
+template <int Dim>
+Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads);
 
-/// One part of the stiffness: its own quadrature with its own elasticity (B-bar and stabilisation are sums of such terms).
+/// One part of the stiffness: its own quadrature with its own elasticity (B-bar and stabilisation are sums of such
+/// terms).
 template <int Dim> struct StiffnessTerm {
   const Discretization<Dim>* discretization;
   Lame lame;
 };
 
-/// Matrix and right-hand side of symmetric Nitsche (Nitsche 1971): -int (sigma(u) n).v - int u.(sigma(v) n) + beta int u.v,
-/// each along the restrained directions, with sigma = sum_K Phi_K sigma_K so that linear fields are exact.
+/// Matrix and right-hand side of symmetric Nitsche (Nitsche 1971): -int (sigma(u) n).v - int u.(sigma(v) n) + beta int
+/// u.v, each along the restrained directions, with sigma = sum_K Phi_K sigma_K so that linear fields are exact.
 template <int Dim> struct NitscheSystem {
   SymmetricMatrix matrix;
   Vector rhs;
 };
 /// The penalty follows from the trace inequality of the piecewise field: beta_K = 4 c |Gamma_K| / w_K, c the normal
 /// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose.
-template <int Dim>
-NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const std::vector<StiffnessTerm<Dim>>& terms,
-                           const std::vector<Restraint<Dim>>& restraints);
+template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                              const std::vector<StiffnessTerm<Dim>>& terms,
+                                              const std::vector<Restraint<Dim>>& restraints);
 
 /// Nodal values set strongly: in the frame of each node (columns of its matrix) some components are fixed.
 template <int Dim> struct NodalConditions {
-  std::vector<Index> nodes;                         ///< ascending
-  std::vector<Mat<Dim>> frames;                     ///< orthonormal; the first fixed[k] columns are restrained
-  std::vector<int> fixed;                           ///< 1 .. Dim
-  std::vector<Vec<Dim>> values;                     ///< prescribed components in the frame
+  std::vector<Index> nodes;      ///< ascending
+  std::vector<Mat<Dim>> frames;  ///< orthonormal; the first fixed[k] columns are restrained
+  std::vector<int> fixed;        ///< 1 .. Dim
+  std::vector<Vec<Dim>> values;  ///< prescribed components in the frame
 };
 /// Throws InputError if functions of nodes off a restrained part do not vanish on it, if normal conditions are asked
 /// for on a part that is not flat around a node, or if conditions on one node contradict each other.
-template <int Dim>
-NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const std::vector<Index>& node_dofs,
-                                      const std::vector<Restraint<Dim>>& restraints);
+template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                         const std::vector<Index>& node_dofs,
+                                                         const std::vector<Restraint<Dim>>& restraints);
 
 }  // namespace efree

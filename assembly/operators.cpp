@@ -25,7 +25,8 @@ template <int Dim> Ragged<Entry> transpose_pattern(const ShapeTable<Dim>& shape)
   std::vector<Index> cursor(by_node.offsets.begin(), by_node.offsets.end() - 1);
   for (Index p = 0; p < shape.num_points(); ++p) {
     const auto row = shape.row(p);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) by_node.items[cursor[row.nodes[k]]++] = {p, static_cast<Index>(k)};
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      by_node.items[cursor[row.nodes[k]]++] = {p, static_cast<Index>(k)};
   }
   return by_node;
 }
@@ -49,19 +50,22 @@ template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretiza
   return result;
 }
 
-template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress) {
+template <int Dim>
+Points<Dim> internal_force(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress) {
   const auto by_node = transpose_pattern(discretization.shape);
   Points<Dim> force(Dim, discretization.shape.num_nodes());
   parallel_for(discretization.shape.num_nodes(), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
     for (const auto& [K, k] : by_node[a])
-      sum += discretization.weights[K] * (strain_matrix<Dim>(discretization.shape.row(K).dN[k]).transpose() * stress.col(K));
+      sum += discretization.weights[K] *
+             (strain_matrix<Dim>(discretization.shape.row(K).dN[k]).transpose() * stress.col(K));
     force.col(a) = sum;
   });
   return force;
 }
 
-template <int Dim> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const VoigtMatrix<Dim>& C) {
+template <int Dim>
+SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const VoigtMatrix<Dim>& C) {
   const ShapeTable<Dim>& shape = discretization.shape;
   const Index nodes = shape.num_nodes();
   const auto by_node = transpose_pattern(shape);
@@ -83,7 +87,8 @@ template <int Dim> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& d
       sums.clear();
       for (const auto& [K, k] : by_node[a]) {
         const auto row = shape.row(K);
-        const Eigen::Matrix<double, voigt_size<Dim>, Dim> CBa = discretization.weights[K] * (C * strain_matrix<Dim>(row.dN[k]));
+        const Eigen::Matrix<double, voigt_size<Dim>, Dim> CBa =
+            discretization.weights[K] * (C * strain_matrix<Dim>(row.dN[k]));
         for (std::size_t l = k; l < row.nodes.size(); ++l) {
           const Index b = row.nodes[l];
           if (slot[b] < 0) {
@@ -123,7 +128,8 @@ template <int Dim> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& d
       first += count;
     }
   }
-  return Eigen::Map<const SymmetricMatrix>(Dim * nodes, Dim * nodes, static_cast<Index>(rows.size()), offsets.data(), rows.data(), values.data());
+  return Eigen::Map<const SymmetricMatrix>(Dim * nodes, Dim * nodes, static_cast<Index>(rows.size()), offsets.data(),
+                                           rows.data(), values.data());
 }
 
 template VoigtPoints<2> strain<2>(const Discretization<2>&, const Points<2>&);

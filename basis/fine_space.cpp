@@ -3,14 +3,15 @@
 
 #include "efree/core/error.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
 
 namespace efree {
 
 template <> SimplexRule<1> simplex_rule<1>(int degree) {
-  if (degree < 1 || degree > 5) throw InputError(fmt::format("quadrature on segments of degree {}, expected 1 to 5", degree));
+  if (degree < 1 || degree > 5)
+    throw InputError(fmt::format("quadrature on segments of degree {}, expected 1 to 5", degree));
   // Gauss-Legendre points on [-1, 1].
   std::vector<double> x, w;
   if (degree == 1) {
@@ -29,7 +30,8 @@ template <> SimplexRule<1> simplex_rule<1>(int degree) {
 }
 
 template <> SimplexRule<2> simplex_rule<2>(int degree) {
-  if (degree < 1 || degree > 4) throw InputError(fmt::format("quadrature on triangles of degree {}, expected 1 to 4", degree));
+  if (degree < 1 || degree > 4)
+    throw InputError(fmt::format("quadrature on triangles of degree {}, expected 1 to 4", degree));
   SimplexRule<2> rule;
   if (degree == 1) {
     rule.points = Eigen::Vector3d::Constant(1.0 / 3.0);
@@ -74,7 +76,8 @@ template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degr
   cell_size_ = degree == 1 ? corner_count : max_cell_size;
   cell_dofs_.resize(static_cast<std::size_t>(mesh.num_cells()) * cell_size_);
   for (Index c = 0; c < mesh.num_cells(); ++c)
-    for (int i = 0; i < corner_count; ++i) cell_dofs_[static_cast<std::size_t>(c) * cell_size_ + i] = mesh.cells()(i, c);
+    for (int i = 0; i < corner_count; ++i)
+      cell_dofs_[static_cast<std::size_t>(c) * cell_size_ + i] = mesh.cells()(i, c);
   points_ = mesh.vertices();
 
   if (degree == 2) {
@@ -98,7 +101,8 @@ template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degr
       cell_dofs_[sides[s].slot] = mesh.num_vertices() + static_cast<Index>(midpoints.size()) - 1;
     }
     points_.conservativeResize(Dim, mesh.num_vertices() + static_cast<Index>(midpoints.size()));
-    for (std::size_t m = 0; m < midpoints.size(); ++m) points_.col(mesh.num_vertices() + static_cast<Index>(m)) = midpoints[m];
+    for (std::size_t m = 0; m < midpoints.size(); ++m)
+      points_.col(mesh.num_vertices() + static_cast<Index>(m)) = midpoints[m];
   }
   cell_rule_ = simplex_rule<Dim>(degree == 1 ? 1 : 2);
   facet_rule_ = simplex_rule<Dim - 1>(5);
@@ -153,7 +157,8 @@ template <int Dim> Vec<Dim> FineSpace<Dim>::position(Index c, const Barycentric&
   return x;
 }
 
-template <int Dim> auto FineSpace<Dim>::facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const -> Barycentric {
+template <int Dim> auto FineSpace<Dim>::facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const
+    -> Barycentric {
   Barycentric inside = Barycentric::Zero();
   const Index c = mesh_->facet_cell(f);
   for (int k = 0; k < Dim; ++k)

@@ -16,7 +16,8 @@ template <int Dim> struct SimplexRule {
 /// Exact for polynomials of the degree (1 to 5 on segments, 1 to 4 on triangles). Throws InputError beyond.
 template <int Dim> SimplexRule<Dim> simplex_rule(int degree);
 
-/// Continuous piecewise polynomials of degree 1 or 2. Degrees of freedom: the vertices, then the midpoints of the edges.
+/// Continuous piecewise polynomials of degree 1 or 2. Degrees of freedom: the vertices, then the midpoints of the
+/// edges.
 template <int Dim> class FineSpace {
  public:
   static constexpr int max_cell_size = (Dim + 1) * (Dim + 2) / 2;

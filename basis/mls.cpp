@@ -4,17 +4,19 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 namespace efree {
 namespace {
 
-template <int Dim> constexpr int monomial_count(int order) { return order == 1 ? Dim + 1 : (Dim + 1) * (Dim + 2) / 2; }
+template <int Dim> constexpr int monomial_count(int order) {
+  return order == 1 ? Dim + 1 : (Dim + 1) * (Dim + 2) / 2;
+}
 
 /// g(xi) = {1, xi, eta, ...}, quadratic terms after the linear ones.
 template <int Dim, int Order> Eigen::Matrix<double, monomial_count<Dim>(Order), 1> monomials(const Vec<Dim>& xi) {
@@ -34,9 +36,9 @@ enum class RowQuality { good, badly_placed, singular };
 /// One row of the table: N from the weights w of the nodes around X, by Cholesky; where the moment matrix is (nearly)
 /// singular by its pseudo-inverse, which still reproduces polynomials if the nodes allow it at X (nodes on a line
 /// through X do).
-template <int Dim, int Order>
-RowQuality solve_row(const Vec<Dim>& X, const Points<Dim>& positions, std::span<const Index> nodes, std::span<const double> w,
-                     double largest_sum, std::span<double> N, double& sum) {
+template <int Dim, int Order> RowQuality solve_row(const Vec<Dim>& X, const Points<Dim>& positions,
+                                                   std::span<const Index> nodes, std::span<const double> w,
+                                                   double largest_sum, std::span<double> N, double& sum) {
   constexpr int n = monomial_count<Dim>(Order);
   using VecG = Eigen::Matrix<double, n, 1>;
   using MatG = Eigen::Matrix<double, n, n>;
@@ -86,9 +88,9 @@ RowQuality solve_row(const Vec<Dim>& X, const Points<Dim>& positions, std::span<
   return sum > largest_sum ? RowQuality::badly_placed : RowQuality::good;
 }
 
-template <int Dim>
-std::vector<RowQuality> solve_rows(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options, const SparseRows& weights,
-                                   std::vector<double>& N, Vector& sums) {
+template <int Dim> std::vector<RowQuality> solve_rows(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                      const MlsOptions& options, const SparseRows& weights,
+                                                      std::vector<double>& N, Vector& sums) {
   std::vector<RowQuality> quality(mesh.num_vertices());
   N.resize(weights.nonZeros());
   sums.resize(mesh.num_vertices());
@@ -96,8 +98,8 @@ std::vector<RowQuality> solve_rows(const FineMesh<Dim>& mesh, const NodeCloud<Di
   parallel_for(mesh.num_vertices(), [&](Index v) {
     const auto begin = static_cast<std::size_t>(weights.outerIndexPtr()[v]);
     const auto count = static_cast<std::size_t>(weights.outerIndexPtr()[v + 1]) - begin;
-    quality[v] = solve(mesh.vertex(v), cloud.positions, {weights.innerIndexPtr() + begin, count}, {weights.valuePtr() + begin, count},
-                       options.largest_sum, {N.data() + begin, count}, sums[v]);
+    quality[v] = solve(mesh.vertex(v), cloud.positions, {weights.innerIndexPtr() + begin, count},
+                       {weights.valuePtr() + begin, count}, options.largest_sum, {N.data() + begin, count}, sums[v]);
   });
   return quality;
 }
@@ -126,12 +128,13 @@ SparseRows replace_columns(const SparseRows& matrix, const std::vector<Index>& c
     }
     offsets.push_back(static_cast<Index>(columns.size()));
   }
-  return Eigen::Map<const SparseRows>(matrix.rows(), matrix.cols(), static_cast<Index>(columns.size()), offsets.data(), columns.data(), values.data());
+  return Eigen::Map<const SparseRows>(matrix.rows(), matrix.cols(), static_cast<Index>(columns.size()), offsets.data(),
+                                      columns.data(), values.data());
 }
 
 /// Scales the weights of nodes off a boundary part by a ramp that is zero on it and one at the node's spacing away.
-template <int Dim>
-SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const std::vector<std::string>& parts) {
+template <int Dim> SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                     const std::vector<std::string>& parts) {
   for (const std::string& part : parts) {
     std::vector<char> on_part(mesh.num_vertices(), 0);
     for (Index f : mesh.group(part))
@@ -152,10 +155,11 @@ SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud
   return weights;
 }
 
-/// Raises the radii of the nodes geodesically nearest to the bad vertices to 1.25 times their distance. Returns the nodes changed, ascending.
-template <int Dim>
-std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options,
-                                 const std::vector<Index>& bad, Vector& radii) {
+/// Raises the radii of the nodes geodesically nearest to the bad vertices to 1.25 times their distance. Returns the
+/// nodes changed, ascending.
+template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                    const MlsOptions& options, const std::vector<Index>& bad,
+                                                    Vector& radii) {
   const std::size_t wanted = monomial_count<Dim>(options.order) + 2;
   std::vector<Index> node_at(mesh.num_vertices(), -1), nodes_in(mesh.num_components(), 0);
   for (Index I = 0; I < cloud.size(); ++I) {
@@ -171,8 +175,9 @@ std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>
     if (handled[v]) continue;
     const std::size_t available = static_cast<std::size_t>(nodes_in[mesh.component()[v]]);
     if (available < static_cast<std::size_t>(monomial_count<Dim>(options.order)))
-      throw NumericalError(fmt::format("moving least squares: the body around ({:.6g}) has {} nodes, order {} needs {}; use a smaller spacing",
-                                       fmt::join(mesh.vertex(v), ", "), available, options.order, monomial_count<Dim>(options.order)));
+      throw NumericalError(fmt::format(
+          "moving least squares: the body around ({:.6g}) has {} nodes, order {} needs {}; use a smaller spacing",
+          fmt::join(mesh.vertex(v), ", "), available, options.order, monomial_count<Dim>(options.order)));
     std::vector<std::pair<double, Index>> near;
     LocalField field;
     for (double reach = 1.5 * radii.maxCoeff();; reach *= 1.5) {
@@ -207,12 +212,14 @@ std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>
 
 }  // namespace
 
-template <int Dim>
-Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options, StageTimes* times,
-                              const Progress& progress) {
-  if (options.order != 1 && options.order != 2) throw InputError(fmt::format("MLS of order {}, expected 1 or 2", options.order));
+template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                 const MlsOptions& options, StageTimes* times,
+                                                 const Progress& progress) {
+  if (options.order != 1 && options.order != 2)
+    throw InputError(fmt::format("MLS of order {}, expected 1 or 2", options.order));
   if (!(options.support > 0.5 && options.support < 100.0))
-    throw InputError(fmt::format("support = {} (in units of the spacing), expected a number in (0.5, 100)", options.support));
+    throw InputError(
+        fmt::format("support = {} (in units of the spacing), expected a number in (0.5, 100)", options.support));
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   Mls<Dim> result;
@@ -233,20 +240,23 @@ Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& c
     const auto quality = solve_rows(mesh, cloud, options, weights, N, sums);
     std::vector<Index> bad;
     for (Index v = 0; v < mesh.num_vertices(); ++v)
-      if (quality[v] == RowQuality::singular || (quality[v] == RowQuality::badly_placed && round < max_rounds)) bad.push_back(v);
+      if (quality[v] == RowQuality::singular || (quality[v] == RowQuality::badly_placed && round < max_rounds))
+        bad.push_back(v);
     if (bad.empty()) break;
     for (Index v : bad) asked[v] = 1;
     const auto give_up = [&] {
-      throw NumericalError(fmt::format("moving least squares: no basis at ({:.6g}), which sees {} nodes, after {} enlargements of their supports; "
-                                       "use a smaller spacing there",
-                                       fmt::join(mesh.vertex(bad[0]), ", "),
-                                       weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]], round));
+      throw NumericalError(fmt::format(
+          "moving least squares: no basis at ({:.6g}), which sees {} nodes, after {} enlargements of their supports; "
+          "use a smaller spacing there",
+          fmt::join(mesh.vertex(bad[0]), ", "), weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]],
+          round));
     };
     if (round == max_rounds) give_up();
     const auto changed = grow_supports(mesh, cloud, options, bad, result.radii);
     if (changed.empty()) {
       if (std::any_of(bad.begin(), bad.end(), [&](Index v) { return quality[v] == RowQuality::singular; })) give_up();
-      break;  // every node in the body takes part already; the rows reproduce polynomials, report::largest_sum tells how well
+      break;  // every node in the body takes part already; the rows reproduce polynomials, report::largest_sum tells
+              // how well
     }
     std::vector<Index> sources;
     Vector radii(changed.size());
@@ -268,6 +278,7 @@ Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& c
   return result;
 }
 
-template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*, const Progress&);
+template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
+                                        const Progress&);
 
 }  // namespace efree

@@ -33,10 +33,11 @@ template <int Dim> struct Mls {
 };
 
 /// phi_I = w_I g(X)^T A^-1 g(X_I), moment matrix shifted to X and scaled. Every row reproduces polynomials of the order
-/// to rounding. Stages: weights, basis. Where it could not, or only with sum |phi| beyond the bound, the supports of the geodesically nearest
-/// nodes grow to 1.25 times their distance until it can. Throws InputError for options out of range,
-/// NumericalError naming the vertex if growing does not help (fewer nodes in a body than polynomials).
-template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const MlsOptions& options,
-                                                    StageTimes* times = nullptr, const Progress& progress = {});
+/// to rounding. Stages: weights, basis. Where it could not, or only with sum |phi| beyond the bound, the supports of
+/// the geodesically nearest nodes grow to 1.25 times their distance until it can. Throws InputError for options out of
+/// range, NumericalError naming the vertex if growing does not help (fewer nodes in a body than polynomials).
+template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                 const MlsOptions& options, StageTimes* times = nullptr,
+                                                 const Progress& progress = {});
 
 }  // namespace efree

@@ -18,7 +18,8 @@ template <int Dim> ShapeTable<Dim> ShapeTable<Dim>::identity(Index size) {
 
 template <int Dim> Matrix interpolate(const ShapeTable<Dim>& shape, const Eigen::Ref<const Matrix>& coefficients) {
   if (coefficients.cols() != shape.num_nodes())
-    throw InputError(fmt::format("interpolate: {} columns of coefficients for {} nodes", coefficients.cols(), shape.num_nodes()));
+    throw InputError(
+        fmt::format("interpolate: {} columns of coefficients for {} nodes", coefficients.cols(), shape.num_nodes()));
   Matrix values(coefficients.rows(), shape.num_points());
   parallel_for(shape.num_points(), [&](Index p) {
     const auto row = shape.row(p);

@@ -11,9 +11,9 @@ namespace efree {
 
 /// One row: views into the table.
 template <int Dim> struct ShapeRow {
-  std::span<const Index> nodes;      ///< ascending
-  std::span<const double> N;         ///< [-]
-  std::span<const Vec<Dim>> dN;      ///< [1/length]; empty in a table without gradients
+  std::span<const Index> nodes;  ///< ascending
+  std::span<const double> N;     ///< [-]
+  std::span<const Vec<Dim>> dN;  ///< [1/length]; empty in a table without gradients
 };
 
 /// Compressed rows: row = evaluation point (fine degree of freedom, quadrature point), columns = nodes. MLS, finite
@@ -22,8 +22,13 @@ template <int Dim> class ShapeTable {
  public:
   ShapeTable() = default;
   /// Takes flat arrays. dN is empty or as long as N.
-  ShapeTable(Index num_nodes, std::vector<Index> offsets, std::vector<Index> nodes, std::vector<double> N, std::vector<Vec<Dim>> dN = {})
-      : num_nodes_(num_nodes), offsets_(std::move(offsets)), nodes_(std::move(nodes)), N_(std::move(N)), dN_(std::move(dN)) {}
+  ShapeTable(Index num_nodes, std::vector<Index> offsets, std::vector<Index> nodes, std::vector<double> N,
+             std::vector<Vec<Dim>> dN = {})
+      : num_nodes_(num_nodes),
+        offsets_(std::move(offsets)),
+        nodes_(std::move(nodes)),
+        N_(std::move(N)),
+        dN_(std::move(dN)) {}
 
   /// Every point is a node of its own: finite elements.
   static ShapeTable identity(Index size);
@@ -35,7 +40,9 @@ template <int Dim> class ShapeTable {
 
   ShapeRow<Dim> row(Index p) const {
     const auto begin = static_cast<std::size_t>(offsets_[p]), count = static_cast<std::size_t>(offsets_[p + 1]) - begin;
-    return {{nodes_.data() + begin, count}, {N_.data() + begin, count}, {dN_.data() + (dN_.empty() ? 0 : begin), dN_.empty() ? 0 : count}};
+    return {{nodes_.data() + begin, count},
+            {N_.data() + begin, count},
+            {dN_.data() + (dN_.empty() ? 0 : begin), dN_.empty() ? 0 : count}};
   }
 
   /// Zero-copy sparse view of N, num_points x num_nodes.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Stability of the projected form: smallest eigenvalue of Kbar u = lambda K u, with K integrated on every fine cell and the
-/// rigid motions removed, over M/N and the support, for both secondary bases. Writes CSV to standard output.
+/// Stability of the projected form: smallest eigenvalue of Kbar u = lambda K u, with K integrated on every fine cell
+/// and the rigid motions removed, over M/N and the support, for both secondary bases. Writes CSV to standard output.
 ///
 ///   bench_coercivity [spacing = 0.4] [seeds = 3]
 #include "efree/assembly/operators.hpp"
@@ -45,7 +45,10 @@ int main(int argc, char** argv) {
   std::printf("secondary,support,asked,seed,nodes,points,ratio,smallest,largest,zero_modes\n");
   for (const double support : {1.5, 2.0, 2.5, 3.0})
     for (int seed = 1; seed <= seeds; ++seed) {
-      ApproximationOptions options{.spacing = spacing, .seed = static_cast<std::uint64_t>(seed), .support = support, .secondary = SecondaryKind::full};
+      ApproximationOptions options{.spacing = spacing,
+                                   .seed = static_cast<std::uint64_t>(seed),
+                                   .support = support,
+                                   .secondary = SecondaryKind::full};
       const auto reference = approximate(mesh, options);
       const Matrix basis = without_rigid_motions(reference.nodes);
       const Matrix K = basis.transpose() * dense_stiffness(reference.quadrature) * basis;
@@ -55,11 +58,13 @@ int main(int argc, char** argv) {
           options.ratio = ratio;
           const auto approximation = approximate(mesh, options);
           const Matrix Kbar = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
-          const Vector lambda = Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(Kbar, K, Eigen::EigenvaluesOnly).eigenvalues();
+          const Vector lambda =
+              Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(Kbar, K, Eigen::EigenvaluesOnly).eigenvalues();
           const Index points = approximation.quadrature.size();
-          std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", secondary == SecondaryKind::cells ? "cells" : "mls", support, ratio, seed,
-                      approximation.nodes.cols(), points, static_cast<double>(points) / static_cast<double>(approximation.nodes.cols()),
-                      lambda.minCoeff(), lambda.maxCoeff(), (lambda.array() < 1e-8).count());
+          std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", secondary == SecondaryKind::cells ? "cells" : "mls",
+                      support, ratio, seed, approximation.nodes.cols(), points,
+                      static_cast<double>(points) / static_cast<double>(approximation.nodes.cols()), lambda.minCoeff(),
+                      lambda.maxCoeff(), (lambda.array() < 1e-8).count());
           std::fflush(stdout);
         }
     }

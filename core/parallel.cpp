@@ -3,9 +3,9 @@
 
 #include "efree/core/error.hpp"
 
+#include <omp.h>
 #include <algorithm>
 #include <exception>
-#include <omp.h>
 
 namespace efree {
 
@@ -14,7 +14,9 @@ void set_num_threads(int threads) {
   omp_set_num_threads(threads);
 }
 
-int num_threads() { return omp_get_max_threads(); }
+int num_threads() {
+  return omp_get_max_threads();
+}
 
 void parallel_chunks(Index n, Index chunk, const std::function<void(Index, Index)>& body) {
   if (n <= 0) return;

@@ -9,7 +9,8 @@
 
 namespace efree {
 
-/// Number of threads used by parallel_for from now on, at least 1. BLAS always runs on one (its sums must not depend on threads).
+/// Number of threads used by parallel_for from now on, at least 1. BLAS always runs on one (its sums must not depend on
+/// threads).
 void set_num_threads(int threads);
 int num_threads();
 

@@ -27,7 +27,7 @@ template <int Dim> using Points = Eigen::Matrix<double, Dim, Eigen::Dynamic>;
 using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
 /// Number of independent components of a symmetric Dim x Dim tensor (Voigt order xx, yy, xy | xx, yy, zz, yz, xz, xy).
-template <int Dim> inline constexpr int voigt_size = Dim * (Dim + 1) / 2;
+template <int Dim> inline constexpr int voigt_size = Dim*(Dim + 1) / 2;
 template <int Dim> using Voigt = Eigen::Matrix<double, voigt_size<Dim>, 1>;
 template <int Dim> using VoigtMatrix = Eigen::Matrix<double, voigt_size<Dim>, voigt_size<Dim>>;
 /// voigt_size x n, column = point.
@@ -44,9 +44,7 @@ template <class T> struct Ragged {
   std::vector<T> items;
 
   Index rows() const { return static_cast<Index>(offsets.size()) - 1; }
-  std::span<const T> operator[](Index i) const {
-    return {items.data() + offsets[i], items.data() + offsets[i + 1]};
-  }
+  std::span<const T> operator[](Index i) const { return {items.data() + offsets[i], items.data() + offsets[i + 1]}; }
   /// Closes the row made of everything appended to `items` since the last call.
   void close_row() { offsets.push_back(static_cast<Index>(items.size())); }
 };

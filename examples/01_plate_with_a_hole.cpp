@@ -34,7 +34,9 @@ Vec<2> exact_displacement(const Vec<2>& x) {
           c * (s * (kappa - 3) * std::sin(t) + 2 / s * ((1 - kappa) * std::sin(t) + s3) - 2 * s3 / (s * s * s))};
 }
 
-Vec<2> exact_traction(const Vec<2>& x, const Vec<2>& n) { return strain_matrix<2>(n).transpose() * exact_stress(x); }
+Vec<2> exact_traction(const Vec<2>& x, const Vec<2>& n) {
+  return strain_matrix<2>(n).transpose() * exact_stress(x);
+}
 
 double error(double H) {
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(a, 4.0 * a, H / 4), {.size = H / 4});
@@ -42,8 +44,8 @@ double error(double H) {
   const ElasticModel model{.material = {.E = E, .nu = nu}, .plane = Plane::stress};
   const ElasticSolver<2> solver(plate, model, {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")});
   const Solution<2> solution = solver.solve({.tractions = {{"right", exact_traction}, {"top", exact_traction}}});
-  const Errors errors = errors_against<2>(plate, recover_fields(plate, solution), plane_lame(model.material, model.plane),
-                                          {exact_displacement, exact_stress});
+  const Errors errors = errors_against<2>(plate, recover_fields(plate, solution),
+                                          plane_lame(model.material, model.plane), {exact_displacement, exact_stress});
   std::printf("H = %.2f: %5d nodes, error in displacement %.2e, in energy %.2e\n", H, plate.shape.num_nodes(),
               *errors.l2_displacement, *errors.energy_norm);
   return *errors.l2_displacement;

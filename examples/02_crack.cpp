@@ -7,8 +7,8 @@
 ///       |-----------|
 ///        v v v v v v
 ///
-/// Weights by geodesic distance go around the tip and never reach through the crack. Prints how far it opens at the left
-/// side, against P1 elements on the same fine mesh.
+/// Weights by geodesic distance go around the tip and never reach through the crack. Prints how far it opens at the
+/// left side, against P1 elements on the same fine mesh.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -20,7 +20,8 @@ namespace {
 
 double opening(const FineMesh<2>& mesh, const ApproximationOptions& options) {
   const Approximation<2> strip = approximate(mesh, options);
-  const ElasticSolver<2> solver(strip, {.material = {.E = 1.0, .nu = 0.3}, .plane = Plane::strain}, {clamp<2>("bottom")});
+  const ElasticSolver<2> solver(strip, {.material = {.E = 1.0, .nu = 0.3}, .plane = Plane::strain},
+                                {clamp<2>("bottom")});
   const Fields<2> fields = recover_fields(strip, solver.solve({.tractions = {tension<2>("top", 1.0)}}));
   double lower = 1e300, upper = -1e300;
   for (Index f : mesh.group("slit"))

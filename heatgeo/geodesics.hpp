@@ -76,9 +76,8 @@ struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`
   Vector distance;
 };
-template <int Dim>
-NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
-                             double reach = std::numeric_limits<double>::infinity());
+template <int Dim> NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                                double reach = std::numeric_limits<double>::infinity());
 
 /// The same mesh with edges flipped until they are Delaunay (boundary kept). In a flat domain this is the intrinsic
 /// Delaunay triangulation (Bobenko & Springborn 2007): same vertices, same P1 space on the boundary, cotangent weights

@@ -41,7 +41,8 @@ std::vector<Method> methods_for(const Case& analysis, bool compare) {
     return {method_of(analysis.approximation.kind, analysis.approximation.secondary, analysis.approximation.ratio)};
   std::vector<Method> methods;
   for (const double ratio : {1.0, 2.0, 4.0}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::cells, ratio));
-  for (const double ratio : {1.0, 2.0, 4.0, 6.0}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::mls, ratio));
+  for (const double ratio : {1.0, 2.0, 4.0, 6.0})
+    methods.push_back(method_of(BasisKind::mls, SecondaryKind::mls, ratio));
   methods.push_back(method_of(BasisKind::mls, SecondaryKind::full, 0.0));
   methods.push_back(method_of(BasisKind::p1, SecondaryKind::full, 0.0));
   methods.push_back(method_of(BasisKind::p2, SecondaryKind::full, 0.0));

@@ -3,8 +3,8 @@
 
 #include "efree/core/error.hpp"
 
-#include <cmath>
 #include <fmt/format.h>
+#include <cmath>
 
 namespace efree {
 

@@ -24,9 +24,13 @@ struct Lame {
 Lame plane_lame(const LinearElastic& material, Plane plane);
 
 /// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Dim, no shear.
-template <int Dim> Lame volumetric(const Lame& lame) { return {lame.lambda + 2.0 * lame.mu / Dim, 0.0}; }
+template <int Dim> Lame volumetric(const Lame& lame) {
+  return {lame.lambda + 2.0 * lame.mu / Dim, 0.0};
+}
 /// What remains: 2 mu times the deviator in Dim dimensions.
-template <int Dim> Lame deviatoric(const Lame& lame) { return {-2.0 * lame.mu / Dim, lame.mu}; }
+template <int Dim> Lame deviatoric(const Lame& lame) {
+  return {-2.0 * lame.mu / Dim, lame.mu};
+}
 
 /// Stiffness in Voigt notation; strains carry engineering shear (gamma = 2 eps).
 template <int Dim> VoigtMatrix<Dim> stiffness(const Lame& lame);

@@ -3,10 +3,10 @@
 
 #include "efree/core/error.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace efree {
@@ -17,17 +17,20 @@ namespace {
 template <int Dim> constexpr double volume_per_node = 1.436;
 
 template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
-  if (options.order != 1 && options.order != 2) throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
+  if (options.order != 1 && options.order != 2)
+    throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
   if (options.ratio != 0.0 && !(options.ratio >= 0.25 && options.ratio <= 100.0))
     throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
   const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
-    throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})", options.spacing, extent));
+    throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
+                                 options.spacing, extent));
 }
 
-/// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of the
-/// volume is that of the fine vertices nearest to it, however small the feature it sits on.
-template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, double ratio) {
+/// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of
+/// the volume is that of the fine vertices nearest to it, however small the feature it sits on.
+template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                        const NearestSource& nearest, double ratio) {
   Vector share = Vector::Zero(cloud.size());
   for (Index c = 0; c < mesh.num_cells(); ++c)
     for (int i = 0; i <= Dim; ++i)
@@ -36,17 +39,18 @@ template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeClo
   for (Index v = 0; v < mesh.num_vertices(); ++v) {
     const Index I = nearest.source[v];
     if (I < 0)
-      throw NumericalError(fmt::format("the body around ({:.6g}) holds no node; use a smaller spacing", fmt::join(mesh.vertex(v), ", ")));
+      throw NumericalError(fmt::format("the body around ({:.6g}) holds no node; use a smaller spacing",
+                                       fmt::join(mesh.vertex(v), ", ")));
     const double full = volume_per_node<Dim> * std::pow(cloud.spacing[I], Dim);
     spacing[v] = std::pow(std::min(share[I], full) / (volume_per_node<Dim> * ratio), 1.0 / Dim);
   }
   return spacing;
 }
 
-/// Cloud of about `ratio` points per node, locally. Points on the boundary own little volume but count, so the density asked
-/// for is corrected by what came out until the total is within five per cent (three passes at most).
-template <int Dim>
-NodeCloud<Dim> sample_points(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, double ratio, std::uint64_t seed) {
+/// Cloud of about `ratio` points per node, locally. Points on the boundary own little volume but count, so the density
+/// asked for is corrected by what came out until the total is within five per cent (three passes at most).
+template <int Dim> NodeCloud<Dim> sample_points(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                const NearestSource& nearest, double ratio, std::uint64_t seed) {
   double asked = ratio;
   for (int pass = 0;; ++pass) {
     auto points = sample_cloud(mesh, local_spacing(mesh, cloud, nearest, asked), seed);
@@ -58,8 +62,8 @@ NodeCloud<Dim> sample_points(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cl
 
 /// MLS functions on the quadrature cloud. Around small features the integral of a function can come out negative: such
 /// nodes are left out, worst first, until every weight is positive.
-template <int Dim>
-SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cloud, const ApproximationOptions& options, Index& dropped) {
+template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cloud,
+                                                     const ApproximationOptions& options, Index& dropped) {
   const MlsOptions mls{.order = 1, .support = 2.0, .weights = {options.weight, options.kernel}, .vanish_on = {}};
   for (;;) {
     const auto table = moving_least_squares(space.mesh(), cloud, mls).shape;
@@ -79,9 +83,9 @@ SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space, NodeCloud<Dim> cl
 }
 
 /// Joins quadrature points into unions that carry the volumetric part: few enough not to lock.
-template <int Dim>
-void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const NearestSource& nearest, std::uint64_t seed,
-                 const std::vector<Index>& vertices, Approximation<Dim>& result) {
+template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                    const NearestSource& nearest, std::uint64_t seed,
+                                    const std::vector<Index>& vertices, Approximation<Dim>& result) {
   constexpr double unions_per_node = 0.5;
   const auto seeds = sample_points(mesh, cloud, nearest, unions_per_node, seed);
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
@@ -95,7 +99,8 @@ void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, const N
   result.dilatation = merge(result.quadrature, result.union_of, unions);
 }
 
-template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes& times, const Progress& progress) {
+template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
+                                                      StageTimes& times, const Progress& progress) {
   Approximation<Dim> result;
   {
     Stage stage("basis", times, progress);
@@ -112,8 +117,8 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
 
 }  // namespace
 
-template <int Dim>
-Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes* times, const Progress& progress) {
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
+                                                  StageTimes* times, const Progress& progress) {
   check(mesh, options);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
@@ -128,7 +133,9 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
     cloud = sample_cloud(mesh, CloudOptions{options.spacing, options.seed});
   }
   const MlsOptions mls_options{.order = options.order,
-                               .support = options.support > 0.0 ? options.support : options.order == 1 ? 2.5 : 3.0,
+                               .support = options.support > 0.0 ? options.support
+                                          : options.order == 1  ? 2.5
+                                                                : 3.0,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
   auto mls = moving_least_squares(mesh, cloud, mls_options, &clock, progress);
@@ -148,11 +155,13 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
   }
   Stage stage("quadrature", clock, progress);
   const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)
-                         : options.secondary == SecondaryKind::mls ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
-                                                                   : every_cell(result.space);
+                         : options.secondary == SecondaryKind::mls
+                             ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
+                             : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
   if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
-  if (options.fine && options.secondary != SecondaryKind::full) result.fine = project(result.space, result.shape, every_cell(result.space));
+  if (options.fine && options.secondary != SecondaryKind::full)
+    result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;
 }
 

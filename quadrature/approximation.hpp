@@ -28,10 +28,10 @@ enum class SecondaryKind {
 
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
-  int order = 1;            ///< polynomials MLS reproduces: 1 or 2
-  double spacing = 0.0;     ///< H [length]; required for MLS
-  std::uint64_t seed = 1;   ///< of the clouds
-  double support = 0.0;     ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
+  int order = 1;           ///< polynomials MLS reproduces: 1 or 2
+  double spacing = 0.0;    ///< H [length]; required for MLS
+  std::uint64_t seed = 1;  ///< of the clouds
+  double support = 0.0;    ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
   Weight weight = Weight::visibility;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
@@ -45,22 +45,21 @@ struct ApproximationOptions {
 
 /// Immutable result. Keeps a pointer to the mesh, which must outlive it.
 template <int Dim> struct Approximation {
-  FineSpace<Dim> space;                     ///< Lagrange space on the fine mesh that holds the functions
-  ShapeTable<Dim> shape;                    ///< space.size() x N: values of the basis at the fine degrees of freedom
-  Points<Dim> nodes;                        ///< Dim x N
-  std::vector<Index> node_dofs;             ///< N, fine degree of freedom each node sits on
-  Discretization<Dim> quadrature;           ///< secondary basis: points, weights, projected gradients, traces
-  Discretization<Dim> dilatation;           ///< coarser unions of the above; empty unless asked for
-  std::vector<Index> union_of;              ///< M, union each quadrature point belongs to; empty without dilatation
-  Discretization<Dim> fine;                 ///< full integration; empty unless asked for
-  MlsReport mls;                            ///< how often supports had to grow
-  Index dropped_points = 0;                 ///< quadrature nodes left out to keep every weight positive
+  FineSpace<Dim> space;            ///< Lagrange space on the fine mesh that holds the functions
+  ShapeTable<Dim> shape;           ///< space.size() x N: values of the basis at the fine degrees of freedom
+  Points<Dim> nodes;               ///< Dim x N
+  std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on
+  Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
+  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless asked for
+  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty without dilatation
+  Discretization<Dim> fine;        ///< full integration; empty unless asked for
+  MlsReport mls;                   ///< how often supports had to grow
+  Index dropped_points = 0;        ///< quadrature nodes left out to keep every weight positive
 };
 
 /// Runs cloud, weights, basis and quadrature; adds their seconds to `times`. Throws InputError for options out of range
 /// (spacing missing or larger than the body, order, ratio, support) and NumericalError where no basis can be built.
-template <int Dim>
-Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options, StageTimes* times = nullptr,
-                               const Progress& progress = {});
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
+                                                  StageTimes* times = nullptr, const Progress& progress = {});
 
 }  // namespace efree

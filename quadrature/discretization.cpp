@@ -5,19 +5,20 @@
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
-#include <algorithm>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/LU>
+#include <algorithm>
 #include <limits>
 #include <numeric>
-#include <Eigen/LU>
 
 namespace efree {
 namespace {
 
-SparseRows from_rows(Index cols, const std::vector<Index>& offsets, const std::vector<Index>& columns, const std::vector<double>& values) {
-  return Eigen::Map<const SparseRows>(static_cast<Index>(offsets.size()) - 1, cols, static_cast<Index>(columns.size()), offsets.data(),
-                                      columns.data(), values.data());
+SparseRows from_rows(Index cols, const std::vector<Index>& offsets, const std::vector<Index>& columns,
+                     const std::vector<double>& values) {
+  return Eigen::Map<const SparseRows>(static_cast<Index>(offsets.size()) - 1, cols, static_cast<Index>(columns.size()),
+                                      offsets.data(), columns.data(), values.data());
 }
 
 /// One entry of 1 per row: rows of indicator functions.
@@ -28,7 +29,8 @@ SparseRows indicators(const std::vector<Index>& column, Index cols) {
 }
 
 /// Facet rows of functions that are indicators of (unions of) cells.
-template <int Dim> SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index>& function_of_cell, Index cols) {
+template <int Dim>
+SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index>& function_of_cell, Index cols) {
   std::vector<Index> column;
   for (Index f = 0; f < space.mesh().num_facets(); ++f)
     column.insert(column.end(), space.facet_rule().weights.size(), function_of_cell[space.mesh().facet_cell(f)]);
@@ -121,9 +123,9 @@ void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor
 }
 
 /// Turns moments of the fine functions into moments of the nodes: phi_I = sum_v eta_v phi_I(v).
-template <int Dim>
-void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine, Accumulator<Moment<Dim>>& nodal, double scale,
-                typename TableBuilder<Dim>::Part& out) {
+template <int Dim> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine,
+                                   Accumulator<Moment<Dim>>& nodal, double scale,
+                                   typename TableBuilder<Dim>::Part& out) {
   nodal.clear();
   for (Index v : fine.touched()) {
     const Moment<Dim> moment = scale * fine[v];
@@ -159,8 +161,9 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
   Points<Dim> moment = Points<Dim>::Zero(Dim, cloud.size());
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     if (owner[c] < 0)
-      throw NumericalError(fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
-                                       fmt::join(mesh.centroid(c), ", ")));
+      throw NumericalError(
+          fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
+                      fmt::join(mesh.centroid(c), ", ")));
     volume[owner[c]] += mesh.volume(c);
     moment.col(owner[c]) += mesh.volume(c) * mesh.centroid(c);
   }
@@ -183,8 +186,8 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
   return secondary;
 }
 
-template <int Dim>
-SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table, const NodeCloud<Dim>& cloud) {
+template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
+                                                            const NodeCloud<Dim>& cloud) {
   const FineMesh<Dim>& mesh = space.mesh();
   const Index functions = table.num_nodes();
   SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}};
@@ -199,15 +202,18 @@ SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const Shap
         row.clear();
         for (Index i = 0; i < corners; ++i) {
           const auto at_vertex = table.row(vertex_of(i, item));
-          for (std::size_t k = 0; k < at_vertex.nodes.size(); ++k) row[at_vertex.nodes[k]][0] += points(i, q) * at_vertex.N[k];
+          for (std::size_t k = 0; k < at_vertex.nodes.size(); ++k)
+            row[at_vertex.nodes[k]][0] += points(i, q) * at_vertex.N[k];
         }
         for (Index K : row.sorted()) columns.push_back(K), values.push_back(row[K][0]);
         offsets.push_back(static_cast<Index>(columns.size()));
       }
     return from_rows(functions, offsets, columns, values);
   };
-  secondary.in_cells = interpolate_rows(mesh.num_cells(), [&](Index i, Index c) { return mesh.cells()(i, c); }, space.cell_rule().points);
-  secondary.on_facets = interpolate_rows(mesh.num_facets(), [&](Index i, Index f) { return mesh.facets()(i, f); }, space.facet_rule().points);
+  secondary.in_cells = interpolate_rows(
+      mesh.num_cells(), [&](Index i, Index c) { return mesh.cells()(i, c); }, space.cell_rule().points);
+  secondary.on_facets = interpolate_rows(
+      mesh.num_facets(), [&](Index i, Index f) { return mesh.facets()(i, f); }, space.facet_rule().points);
   return secondary;
 }
 
@@ -240,7 +246,8 @@ template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
   for (Index f = 0; f < mesh.num_facets(); ++f)
     for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
       const Vector phi = nodal * space.facet_point(f, space.facet_rule().points.col(g));
-      for (Index q = 0; q < per_cell; ++q) columns.push_back(mesh.facet_cell(f) * per_cell + q), values.push_back(phi[q]);
+      for (Index q = 0; q < per_cell; ++q)
+        columns.push_back(mesh.facet_cell(f) * per_cell + q), values.push_back(phi[q]);
       offsets.push_back(static_cast<Index>(columns.size()));
     }
   secondary.on_facets = from_rows(size, offsets, columns, values);
@@ -253,13 +260,14 @@ template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const S
   Vector weights = Vector::Zero(secondary.in_cells.cols());
   for (Index p = 0; p < secondary.in_cells.rows(); ++p) {
     const double volume = space.mesh().volume(p / per_cell) * rule.weights[p % per_cell];
-    for (SparseRows::InnerIterator entry(secondary.in_cells, p); entry; ++entry) weights[entry.col()] += volume * entry.value();
+    for (SparseRows::InnerIterator entry(secondary.in_cells, p); entry; ++entry)
+      weights[entry.col()] += volume * entry.value();
   }
   return weights;
 }
 
-template <int Dim>
-Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary) {
+template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                               const SecondaryBasis<Dim>& secondary) {
   const auto& rule = space.cell_rule();
   const Index per_cell = static_cast<Index>(rule.weights.size());
   const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
@@ -269,8 +277,9 @@ Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& 
   result.weights = secondary_weights(space, secondary);
   for (Index K = 0; K < result.size(); ++K)
     if (!(result.weights[K] > 0.0))
-      throw NumericalError(fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
-                                       fmt::join(result.points.col(K), ", "), result.weights[K]));
+      throw NumericalError(
+          fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
+                      fmt::join(result.points.col(K), ", "), result.weights[K]));
   result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
     Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
     for (Index K = begin; K < end; ++K) {
@@ -285,8 +294,8 @@ Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& 
   return result;
 }
 
-template <int Dim>
-Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary) {
+template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                          const SecondaryBasis<Dim>& secondary) {
   const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
   const SparseRows points_of = secondary.in_cells.transpose();
   Discretization<Dim> result;
@@ -300,7 +309,8 @@ Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeT
       double best = std::numeric_limits<double>::infinity();
       for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
         const Vec<Dim> x = space.position(entry.col() / per_cell, space.cell_rule().points.col(entry.col() % per_cell));
-        if (const double distance = (x - result.points.col(K)).norm(); distance < best) best = distance, nearest = entry.col();
+        if (const double distance = (x - result.points.col(K)).norm(); distance < best)
+          best = distance, nearest = entry.col();
       }
       fine.clear();
       add_cell_point(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
@@ -310,7 +320,8 @@ Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeT
   return result;
 }
 
-template <int Dim> Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups) {
+template <int Dim>
+Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups) {
   if (static_cast<Index>(group.size()) != fine.size())
     throw InputError(fmt::format("merge: {} group numbers for {} quadrature points", group.size(), fine.size()));
   Discretization<Dim> result;

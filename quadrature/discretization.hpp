@@ -18,20 +18,22 @@ template <int Dim> struct SecondaryBasis {
 
 /// What physics sees of a basis: points, weights, and functions with projected gradients.
 template <int Dim> struct Discretization {
-  Points<Dim> points;      ///< Dim x M
-  Vector weights;          ///< M, w_K = int Phi_K, positive, sum = volume
-  ShapeTable<Dim> shape;   ///< M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K
-  SparseRows on_facets;    ///< Phi_K on the boundary, see SecondaryBasis
+  Points<Dim> points;     ///< Dim x M
+  Vector weights;         ///< M, w_K = int Phi_K, positive, sum = volume
+  ShapeTable<Dim> shape;  ///< M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K
+  SparseRows on_facets;   ///< Phi_K on the boundary, see SecondaryBasis
 
   Index size() const { return static_cast<Index>(weights.size()); }
 };
 
 /// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
-/// node K, x_K their centroid. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes that get no cell are left out.
+/// node K, x_K their centroid. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes that
+/// get no cell are left out.
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).
-template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table, const NodeCloud<Dim>& cloud);
+template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
+                                                            const NodeCloud<Dim>& cloud);
 
 /// Every point of the cell rule is a function of its own: full integration on the fine mesh.
 template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space);
@@ -39,17 +41,20 @@ template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space);
 /// w_K = int Phi_K.
 template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary);
 
-/// Projects the gradients of the functions in `shape` (space.size() x N) on the secondary basis with the lumped Gram matrix:
-/// sum_K w_K p(x_K) dN_I(x_K) = int p grad(phi_I) for every p the secondary basis reproduces.
-/// Throws NumericalError if some w_K is not positive.
-template <int Dim>
-Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary);
+/// Projects the gradients of the functions in `shape` (space.size() x N) on the secondary basis with the lumped Gram
+/// matrix: sum_K w_K p(x_K) dN_I(x_K) = int p grad(phi_I) for every p the secondary basis reproduces. Throws
+/// NumericalError if some w_K is not positive.
+template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                               const SecondaryBasis<Dim>& secondary);
 
-/// The naive alternative, kept for comparison: same points and weights, but gradients taken at the points themselves. Fails the patch test.
-template <int Dim>
-Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const SecondaryBasis<Dim>& secondary);
+/// The naive alternative, kept for comparison: same points and weights, but gradients taken at the points themselves.
+/// Fails the patch test.
+template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                          const SecondaryBasis<Dim>& secondary);
 
-/// Unions of quadrature points: point K joins union group[K] (numbered 0 .. groups-1); gradients are the weighted means (B-bar).
-template <int Dim> Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups);
+/// Unions of quadrature points: point K joins union group[K] (numbered 0 .. groups-1); gradients are the weighted means
+/// (B-bar).
+template <int Dim>
+Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups);
 
 }  // namespace efree

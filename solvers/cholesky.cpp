@@ -30,7 +30,8 @@ struct Cholesky::Impl {
 
   void check() const {
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw NumericalError("Cholesky factorisation: not enough memory");
-    if (common.status < 0) throw NumericalError(fmt::format("Cholesky factorisation: CHOLMOD status {}", common.status));
+    if (common.status < 0)
+      throw NumericalError(fmt::format("Cholesky factorisation: CHOLMOD status {}", common.status));
   }
 };
 
@@ -52,12 +53,14 @@ Cholesky::Cholesky(const SymmetricMatrix& lower) : impl_(std::make_unique<Impl>(
   impl_->check();
   if (impl_->common.status == CHOLMOD_NOT_POSDEF || impl_->factor->minor < impl_->factor->n) {
     const auto* permutation = static_cast<const int*>(impl_->factor->Perm);
-    throw NumericalError(fmt::format("the matrix is not positive definite (at unknown {} of {})", permutation[impl_->factor->minor], lower.rows()));
+    throw NumericalError(fmt::format("the matrix is not positive definite (at unknown {} of {})",
+                                     permutation[impl_->factor->minor], lower.rows()));
   }
   // Rounding can hide a zero pivot; what it leaves is no stiffness.
   constexpr double smallest_pivot_ratio = 1e-13;
   if (const double ratio = cholmod_rcond(impl_->factor, &impl_->common); ratio < smallest_pivot_ratio)
-    throw NumericalError(fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
+    throw NumericalError(
+        fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
 }
 
 Cholesky::~Cholesky() = default;
@@ -82,6 +85,8 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
   return copy;
 }
 
-double Cholesky::factor_entries() const { return static_cast<double>(impl_->factor->is_super ? impl_->factor->xsize : impl_->factor->nzmax); }
+double Cholesky::factor_entries() const {
+  return static_cast<double>(impl_->factor->is_super ? impl_->factor->xsize : impl_->factor->nzmax);
+}
 
 }  // namespace efree

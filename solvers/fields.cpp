@@ -5,20 +5,21 @@
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <numeric>
 
 namespace efree {
 namespace {
 
-/// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight: narrow
-/// enough not to smear what varies over a few spacings (measured: cubes lose a quarter of the error of plain overlaps),
-/// wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike in size.
+/// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight:
+/// narrow enough not to smear what varies over a few spacings (measured: cubes lose a quarter of the error of plain
+/// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
+/// in size.
 template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature) {
   SparseRows overlaps = (quadrature.weights.asDiagonal() * quadrature.shape.matrix()).transpose();
   for (double& value : std::span(overlaps.valuePtr(), static_cast<std::size_t>(overlaps.nonZeros()))) {
@@ -62,7 +63,8 @@ template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, 
 }
 
 /// Cell that holds the point with its barycentric coordinates, or the nearest one (with a negative coordinate).
-template <int Dim> std::pair<Index, Eigen::Matrix<double, Dim + 1, 1>> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
+template <int Dim>
+std::pair<Index, Eigen::Matrix<double, Dim + 1, 1>> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
   Index best_cell = 0;
   Eigen::Matrix<double, Dim + 1, 1> best = Eigen::Matrix<double, Dim + 1, 1>::Constant(-1e300);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
@@ -89,10 +91,10 @@ template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells
 }
 
 /// Columns `dofs` of a field; stays on the stack.
-template <int Dim, int Rows>
-Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> gather(
+template <int Dim, int Rows> Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> gather(
     const Eigen::Matrix<double, Rows, Eigen::Dynamic>& values, std::span<const Index> dofs) {
-  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> local(Rows, static_cast<Index>(dofs.size()));
+  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> local(
+      Rows, static_cast<Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) local.col(static_cast<Index>(i)) = values.col(dofs[i]);
   return local;
 }
@@ -100,7 +102,8 @@ Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_si
 }  // namespace
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
-  return {interpolate(approximation.shape, solution.coefficients), interpolate(approximation.shape, fit_at_nodes(approximation, solution.strain)),
+  return {interpolate(approximation.shape, solution.coefficients),
+          interpolate(approximation.shape, fit_at_nodes(approximation, solution.strain)),
           interpolate(approximation.shape, fit_at_nodes(approximation, solution.stress))};
 }
 
@@ -110,15 +113,17 @@ template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fie
     Vec<Dim> nearest = space.mesh().vertex(0);
     for (Index v = 1; v < space.mesh().num_vertices(); ++v)
       if ((space.mesh().vertex(v) - at).squaredNorm() < (nearest - at).squaredNorm()) nearest = space.mesh().vertex(v);
-    throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})", fmt::join(at, ", "), fmt::join(nearest, ", ")));
+    throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})",
+                                 fmt::join(at, ", "), fmt::join(nearest, ", ")));
   }
   const auto N = space.values(inside);
   const auto dofs = space.cell(cell);
-  return {gather<Dim>(fields.displacement, dofs) * N, gather<Dim>(fields.strain, dofs) * N, gather<Dim>(fields.stress, dofs) * N};
+  return {gather<Dim>(fields.displacement, dofs) * N, gather<Dim>(fields.strain, dofs) * N,
+          gather<Dim>(fields.stress, dofs) * N};
 }
 
-template <int Dim>
-Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const Lame& lame, const ExactSolution<Dim>& exact) {
+template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                         const Lame& lame, const ExactSolution<Dim>& exact) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(4);
   const VoigtMatrix<Dim> C = stiffness<Dim>(lame), compliance = C.inverse();

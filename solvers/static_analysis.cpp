@@ -6,24 +6,26 @@
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/cholesky.hpp"
 
-#include <Eigen/Cholesky>
-#include <cmath>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Cholesky>
+#include <cmath>
 
 namespace efree {
 namespace {
 
-/// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration, volumetric
-/// part on coarser unions where the approximation has them.
-template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation, const Lame& lame, double stabilisation) {
+/// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration,
+/// volumetric part on coarser unions where the approximation has them.
+template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
+                                                                   const Lame& lame, double stabilisation) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
   const bool integrated_fully = approximation.quadrature.size() >= approximation.space.mesh().num_cells();
   const bool stabilised = stabilisation > 0.0 && !integrated_fully;
   if (stabilised && approximation.fine.size() == 0)
-    throw InputError(fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
+    throw InputError(
+        fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
   if (!unions && !stabilised) return {{&approximation.quadrature, lame}};
   const Lame dev = deviatoric<Dim>(lame), vol = volumetric<Dim>(lame);
   const double kept = stabilised ? 1.0 - stabilisation : 1.0;
@@ -56,12 +58,14 @@ template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalC
 /// Twice the shear energy per shear modulus of a Voigt strain: |dev eps|^2.
 template <int Dim> double deviator_squared(const Voigt<Dim>& strain) {
   const double mean = strain.template head<Dim>().mean();
-  return (strain.template head<Dim>().array() - mean).square().sum() + 0.5 * strain.template tail<voigt_size<Dim> - Dim>().squaredNorm();
+  return (strain.template head<Dim>().array() - mean).square().sum() +
+         0.5 * strain.template tail<voigt_size<Dim> - Dim>().squaredNorm();
 }
 
 /// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.
 /// Compares the distortion the quadrature sees with that of the field itself on the fine mesh.
-template <int Dim> void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
+template <int Dim>
+void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
   constexpr double smallest_share = 0.05;
   const auto& space = approximation.space;
   const auto& mesh = space.mesh();
@@ -80,10 +84,12 @@ template <int Dim> void require_stable(const Approximation<Dim>& approximation, 
       there += mesh.volume(c) * rule.weights[q] * deviator_squared<Dim>(eps);
     }
   const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
-  const double rounding = 1e-20 * mesh.volumes().sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
+  const double rounding =
+      1e-20 * mesh.volumes().sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
   if (there > rounding && seen < smallest_share * there)
-    throw NumericalError(fmt::format("unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes; raise the ratio M/N",
-                                     approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes()));
+    throw NumericalError(fmt::format(
+        "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes; raise the ratio M/N",
+        approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes()));
 }
 
 template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
@@ -147,12 +153,14 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
         if (unknown[entry.row()] >= 0) rows.push_back(unknown[entry.row()]), values.push_back(entry.value());
       offsets.push_back(static_cast<Index>(rows.size()));
     }
-    return Eigen::Map<const SymmetricMatrix>(count, count, static_cast<Index>(rows.size()), offsets.data(), rows.data(), values.data());
+    return Eigen::Map<const SymmetricMatrix>(count, count, static_cast<Index>(rows.size()), offsets.data(), rows.data(),
+                                             values.data());
   }
 
   Points<Dim> solve(const Points<Dim>& loads) const {
     Points<Dim> f = loads;
-    for (std::size_t k = 0; k < nodal.nodes.size(); ++k) f.col(nodal.nodes[k]) = nodal.frames[k].transpose() * f.col(nodal.nodes[k]);
+    for (std::size_t k = 0; k < nodal.nodes.size(); ++k)
+      f.col(nodal.nodes[k]) = nodal.frames[k].transpose() * f.col(nodal.nodes[k]);
     const Vector rhs = f.reshaped() + prescribed_rhs;
     Vector u;
     if (unknown.empty()) {
@@ -168,7 +176,8 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     }
     if (!u.allFinite()) throw NumericalError("the solution is not finite");
     Points<Dim> U = u.reshaped(Dim, u.size() / Dim);
-    for (std::size_t k = 0; k < nodal.nodes.size(); ++k) U.col(nodal.nodes[k]) = nodal.frames[k] * Vec<Dim>(U.col(nodal.nodes[k]));
+    for (std::size_t k = 0; k < nodal.nodes.size(); ++k)
+      U.col(nodal.nodes[k]) = nodal.frames[k] * Vec<Dim>(U.col(nodal.nodes[k]));
     return U;
   }
 
@@ -180,9 +189,9 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
   }
 };
 
-template <int Dim>
-ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
-                                  const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times, const Progress& progress)
+template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                                     const std::vector<DisplacementCondition<Dim>>& conditions,
+                                                     StageTimes* times, const Progress& progress)
     : impl_(new Impl{approximation, plane_lame(model.material, model.plane), {}, {}, {}, {}, {}, {}}) {
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
@@ -196,16 +205,19 @@ ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const
   try {
     impl_->factor.emplace(K);
   } catch (const NumericalError& error) {
-    throw NumericalError(fmt::format("{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
-                                     "(raise the ratio M/N), as do euclidean weights across a slit (use geodesic ones)",
-                                     error.what(), approximation.shape.num_nodes(), approximation.quadrature.size()));
+    throw NumericalError(fmt::format(
+        "{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
+        "(raise the ratio M/N), as do euclidean weights across a slit (use geodesic ones)",
+        error.what(), approximation.shape.num_nodes(), approximation.quadrature.size()));
   }
 }
 
 template <int Dim> ElasticSolver<Dim>::~ElasticSolver() = default;
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(ElasticSolver&&) noexcept = default;
 
-template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const { return impl_->factor_size(); }
+template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const {
+  return impl_->factor_size();
+}
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
   const auto& approximation = impl_->approximation;

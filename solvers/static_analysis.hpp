@@ -14,37 +14,40 @@ namespace efree {
 /// How displacements are prescribed.
 enum class Essential {
   nitsche,  ///< symmetric Nitsche, penalty from the local stiffness; any basis
-  strong,   ///< nodal values on the boundary; needs functions of other nodes that vanish there (vanish_on, or finite elements)
+  strong,   ///< nodal values on the boundary; needs functions of other nodes that vanish there (vanish_on, or finite
+            ///< elements)
 };
 
 struct ElasticModel {
   LinearElastic material;
   Plane plane = Plane::stress;
   Essential essential = Essential::nitsche;
-  double stabilisation = 0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
+  double stabilisation =
+      0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
 };
 
 /// Coefficients and what is derived at the quadrature points.
 template <int Dim> struct Solution {
-  Points<Dim> coefficients;     ///< Dim x N; not nodal displacements: use interpolate(shape, coefficients)
-  VoigtPoints<Dim> strain;      ///< at quadrature points, engineering shear
-  VoigtPoints<Dim> stress;      ///< at quadrature points
-  double strain_energy = 0.0;   ///< [force * length per thickness]
+  Points<Dim> coefficients;    ///< Dim x N; not nodal displacements: use interpolate(shape, coefficients)
+  VoigtPoints<Dim> strain;     ///< at quadrature points, engineering shear
+  VoigtPoints<Dim> stress;     ///< at quadrature points
+  double strain_energy = 0.0;  ///< [force * length per thickness]
 };
 
 /// Assembles and factors once, then solves any number of load cases.
 template <int Dim> class ElasticSolver {
  public:
-  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not hold
-  /// every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored.
-  /// Stages: assembly, solve (factorisation).
-  ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model, const std::vector<DisplacementCondition<Dim>>& conditions,
-                StageTimes* times = nullptr, const Progress& progress = {});
+  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not
+  /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
+  /// assembly, solve (factorisation).
+  ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
+                const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
+                const Progress& progress = {});
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
 
-  /// One load case with the prescribed displacements. Throws NumericalError if the solution lives on deformations that the
-  /// quadrature does not see (too few points per node).
+  /// One load case with the prescribed displacements. Throws NumericalError if the solution lives on deformations that
+  /// the quadrature does not see (too few points per node).
   Solution<Dim> solve(const Loads<Dim>& loads) const;
   Index num_unknowns() const;
 
@@ -53,8 +56,9 @@ template <int Dim> class ElasticSolver {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Displacement, strain and stress on the fine mesh, at the degrees of freedom of approximation.space. Strain and stress are
-/// recovered: linear least-squares fits of the quadrature-point values around each node, blended by the basis.
+/// Displacement, strain and stress on the fine mesh, at the degrees of freedom of approximation.space. Strain and
+/// stress are recovered: linear least-squares fits of the quadrature-point values around each node, blended by the
+/// basis.
 template <int Dim> struct Fields {
   Points<Dim> displacement;
   VoigtPoints<Dim> strain, stress;
@@ -78,7 +82,7 @@ template <int Dim> struct ExactSolution {
   VectorField<Dim> displacement;  ///< may be empty
   VoigtField<Dim> stress;         ///< may be empty
 };
-template <int Dim>
-Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const Lame& lame, const ExactSolution<Dim>& exact);
+template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                         const Lame& lame, const ExactSolution<Dim>& exact);
 
 }  // namespace efree
