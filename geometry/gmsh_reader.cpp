@@ -279,6 +279,16 @@ void check_slits(const Session& session, const std::vector<std::string>& slits) 
                                names.empty() ? std::string("none") : fmt::format("{}", fmt::join(names, ", "))));
 }
 
+/// Refuses a size that no machine could mesh before gmsh begins to sample the curves.
+void check_size(const Session& session, double size) {
+  double x0, y0, z0, x1, y1, z1;
+  gmsh::model::getBoundingBox(-1, -1, x0, y0, z0, x1, y1, z1);
+  constexpr double most_edges_along_a_side = 1e5;
+  if (const double extent = std::max(x1 - x0, y1 - y0); extent > most_edges_along_a_side * size)
+    session.fail(fmt::format("mesh size {:g} is too small for a body {:g} wide; expected at least {:g}", size, extent,
+                             extent / most_edges_along_a_side));
+}
+
 /// gmsh's parser can skip a last line that has no end.
 void check_last_line(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -300,6 +310,7 @@ FineMesh<2> read(const Session& session, bool is_geometry, const GmshOptions& op
     session.generate(2);
     return read_mesh(session, options.slits);
   }
+  check_size(session, options.size);
   limit_sizes(options.size);
   gmsh::option::setNumber("Mesh.MinimumCirclePoints", std::max(16.0, option("Mesh.MinimumCirclePoints")));
   session.generate(1);

@@ -420,9 +420,9 @@ void insert_inside(std::vector<Kernel::Point_2> points, Cdt& cdt) {
 void refine(const Segments& segments, const Edges& edges, const TriangulateOptions& options, Cdt& cdt) {
   const double area = domain_area(cdt), expected = 4.0 * area / (options.size * options.size);
   if (!(area > 0.0)) throw InputError("domain: it is empty, no point has an odd number of boundary segments around it");
-  if (expected > 1e9)
+  if (expected > 1e8)
     throw InputError(
-        fmt::format("domain: a size of {} on an area of {} takes about {:.1e} triangles, expected at most 1e9",
+        fmt::format("domain: a size of {} on an area of {} takes about {:.1e} triangles, expected at most 1e8",
                     options.size, area, expected));
   // Edges of the lattice are at most 1.3 steps long, nearly all of them less than 1.2.
   insert_inside(Lattice(segments, edges, 0.8 * options.size).points(), cdt);

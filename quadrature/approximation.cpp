@@ -25,6 +25,12 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
     throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
                                  options.spacing, extent));
+  // Edge of the equilateral triangle of mean area; nodes sit on fine vertices and need some to choose from.
+  const double edge = std::sqrt(mesh.volumes().mean() * 4.0 / std::sqrt(3.0));
+  if (options.kind == BasisKind::mls && options.spacing < edge)
+    throw InputError(fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
+                                 "expected a finer mesh (H/h of 3 or more) or a wider spacing",
+                                 options.spacing, edge));
 }
 
 /// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of

@@ -153,7 +153,10 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
       }
     }
   });
-  const auto relative = [&](int error, int norm) { return std::sqrt(sums[error] / std::max(sums[norm], 1e-300)); };
+  const auto relative = [&](int error, int norm) {
+    if (sums[norm] == 0.0) throw InputError("the exact solution is zero everywhere: there is no relative error");
+    return std::sqrt(sums[error] / sums[norm]);
+  };
   Errors errors;
   if (exact.displacement) errors.l2_displacement = relative(u_error, u_norm);
   if (exact.stress) {
