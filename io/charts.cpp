@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -36,10 +37,12 @@ Look look_of(const Method& method) {
 }
 constexpr const char* stage_colours[] = {"#999999", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"};
 
-/// Text for gnuplot's enhanced mode inside double quotes.
+/// Text for gnuplot's enhanced mode inside double quotes, where gnuplot would run what stands between backquotes.
 std::string quoted(const std::string& text) {
   std::string result;
-  for (const char c : text) {
+  for (char c : text) {
+    if (c == '`') c = '\'';
+    if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
     if (c == '"' || c == '\\') result += '\\';
     if (c == '_' || c == '^' || c == '{' || c == '}' || c == '@' || c == '&' || c == '~') result += "\\\\";
     result += c;
@@ -160,7 +163,7 @@ std::string panels(const Study& study, const std::string& name, Against against)
   const auto kinds = measured(study);
   const auto count = static_cast<double>(kinds.size());
   const double pixel = 1.0 / chart_width(kinds.size());
-  const double key_width = 330.0 * pixel, left = 85.0 * pixel, gap = 75.0 * pixel;
+  const double key_width = 330.0 * pixel, left = 130.0 * pixel, gap = 75.0 * pixel;
   const double width = (1.0 - key_width - left - gap * (count - 1.0)) / count;
   std::string text = fmt::format("set output '{}.'.type\nset multiplot\n", name);
   for (std::size_t slot = 0; slot < kinds.size(); ++slot) {
@@ -244,9 +247,9 @@ std::string stage_bars(const std::vector<Bar>& bars) {
   return text + '\n';
 }
 
-std::string script(const Case& analysis, const Study& study) {
+std::string script(const Study& study) {
   const auto kinds = measured(study);
-  std::string text = "# Charts of a convergence study; run with: gnuplot charts.gp\n# " + analysis.title + "\n";
+  std::string text = "# Charts of a convergence study; run with: gnuplot charts.gp\n";
   const auto bars = bars_of(study);
   text += data_blocks(study) + bar_block(bars);
   text += "do for [type in 'svg png'] {\nreset\n";
@@ -269,9 +272,9 @@ std::string script(const Case& analysis, const Study& study) {
 
 }  // namespace
 
-std::string write_charts(OutputDirectory& out, const Case& analysis, const Study& study) {
+std::string write_charts(OutputDirectory& out, const Study& study) {
   std::ofstream file(out.file("charts.gp"));
-  file << script(analysis, study);
+  file << script(study);
   file.close();
   if (!file) throw InputError(fmt::format("cannot write {}", out.file("charts.gp").string()));
   std::string output;

@@ -87,7 +87,7 @@ Case configured(Case analysis, const Method& method, double size) {
   return analysis;
 }
 
-StudyRow row_of(std::size_t method, double size, int seed, const CaseResult& result) {
+StudyRow row_of(std::size_t method, double size, std::uint64_t seed, const CaseResult& result) {
   StudyRow row{.method = method,
                .spacing = size,
                .seed = seed,
@@ -182,10 +182,11 @@ Study run_study(const Case& analysis, const StudyOptions& options, const Progres
   for (const auto& [m, size] : runs) {
     const Method& method = study.methods[m];
     Case variant = configured(analysis, method, size);
-    for (int seed = 1; seed <= options.seeds; ++seed) {
+    for (int repetition = 0; repetition < options.seeds; ++repetition) {
+      const std::uint64_t seed = analysis.approximation.seed + static_cast<std::uint64_t>(repetition);
       const std::string run = fmt::format("{}, spacing {:.4g}, seed {}", method.name, size, seed);
       if (progress) progress(run, done / work);
-      variant.approximation.seed = static_cast<std::uint64_t>(seed);
+      variant.approximation.seed = seed;
       try {
         study.rows.push_back(row_of(m, size, seed, solve_case(variant)));
       } catch (const NumericalError& error) {
@@ -244,7 +245,8 @@ std::string order_table(const Study& study) {
     return value ? fmt::format("{:.2f}", *value) : std::string("-");
   };
   std::string table =
-      fmt::format("{:<10}{:>10}{:>10}{:>10}   observed orders in the spacing\n", "method", "L2", "energy", "recovered");
+      fmt::format("{:<10}{:>10}{:>10}{:>10}   observed orders in the spacing (P1, P2: in nodes^(-1/2))\n", "method",
+                  "L2", "energy", "recovered");
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     table += fmt::format("{:<10}", study.methods[m].name);
     for (std::size_t k = 0; k < std::size(error_kinds); ++k) table += fmt::format("{:>10}", cell(study.order(m, k)));

@@ -5,6 +5,7 @@
 #include "efree/io/output_directory.hpp"
 #include "efree/io/run_case.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,7 +24,7 @@ struct Method {
 
 struct StudyOptions {
   std::vector<double> spacings;  ///< H, at least two, all different [length]
-  int seeds = 1;                 ///< clouds per spacing, seeds 1, 2, ...
+  int seeds = 1;                 ///< clouds per spacing, with the case's seed and those that follow
   /// Both secondary bases at M/N = 1, 2, 4, full integration, P1 and P2 finite elements; otherwise the method of the
   /// case.
   bool compare = false;
@@ -33,7 +34,7 @@ struct StudyOptions {
 struct StudyRow {
   std::size_t method = 0;  ///< index into Study::methods
   double spacing = 0.0;
-  int seed = 0;
+  std::uint64_t seed = 0;
   Index nodes = 0, fine_vertices = 0, fine_cells = 0, quadrature_points = 0;
   Errors errors;
   double strain_energy = 0.0;
@@ -94,6 +95,6 @@ std::string order_table(const Study& study);
 /// Charts by gnuplot as SVG and PNG: convergence (error against number of nodes, slope triangles), error_against_time,
 /// stages (where the time goes), and beside them the script charts.gp that draws them. Returns an empty string, or why
 /// there are no charts (no gnuplot).
-std::string write_charts(OutputDirectory& out, const Case& analysis, const Study& study);
+std::string write_charts(OutputDirectory& out, const Study& study);
 
 }  // namespace efree
