@@ -10,6 +10,8 @@
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -22,7 +24,7 @@ struct Options {
   std::string case_file, out;
   int threads = 0;
   bool quiet = false;
-  bool picture = true;
+  bool no_picture = false;
   StudyOptions study;
 };
 
@@ -44,11 +46,12 @@ void solve(const Options& options, Display& display) {
     const Progress progress =
         display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"});
     CaseResult result = solve_case(analysis, progress);
+    for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
       write_fields(out.file("fields.vtu"), analysis, result);
       write_nodes(out.file("nodes.vtu"), result);
-      if (options.picture) draw_picture(out, display);
+      if (!options.no_picture) draw_picture(out, display);
     }
     write_result(out.file("result.json"), analysis, result);
     out.supersede("failure.json");
@@ -56,7 +59,7 @@ void solve(const Options& options, Display& display) {
   } catch (const NumericalError& error) {
     write_failure(out.file("failure.json"), analysis, error.what(), display.stage());
     out.commit();
-    throw;
+    throw NumericalError(fmt::format("{} failed: {}", display.stage(), error.what()));
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
 }
@@ -67,12 +70,20 @@ void convergence(const Options& options, Display& display) {
   const Study study = run_study(analysis, options.study, display.runs());
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis, study);
-  const std::string no_charts = write_charts(out, analysis, study);
+  const std::string no_charts = write_charts(out, study);
   if (!no_charts.empty()) display.say(no_charts);
   if (!analysis.has_exact()) display.say("the case has no [exact] solution: no errors, no observed orders");
   out.commit();
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
   if (analysis.has_exact()) fmt::print("{}", order_table(study));
+}
+
+/// Complaint about an element of a list of positive numbers; empty if there is none.
+std::string not_positive(const std::string& text) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool good = error == std::errc{} && end == text.data() + text.size() && value > 0.0 && std::isfinite(value);
+  return good ? "" : fmt::format("\"{}\", expected positive numbers separated by commas", text);
 }
 
 void add_common(CLI::App& command, Options& options) {
@@ -92,7 +103,8 @@ int run(int argc, char** argv) {
   CLI::App& solve_command =
       *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu and fields.png");
   add_common(solve_command, options);
-  solve_command.add_flag("!--no-picture", options.picture, "do not draw fields.png");
+  solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png");
+  const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
   CLI::App& convergence_command = *app.add_subcommand(
       "convergence", "solve a case on finer and finer clouds; writes convergence.csv, convergence.json and charts");
   add_common(convergence_command, options);
@@ -101,14 +113,15 @@ int run(int argc, char** argv) {
                   "cloud spacings H, separated by commas (element sizes if basis.kind is p1 or p2)")
       ->required()
       ->delimiter(',')
-      ->check(CLI::PositiveNumber);
+      ->type_name("H,H,...")
+      ->check(positive);
   CLI::Option* seeds =
       convergence_command
           .add_option("--seeds", options.study.seeds, "clouds per spacing; default: 1, with --compare 5")
           ->check(CLI::Range(1, 1000));
-  convergence_command.add_flag(
-      "--compare", options.study.compare,
-      "all methods: both secondary bases at M/N = 1, 2, 4, full integration, P1 and P2 finite elements");
+  convergence_command.add_flag("--compare", options.study.compare,
+                               "all methods: both secondary bases at M/N = 1, 2, 4 (MLS also at 6), full integration, "
+                               "P1 and P2 finite elements");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -127,7 +140,7 @@ int run(int argc, char** argv) {
     display.say(fmt::format("error: {}", error.what()));
     return 2;
   } catch (const NumericalError& error) {
-    display.say(fmt::format("error: {} failed: {}", display.stage(), error.what()));
+    display.say(fmt::format("error: {}", error.what()));
     return 3;
   } catch (const std::exception& error) {
     display.say(fmt::format("error: {}", error.what()));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // efree-picture FIELDS.vtu PICTURE.png: von Mises stress on the deformed body, the undeformed outline behind it.
-// Uses the X display there is, or an Xvfb of its own. Exit status 1 with a message if there is neither.
+// Uses the X display there is, or an Xvfb of its own where it is missing or dead. Exit status 1 with a message if there
+// is neither.
 #include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -24,6 +25,7 @@
 #include <vtkWarpVector.h>
 #include <vtkWindowToImageFilter.h>
 #include <vtkXMLUnstructuredGridReader.h>
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <exception>
@@ -110,6 +112,17 @@ void add_outline(vtkRenderer* renderer, vtkAlgorithmOutput* surface, double grey
   renderer->AddActor(actor);
 }
 
+/// Shows all that is in `renderer`, with a little room around it; `aspect` is width over height of its viewport.
+void fit(vtkRenderer* renderer, double aspect) {
+  std::array<double, 6> bounds{};
+  renderer->ComputeVisiblePropBounds(bounds.data());
+  const double width = bounds[1] - bounds[0], height = bounds[3] - bounds[2];
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOn();
+  renderer->ResetCamera();
+  camera->SetParallelScale(0.5 * 1.1 * std::max(height, width / aspect));
+}
+
 void plain(vtkTextProperty* text, int size) {
   text->SetColor(0.0, 0.0, 0.0);
   text->SetFontFamilyToArial();
@@ -157,9 +170,7 @@ void draw(const char* fields, const char* picture) {
   add_outline(renderer, undeformed->GetOutputPort(), 0.6, 2.0);
   renderer->AddActor(body);
   add_outline(renderer, deformed->GetOutputPort(), 0.1, 2.0);
-  renderer->GetActiveCamera()->ParallelProjectionOn();
-  renderer->ResetCamera();
-  renderer->GetActiveCamera()->Zoom(1.25);
+  fit(renderer, 1600.0 * 0.84 / (1200.0 * 0.92));
 
   vtkNew<vtkRenderer> margin;
   margin->SetBackground(1.0, 1.0, 1.0);
@@ -197,16 +208,32 @@ void draw(const char* fields, const char* picture) {
   writer->Write();
 }
 
+/// Whether the picture could be drawn on the X display there is, tried in a process of its own: VTK aborts on a dead
+/// one.
+bool drawn_on_display(const char* fields, const char* picture) {
+  const char* display = std::getenv("DISPLAY");
+  if (!display || !*display) return false;
+  const pid_t child = fork();
+  if (child == 0) {
+    alarm(60);  // a display that hangs must not hang the analysis
+    try {
+      draw(fields, picture);
+      _exit(0);
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "{}\n", error.what());
+    }
+    _exit(1);
+  }
+  int status = 0;
+  return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   if (argc != 3) throw std::runtime_error("usage: efree-picture FIELDS.vtu PICTURE.png");
-  alarm(120);  // a display that hangs must not hang the analysis
-  const char* display = std::getenv("DISPLAY");
-  if (display && *display) {
-    draw(argv[1], argv[2]);
-    return 0;
-  }
+  if (drawn_on_display(argv[1], argv[2])) return 0;
+  alarm(60);
   const VirtualDisplay virtual_display;
   if (!virtual_display.started()) throw std::runtime_error("no X display and no Xvfb");
   draw(argv[1], argv[2]);

@@ -10,6 +10,7 @@ namespace efree {
 namespace fs = std::filesystem;
 
 OutputDirectory::OutputDirectory(fs::path directory) : directory_(std::move(directory)) {
+  if (directory_.empty()) throw InputError("the name of the output directory is empty, expected a directory");
   std::error_code error;
   const fs::path absolute = fs::absolute(directory_).lexically_normal();
   for (fs::path part = absolute; !fs::exists(part, error) && part != part.parent_path(); part = part.parent_path())

@@ -12,13 +12,12 @@ namespace efree {
 /// everything is left as it was, so a run that fails overwrites nothing.
 class OutputDirectory {
  public:
-  /// Creates the directory if need be. Throws InputError if it cannot be created or written to.
+  /// Creates the directory if need be. Throws InputError if its name is empty or it cannot be created or written to.
   explicit OutputDirectory(std::filesystem::path directory);
   ~OutputDirectory();
   OutputDirectory(const OutputDirectory&) = delete;
   OutputDirectory& operator=(const OutputDirectory&) = delete;
 
-  const std::filesystem::path& path() const { return directory_; }
   /// The temporary folder: whatever lies in it is moved by commit().
   const std::filesystem::path& staging() const { return staging_; }
   /// Where to write the file of that name for now.
