@@ -8,9 +8,12 @@
 #include <fmt/ranges.h>
 #include <toml++/toml.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -191,7 +194,8 @@ class Section {
  private:
   std::string inside() const { return label_.empty() ? "" : " in " + label_; }
   static std::string shown(const toml::node& node) {
-    if (!node.is_value()) return fmt::format("{} {}", node.is_array() ? "an" : "a", kind_of(node));
+    if (const toml::array* array = node.as_array()) return fmt::format("an array of {}", array->size());
+    if (!node.is_value()) return fmt::format("a {}", kind_of(node));
     std::ostringstream value;
     node.visit([&](const auto& v) {
       if constexpr (toml::is_value<decltype(v)>) value << v;
@@ -211,7 +215,7 @@ class Section {
     return *value;
   }
   std::string text(const toml::node& node, std::string_view key) const {
-    if (!node.is_string() || node.value<std::string>()->empty()) reject(node, key, "a string");
+    if (!node.is_string() || node.value<std::string>()->empty()) reject(node, key, "a non-empty string");
     return *node.value<std::string>();
   }
   const toml::table* table_;
@@ -219,12 +223,13 @@ class Section {
 };
 
 toml::table parse(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file))
+    throw InputError(fmt::format("{} is a directory, expected a case file", file.string()));
   std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  if (!std::filesystem::is_regular_file(file) || !(text << stream.rdbuf()))
-    throw InputError(fmt::format("cannot read the case file {}", file.string()));
+  if (!stream) throw InputError(fmt::format("cannot read the case file {}", file.string()));
+  const std::string text(std::istreambuf_iterator<char>(stream), {});
   try {
-    return toml::parse(text.str(), file.string());
+    return toml::parse(text, file.string());
   } catch (const toml::parse_error& error) {
     throw InputError(fmt::format("{}:{}: {}", file.string(), error.source().begin.line, error.description()));
   }
@@ -273,7 +278,7 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
     cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: geometry.mesh_ratio is relative to it");
   options.seed = static_cast<std::uint64_t>(
       cloud.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), static_cast<std::int64_t>(options.seed)));
-  options.support = cloud.number("support", {1.0, 10.0}, options.support);
+  options.support = cloud.number("support", {1.0, 10.0, true, true}, options.support);
   options.weight = cloud.choice<Weight>("weight",
                                         {{"heat_geodesic", Weight::heat_geodesic},
                                          {"heat_flow", Weight::heat_flow},
@@ -295,38 +300,53 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.fine = result.model.stabilisation > 0.0;
 }
 
-/// The [[boundary]] entries: each prescribes one thing on one group.
+/// The [[boundary]] entries: each prescribes one thing on one group. Loads are refused where the body is held against
+/// them.
 class BoundaryReader {
  public:
   BoundaryReader(const Expressions<2>& expressions, Case& result) : expressions_(expressions), result_(result) {}
 
-  void read(const Section& entry) {
-    const std::string on = entry.text("on");
-    result_.groups.push_back({on, entry.where("on")});
-    const std::string_view kind = only_kind(entry);
+  void read(const std::vector<Section>& entries) {
+    for (const Section& entry : entries) {
+      result_.groups.push_back({entry.text("on"), entry.where("on")});
+      read_support(entry, entry.text("on"), only_kind(entry));
+    }
+    for (const Section& entry : entries) read_load(entry, entry.text("on"), only_kind(entry));
+  }
+
+ private:
+  void read_support(const Section& entry, const std::string& on, std::string_view kind) {
     if (kind == "displacement") {
+      refuse_if_held(entry, kind, on, normal);
       const auto components = entry.expressions<2>(kind);
       if (components[0] == "free" && components[1] == "free")
         entry.fail(kind, "displacement leaves every component free, expected a value for one of them");
       DisplacementCondition<2> condition{on, {}, {}};
       for (std::size_t i = 0; i < 2; ++i) {
         if (components[i] == "free") continue;
-        claim(entry, kind, fmt::format("displacement component {} on \"{}\"", "xy"[i], on));
+        claim(entry, kind, on, component[i]);
         condition.components[i] = expressions_.field(components[i], entry.where(kind));
       }
       result_.supports.push_back(std::move(condition));
     } else if (kind == "normal_displacement") {
-      claim(entry, kind, fmt::format("normal displacement on \"{}\"", on));
+      for (const char* what : component) refuse_if_held(entry, kind, on, what);
+      claim(entry, kind, on, normal);
       result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
-    } else if (kind == "traction") {
-      const auto traction = expressions_.fields(entry.expressions<2>(kind), entry.where(kind));
+    }
+  }
+  void read_load(const Section& entry, const std::string& on, std::string_view kind) {
+    if (kind == "traction") {
+      const auto components = entry.expressions<2>(kind);
+      for (std::size_t i = 0; i < 2; ++i)
+        if (components[i] != "0" && components[i] != "-0") refuse_if_held(entry, kind, on, component[i]);
+      const auto traction = expressions_.fields(components, entry.where(kind));
       result_.loads.tractions.push_back({on, [traction](const Vec<2>& x, const Vec<2>&) { return traction(x); }});
-    } else {
+    } else if (kind == "pressure") {
+      refuse_if_held(entry, kind, on, normal);
+      if (claimed_.contains({on, component[0]})) refuse_if_held(entry, kind, on, component[1]);
       result_.loads.tractions.push_back(pressure<2>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
     }
   }
-
- private:
   static std::string_view only_kind(const Section& entry) {
     std::vector<std::string_view> found;
     for (const std::string_view kind : {"displacement", "normal_displacement", "traction", "pressure"})
@@ -340,14 +360,23 @@ class BoundaryReader {
               found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
     return found.front();
   }
-  void claim(const Section& entry, std::string_view key, const std::string& what) {
-    const auto [earlier, is_new] = claimed_.try_emplace(what, entry.where(key));
-    if (!is_new) entry.fail(key, fmt::format("{} is already prescribed at {}", what, earlier->second));
+  void claim(const Section& entry, std::string_view key, const std::string& on, const std::string& what) {
+    const auto [earlier, is_new] = claimed_.try_emplace({on, what}, entry.where(key));
+    if (!is_new) entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, on, earlier->second));
   }
+  void refuse_if_held(const Section& entry, std::string_view key, const std::string& on,
+                      const std::string& what) const {
+    if (const auto held = claimed_.find({on, what}); held != claimed_.end())
+      entry.fail(key, fmt::format("{} on \"{}\" contradicts the {} prescribed at {}, expected one of them", key, on,
+                                  what, held->second));
+  }
+
+  static constexpr std::array<const char*, 2> component{"displacement component x", "displacement component y"};
+  static constexpr const char* normal = "normal displacement";
 
   const Expressions<2>& expressions_;
   Case& result_;
-  std::map<std::string, std::string> claimed_;
+  std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
 };
 
 void read_exact(const Section& section, const Expressions<2>& expressions, Case& result) {
@@ -416,8 +445,7 @@ Case read_case(const std::filesystem::path& file) {
 
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
-  BoundaryReader reader(expressions, result);
-  for (const Section& boundary : boundaries) reader.read(boundary);
+  BoundaryReader(expressions, result).read(boundaries);
   const bool nodal = result.approximation.kind != BasisKind::mls;
   impose(result,
          analysis.choice<Essential>("essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}},

@@ -35,6 +35,18 @@ template <int Dim> std::string coordinate(int i) {
   return std::string(1, "xyz"[i]);
 }
 
+/// muParser would assign: to definitions, even to x.
+void refuse_assignment(const std::string& text, const std::string& where) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '=') continue;
+    const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
+    if (!doubled && (i == 0 || std::string_view("<>!").find(text[i - 1]) == std::string_view::npos))
+      throw InputError(prefixed(
+          where, fmt::format("expression \"{}\", position {}: = has no meaning here, did you mean ==?", text, i + 1)));
+    if (doubled) ++i;
+  }
+}
+
 /// Compiled expressions and the named ones they use. Not to be shared between threads: muParser reads its variables
 /// from fixed addresses.
 template <int Dim> class Program {
@@ -88,6 +100,7 @@ template <int Dim> class Program {
   };
 
   Step compile(const std::string& name, const std::string& text, const std::string& where) {
+    refuse_assignment(text, where);
     Step step{name, {}};
     try {
       step.parser.DefineConst("pi", std::numbers::pi);

@@ -3,8 +3,11 @@
 
 #include "efree/core/error.hpp"
 
+#include <fmt/format.h>
 #include <sys/resource.h>
+#include <algorithm>
 #include <ctime>
+#include <limits>
 
 namespace efree {
 namespace {
@@ -27,6 +30,18 @@ void check_probes(const Case& analysis, const FineMesh<2>& mesh) {
   nothing.strain.setZero(3, space.size());
   nothing.stress.setZero(3, space.size());
   for (const Case::Probe& p : analysis.probes) located(analysis, p.where, [&] { return probe(space, nothing, p.at); });
+}
+
+/// Doubts about a quadrature with too few points, asked for or reached.
+std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<2>& approximation) {
+  if (options.kind != BasisKind::mls || options.secondary == SecondaryKind::full) return {};
+  const double reached =
+      static_cast<double>(approximation.quadrature.size()) / static_cast<double>(approximation.nodes.cols());
+  const double asked = options.ratio > 0.0 ? options.ratio : std::numeric_limits<double>::infinity();
+  if (asked >= 1.4 && reached >= 1.0) return {};
+  return {fmt::format(
+      "M/N = {:.2g}: under 1.4 the quadrature sees too little of the deformation; results may be far too soft",
+      std::min(asked, reached))};
 }
 
 double process_cpu_seconds() {
@@ -72,6 +87,7 @@ CaseResult solve_case(const Case& analysis, const CaseMesh& mesh, const Progress
     const Stage stage("solve", result.times, progress);
     result.solution = solver.solve(analysis.loads);
   });
+  result.warnings = doubts(analysis.approximation, result.approximation);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);

@@ -23,6 +23,8 @@ struct CaseResult {
   std::optional<Errors> errors;                                ///< if the case knows an exact solution
   std::vector<std::pair<std::string, ProbeValues<2>>> probes;  ///< in the order of the case
 
+  std::vector<std::string> warnings;  ///< what makes the numbers doubtful
+
   /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, output (recovery, errors, probes,
   /// files).
   StageTimes times;

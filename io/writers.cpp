@@ -143,7 +143,8 @@ void write_result(const std::filesystem::path& file, const Case& analysis, const
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
-                     {"quadrature_points_dropped", approximation.dropped_points}};
+                     {"quadrature_points_dropped", approximation.dropped_points},
+                     {"warnings", result.warnings}};
   for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = result.times.total();
   json["peak_memory_mb"] = peak_memory_mb();

@@ -12,15 +12,17 @@ using test::replaced;
 using test::strip_case;
 using test::Workspace;
 
-/// Message about the strip's case with `from` replaced by `to`, without the folder's name.
-std::string complaint(const std::string& text) {
-  const Workspace work(text);
+/// What is wrong with the case, without the folder's name.
+std::string complaint(const Workspace& work) {
   try {
     read_case(work / "case.toml");
   } catch (const InputError& error) {
     return std::regex_replace(error.what(), std::regex((work / "").string()), "");
   }
   return "no error";
+}
+std::string complaint(const std::string& text) {
+  return complaint(Workspace(text));
 }
 
 struct Wrong {
@@ -69,27 +71,41 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"mesh_size = 0.1", "mesh_size = 0.1\nmesh_ratio = 4", R"(^case.toml:5: mesh_size and mesh_ratio)"},
         Wrong{"basis = \"cells\"", "dilatation = 1",
               R"(^case.toml:9: dilatation is 1, expected true, false or "auto")"},
-        Wrong{"at = [2.0, 0.5]", "at = [2.0]", R"(^case.toml:32: at is an array, expected an array of 2 numbers)"},
+        Wrong{"at = [2.0, 0.5]", "at = [2.0]", R"(^case.toml:32: at is an array of 1, expected an array of 2 numbers)"},
+        Wrong{"on = \"right\"", "on = \"\"", R"(^case.toml:25: on is '', expected a non-empty string)"},
+        Wrong{"seed = 1", "support = 0.5", R"(^case.toml:7: support is 0.5, expected a number in \[1, 10\])"},
         Wrong{"[quadrature]\nbasis = \"cells\"", "quadrature = 2", R"(^case.toml:8: )"}));
 
 INSTANTIATE_TEST_SUITE_P(
     Boundaries, WrongCase,
-    testing::Values(Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1 +\", \"0\"]",
-                          R"(^case.toml:26: expression "1 \+", position)"},
-                    Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1/0\", \"0\"]",
-                          R"(^case.toml:26: expression "1/0" is inf)"},
-                    Wrong{"traction = [\"1\", \"0\"]", "traction = [1]",
-                          R"(^case.toml:26: traction is an array, expected an array of 2)"},
-                    Wrong{"traction = [\"1\", \"0\"]", "",
-                          R"(^case.toml:25: a \[\[boundary\]\] entry prescribes exactly one of .* has none)"},
-                    Wrong{"traction = [\"1\", \"0\"]", "traction = [1, 0]\ndisplacement = [1, 0]",
-                          R"(^case.toml:25: .*exactly one of .*displacement and traction)"},
-                    Wrong{"displacement = [0, \"free\"]", "displacement = [\"free\", \"free\"]",
-                          R"(^case.toml:20: displacement leaves every)"},
-                    Wrong{"on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\ndisplacement = [1, 0]",
-                          R"(^case.toml:26: displacement component x on "left" is already prescribed at case.toml:20)"},
-                    Wrong{"[exact]\ndisplacement = [\"x\", \"-0.3*y\"]\nstress = [1, 0, 0]", "[exact]",
-                          R"(^case.toml:27: \[exact\] is empty)"}));
+    testing::Values(
+        Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1 +\", \"0\"]",
+              R"(^case.toml:26: expression "1 \+", position)"},
+        Wrong{"traction = [\"1\", \"0\"]", "traction = [\"1/0\", \"0\"]", R"(^case.toml:26: expression "1/0" is inf)"},
+        Wrong{"traction = [\"1\", \"0\"]", "traction = [1]",
+              R"(^case.toml:26: traction is an array of 1, expected an array of 2)"},
+        Wrong{"traction = [\"1\", \"0\"]", "",
+              R"(^case.toml:25: a \[\[boundary\]\] entry prescribes exactly one of .* has none)"},
+        Wrong{"traction = [\"1\", \"0\"]", "traction = [1, 0]\ndisplacement = [1, 0]",
+              R"(^case.toml:25: .*exactly one of .*displacement and traction)"},
+        Wrong{"displacement = [0, \"free\"]", "displacement = [\"free\", \"free\"]",
+              R"(^case.toml:20: displacement leaves every)"},
+        Wrong{"on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\ndisplacement = [1, 0]",
+              R"(^case.toml:26: displacement component x on "left" is already prescribed at case.toml:20)"},
+        Wrong{
+            "on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\ntraction = [\"y\", 0]",
+            R"(^case.toml:26: traction on "left" contradicts the displacement component x prescribed at case.toml:20)"},
+        Wrong{"on = \"right\"\ntraction = [\"1\", \"0\"]", "on = \"left\"\nnormal_displacement = 0",
+              R"(^case.toml:26: normal_displacement on "left" contradicts the displacement component x)"},
+        Wrong{"on = \"left\"\ndisplacement = [0, \"free\"]",
+              "on = \"right\"\nnormal_displacement = 0\n[[boundary]]\non = \"right\"\npressure = 1",
+              R"(^case.toml:23: pressure on "right" contradicts the normal displacement prescribed at case.toml:20)"},
+        Wrong{
+            "on = \"left\"\ndisplacement = [0, \"free\"]",
+            "on = \"left\"\npressure = 1\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0]",
+            R"(^case.toml:20: pressure on "left" contradicts the displacement component y prescribed at case.toml:23)"},
+        Wrong{"[exact]\ndisplacement = [\"x\", \"-0.3*y\"]\nstress = [1, 0, 0]", "[exact]",
+              R"(^case.toml:27: \[exact\] is empty)"}));
 
 TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   const Workspace work;
@@ -104,6 +120,27 @@ TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   EXPECT_TRUE(strip.supports[0].components[0]);
   EXPECT_FALSE(strip.supports[0].components[1]);
   EXPECT_EQ(strip.exact.displacement(Vec<2>(1, 2)), Vec<2>(1, -0.6));
+}
+
+TEST(CaseFile, LoadsMayActAlongASlidingPlane) {
+  const std::string on_right = "on = \"right\"\ntraction = [\"1\", \"0\"]";
+  EXPECT_EQ(complaint(replaced(strip_case, on_right, "on = \"left\"\ntraction = [0, 1]")), "no error");
+  EXPECT_EQ(complaint(replaced(strip_case, on_right, "on = \"left\"\npressure = 1")), "no error");
+}
+
+TEST(CaseFile, SaysThatItIsEmptyOrADirectory) {
+  EXPECT_EQ(complaint(""), "case.toml: section [geometry] is missing");
+  const Workspace work;
+  std::filesystem::remove(work / "case.toml");
+  std::filesystem::create_directory(work / "case.toml");
+  EXPECT_EQ(complaint(work), "case.toml is a directory, expected a case file");
+}
+
+TEST(CaseFile, BothEndsOfTheRangeOfSupportsBelongToIt) {
+  for (const double support : {1.0, 10.0}) {
+    const Workspace work(replaced(strip_case, "seed = 1", "support = " + std::to_string(support)));
+    EXPECT_EQ(read_case(work / "case.toml").approximation.support, support);
+  }
 }
 
 TEST(CaseFile, OnlyAFewKeysAreRequired) {

@@ -43,6 +43,9 @@ TEST(CommandLine, RefusesWrongArguments) {
                  "at least two different");
   expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4,x"}), "--spacing");
   expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4,-0.2"}), "--spacing");
+  expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "abc"}),
+                 "\"abc\", expected positive numbers separated by commas\n");
+  expect_refused(work.efree({"solve", "case.toml", "--out", ""}), "output directory is empty|--out");
   EXPECT_FALSE(fs::exists(work / "out"));
 }
 
@@ -127,6 +130,19 @@ TEST(CommandLine, TensionOfAStripComesOutExactly) {
     EXPECT_GE(result["threads"], 1);
     EXPECT_EQ(result["version"], "0.1.0");
   }
+}
+
+TEST(CommandLine, WarnsOfAQuadratureWithTooFewPoints) {
+  const Workspace work;
+  const auto run = solve_with(work, "basis = \"cells\"", "basis = \"cells\"\nratio = 1.2");
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_TRUE(std::regex_search(run.output, std::regex("^warning: M/N = [0-9.]+: under 1.4 .* too soft\n$")))
+      << run.output;
+  const auto warnings = json(work / "out/result.json")["reports"]["warnings"];
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_EQ(run.output, "warning: " + warnings[0].get<std::string>() + "\n");
+  ASSERT_EQ(solve_with(work, "basis = \"cells\"", "basis = \"cells\"\nratio = 2").status, 0);
+  EXPECT_TRUE(json(work / "out/result.json")["reports"]["warnings"].empty());
 }
 
 TEST(CommandLine, NodesOfQuadraticElementsAreCounted) {
@@ -230,6 +246,16 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
   for (const char* chart : {"convergence", "error_against_time", "stages"})
     for (const char* type : {".svg", ".png"})
       EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
+}
+
+TEST(CommandLine, ATitleIsNeverRunAsACommand) {
+  const Workspace work(replaced(
+      replaced(strip_case, "title = \"strip\"", R"(title = "a\n! touch run\nsystem('touch run') `touch run` \\")"),
+      "mesh_size = 0.1", "mesh_size = 0.2"));
+  const auto run = work.efree({"convergence", "case.toml", "--spacing", "0.8,0.4", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_EQ(content(work / "out/charts.gp").find("touch"), std::string::npos);
+  EXPECT_FALSE(fs::exists(work / "out/run"));
 }
 
 }  // namespace

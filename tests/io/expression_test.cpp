@@ -51,6 +51,9 @@ TEST(Expression, SaysWhereAndWhatIsWrong) {
             "case:3: expression \"1 + foo*x\", position 5: Unexpected token \"foo\" found");
   EXPECT_NE(complaint([&] { expressions.field("sin("); }).find("expression \"sin(\", position 5"), std::string::npos);
   EXPECT_NE(complaint([&] { expressions.field("1, 2"); }).find("2 values"), std::string::npos);
+  EXPECT_EQ(complaint([&] { expressions.field("x = 1", "case:3"); }),
+            "case:3: expression \"x = 1\", position 3: = has no meaning here, did you mean ==?");
+  EXPECT_EQ(complaint([&] { expressions.field("(x <= 1) + (x >= 1) + (x == 1) + (x != 1)"); }), "no error");
   EXPECT_NE(complaint([&] { expressions.define("x", "1"); }).find("\"x\" already has a meaning"), std::string::npos);
   EXPECT_NE(complaint([&] { expressions.define("sin", "1"); }).find("already has a meaning"), std::string::npos);
   EXPECT_NE(complaint([&] { expressions.define("2a", "1"); }).find("\"2a\" cannot name"), std::string::npos);
