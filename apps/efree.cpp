@@ -113,7 +113,7 @@ int run(int argc, char** argv) {
                   "cloud spacings H, separated by commas (element sizes if basis.kind is p1 or p2)")
       ->required()
       ->delimiter(',')
-      ->type_name("H,H,...")
+      ->type_name("H")
       ->check(positive);
   CLI::Option* seeds =
       convergence_command

@@ -248,6 +248,24 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
       EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
 }
 
+TEST(CommandLine, AStudyStartsFromTheSeedOfTheCase) {
+  const Workspace work(replaced(replaced(strip_case, "seed = 1", "seed = 7"), "mesh_size = 0.1", "mesh_size = 0.2"));
+  const auto run =
+      work.efree({"convergence", "case.toml", "--spacing", "0.8,0.4", "--seeds", "2", "--out", "out", "--quiet"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto csv = content(work / "out/convergence.csv");
+  for (const char* start : {"\n0.8,7,", "\n0.8,8,", "\n0.4,7,", "\n0.4,8,"})
+    EXPECT_NE(csv.find(start), std::string::npos) << csv;
+}
+
+TEST(CommandLine, AStudyThatFailsNamesTheRunOnce) {
+  const Workspace work(replaced(strip_case, "order = 1", "order = 2"));
+  const auto run = work.efree({"convergence", "case.toml", "--spacing", "2,1", "--out", "out", "--quiet"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_TRUE(run.output.starts_with("error: cells, spacing 2, seed 1: ")) << run.output;
+  EXPECT_EQ(run.output.find("spacing 2"), run.output.rfind("spacing 2")) << run.output;
+}
+
 TEST(CommandLine, ATitleIsNeverRunAsACommand) {
   const Workspace work(replaced(
       replaced(strip_case, "title = \"strip\"", R"(title = "a\n! touch run\nsystem('touch run') `touch run` \\")"),
