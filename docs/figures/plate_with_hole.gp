@@ -16,7 +16,7 @@ set cbrange [range('RangeMin'):range('RangeMax')]
 set cbtics 0.5 offset -0.8,0 scale 0.5
 set colorbox user origin 530 / width, 12 / height size 18 / width, 470 / height noborder
 eval panel(5 / width, 525 / width, 12 / height, 507 / height)
-set xrange [150:1190]; set yrange [30:1020]
+set xrange [112:1232]; set yrange [8:1062]
 plot data.'/fields.png' binary filetype=png every 2:2 with rgbimage, NaN with points palette
 
 reset
