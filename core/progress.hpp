@@ -37,7 +37,7 @@ class Stage {
  private:
   std::string name_;
   StageTimes& times_;
-  const Progress& progress_;
+  Progress progress_;
   std::chrono::steady_clock::time_point start_;
 };
 
