@@ -46,12 +46,9 @@ SightLines::SightLines(const FineMesh<2>& mesh) : mesh_(mesh), tolerance_(length
           {previous, next, is_reflex_corner(mesh.vertex(next) - x, mesh.vertex(previous) - x, tolerance_)});
     }
     corners_.close_row();
+    const auto here = corners(v);
+    reflex_.push_back(std::any_of(here.begin(), here.end(), [](const Corner& corner) { return corner.reflex; }));
   }
-}
-
-bool SightLines::is_reflex(Index v) const {
-  const auto here = corners(v);
-  return std::any_of(here.begin(), here.end(), [](const Corner& corner) { return corner.reflex; });
 }
 
 std::optional<BendingWedge> SightLines::bend(Index v, const Corner& corner, const Vec<2>& from, double reach) const {

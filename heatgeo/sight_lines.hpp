@@ -58,7 +58,8 @@ class SightLines {
   /// Number of the first of them; corners are numbered through the mesh, num_corners() in all.
   Index first_corner(Index v) const { return corners_.offsets[v]; }
   Index num_corners() const { return static_cast<Index>(corners_.items.size()); }
-  bool is_reflex(Index v) const;
+  /// Whether one of them is reflex.
+  bool is_reflex(Index v) const { return reflex_[v] != 0; }
 
   /// Where a path that came to v straight from the point `from` may go on after bending at the corner, if anywhere
   /// (taut string: it bends towards the obstacle, and no further than the obstacle's side). Good for directions no
@@ -85,6 +86,7 @@ class SightLines {
   const FineMesh<2>& mesh_;
   double tolerance_;
   Ragged<Corner> corners_;
+  std::vector<char> reflex_;  ///< per vertex
 };
 
 }  // namespace efree

@@ -59,19 +59,16 @@ void Viewpoint::look(Index origin, const VertexGrid::Box& box, const BendingWedg
       [&](const Vec<2>& centre, double margin) {
         return !wedge || wedge->contains(centre - position_, margin + longest_facet_);
       },
-      [&](Index v, const Vec<2>&) {
-        for (Index f : mesh.facets_of(v))
-          if (mesh.facets()(0, f) == v) add(f, wedge);
+      [&](Index v, const Vec<2>& position) {
+        for (const Corner& corner : sight_.corners(v)) add(v, position - position_, corner.next, wedge);
       });
   if (obstructed_) sort_into_sectors();
 }
 
-void Viewpoint::add(Index facet, const BendingWedge* wedge) {
-  const FineMesh<2>& mesh = sight_.mesh();
-  // Seen from its outer side a facet runs clockwise.
-  const Index left_vertex = mesh.facets()(0, facet), right_vertex = mesh.facets()(1, facet);
+/// Facets are looked at from their outer side, where they run clockwise.
+void Viewpoint::add(Index left_vertex, const Vec<2>& left, Index right_vertex, const BendingWedge* wedge) {
   if (left_vertex == origin_ || right_vertex == origin_) return;
-  const Vec<2> left = mesh.vertex(left_vertex) - position_, right = mesh.vertex(right_vertex) - position_;
+  const Vec<2> right = sight_.mesh().vertex(right_vertex) - position_;
   if (wedge && wedge->misses(left, right)) return;
   const double height = cross(left, right), extent = left.lpNorm<1>() + (right - left).lpNorm<1>();
   if (height > doubt_ * extent) return;
@@ -85,9 +82,9 @@ void Viewpoint::add(Index facet, const BendingWedge* wedge) {
 }
 
 void Viewpoint::sort_into_sectors() {
-  std::sort(screens_.begin(), screens_.end(), [](const Screen& a, const Screen& b) {
-    return a.distance != b.distance ? a.distance < b.distance : a.left_vertex < b.left_vertex;
-  });
+  order_.clear();
+  for (const Screen& screen : screens_) order_.push_back({screen.distance, static_cast<Index>(order_.size())});
+  std::sort(order_.begin(), order_.end());
   ranges_.clear();
   sectors_.offsets.assign(sectors + 1, 0);
   for (const Screen& screen : screens_) {
@@ -103,9 +100,8 @@ void Viewpoint::sort_into_sectors() {
   std::partial_sum(sectors_.offsets.begin(), sectors_.offsets.end(), sectors_.offsets.begin());
   sectors_.items.resize(sectors_.offsets.back());
   cursor_.assign(sectors_.offsets.begin(), sectors_.offsets.end() - 1);
-  for (std::size_t i = 0; i < ranges_.size(); ++i)
-    for (int k = ranges_[i].first; k <= ranges_[i].second; ++k)
-      sectors_.items[cursor_[(k + sectors) % sectors]++] = static_cast<Index>(i);
+  for (const auto& [distance, i] : order_)
+    for (int k = ranges_[i].first; k <= ranges_[i].second; ++k) sectors_.items[cursor_[(k + sectors) % sectors]++] = i;
 }
 
 bool Viewpoint::sees(Index v, const Vec<2>& line, double length) const {
@@ -116,7 +112,7 @@ bool Viewpoint::sees(Index v, const Vec<2>& line, double length) const {
 
 Viewpoint::Verdict Viewpoint::judge(Index v, const Vec<2>& line, double length) const {
   if (length <= doubt_) return Verdict::doubtful;
-  Verdict verdict = std::min(leave(opening_, line, length), leave(opening(v), -line, length));
+  Verdict verdict = leave(opening_, line, length);
   if (verdict == Verdict::hidden) return verdict;
   for (Index k : sectors_[static_cast<int>(sector_coordinate(line)) % sectors]) {
     const Screen& screen = screens_[k];
@@ -131,7 +127,7 @@ Viewpoint::Verdict Viewpoint::judge(Index v, const Vec<2>& line, double length) 
     if (screen.outer && behind > doubt_behind && left > doubt && right < -doubt) return Verdict::hidden;
     verdict = Verdict::doubtful;
   }
-  return verdict;
+  return std::min(verdict, leave(opening(v), -line, length));
 }
 
 Viewpoint::Opening Viewpoint::opening(Index v) const {

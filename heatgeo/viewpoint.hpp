@@ -42,7 +42,7 @@ class Viewpoint {
     bool outer;  ///< surely its outer side
   };
 
-  void add(Index facet, const BendingWedge* wedge);
+  void add(Index left_vertex, const Vec<2>& left, Index right_vertex, const BendingWedge* wedge);
   void sort_into_sectors();
   Verdict judge(Index v, const Vec<2>& line, double length) const;
   Opening opening(Index v) const;
@@ -56,9 +56,10 @@ class Viewpoint {
   Vec<2> position_;
   Opening opening_;
   bool obstructed_ = false;
-  std::vector<Screen> screens_;              ///< by distance
-  Ragged<Index> sectors_;                    ///< screens in each sector of directions, by distance
-  std::vector<std::pair<int, int>> ranges_;  ///< first and last sector of each screen
+  std::vector<Screen> screens_;
+  Ragged<Index> sectors_;                        ///< screens in each sector of directions, by distance
+  std::vector<std::pair<int, int>> ranges_;      ///< first and last sector of each screen
+  std::vector<std::pair<double, Index>> order_;  ///< screens by distance
   std::vector<Index> cursor_;
 };
 
