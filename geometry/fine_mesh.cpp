@@ -96,6 +96,26 @@ template <int Dim> void check_indices(const MeshData<Dim>& data) {
       throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}", v, data.vertices.cols() - 1));
 }
 
+template <int Dim> void check_regions(const MeshData<Dim>& data) {
+  if (data.regions.empty() && data.region_names.size() <= 1) return;
+  if (static_cast<Index>(data.regions.size()) != data.cells.cols())
+    throw InputError(fmt::format("mesh: {} region numbers for {} cells", data.regions.size(), data.cells.cols()));
+  const Index named = static_cast<Index>(data.region_names.size());
+  for (Index region : data.regions)
+    if (region < 0 || region >= named)
+      throw InputError(fmt::format("mesh: a cell lies in region {}, but {} regions have a name", region, named));
+  for (std::size_t i = 0; i < data.region_names.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (data.region_names[i] == data.region_names[j])
+        throw InputError(fmt::format("mesh: two regions are named \"{}\"", data.region_names[i]));
+}
+
+/// "a", "b", ... or `none`.
+std::string quoted(const std::vector<std::string>& names, std::string_view none) {
+  if (names.empty()) return std::string(none);
+  return fmt::format("\"{}\"", fmt::join(names, "\", \""));
+}
+
 }  // namespace
 
 template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
@@ -103,6 +123,9 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
   check_indices(data);
   if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
+  check_regions(data);
+  regions_ = data.regions;
+  region_names_ = data.region_names.empty() ? std::vector<std::string>{""} : data.region_names;
 
   // Keep the vertices that some cell uses, in their order.
   std::vector<Index> renumbered(given_vertices, -1);
@@ -253,10 +276,16 @@ template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_vi
   for (const Group& group : groups_)
     if (group.name == name) return group.facets;
   std::vector<std::string> names;
-  for (const Group& group : groups_) names.push_back('"' + group.name + '"');
-  throw InputError(
-      fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
-                  names.empty() ? std::string("no named parts") : fmt::format("{}", fmt::join(names, ", "))));
+  for (const Group& group : groups_) names.push_back(group.name);
+  throw InputError(fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
+                               quoted(names, "no named parts")));
+}
+
+template <int Dim> Index FineMesh<Dim>::region(std::string_view name) const {
+  const auto found = std::ranges::find(region_names_, name);
+  if (found == region_names_.end())
+    throw InputError(fmt::format("no region is named \"{}\"; the mesh has {}", name, quoted(region_names_, "none")));
+  return static_cast<Index>(found - region_names_.begin());
 }
 
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets) {
@@ -352,9 +381,59 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
   return mesh;
 }
 
+template <int Dim> MeshData<Dim> cut_regions(MeshData<Dim> mesh) {
+  if (mesh.region_names.size() <= 1) return mesh;
+  check_indices(mesh);
+  check_regions(mesh);
+  const Cells<Dim> neighbours = neighbours_of<Dim>(mesh.cells);
+  std::vector<Key<Dim>> interface;
+  for (Index c = 0; c < mesh.cells.cols(); ++c)
+    for (Index i = 0; i <= Dim; ++i)
+      if (const Index other = neighbours(i, c); other > c && mesh.regions[other] != mesh.regions[c])
+        interface.push_back(facet_opposite<Dim>(mesh.cells, c, i));
+  return cut_open<Dim>(std::move(mesh), interface);
+}
+
+template <int Dim> std::vector<TiedFacets> tied_facets(const FineMesh<Dim>& mesh, std::string_view open) {
+  std::vector<TiedFacets> ties;
+  if (mesh.num_regions() <= 1) return ties;
+  std::vector<char> is_open(mesh.num_facets(), 0);
+  if (!open.empty())
+    for (Index f : mesh.group(open)) is_open[f] = 1;
+  // Facets in the same place have the same centre: the mean of the same coordinates, summed in ascending order.
+  using Place = std::array<double, Dim>;
+  const auto place = [&](Index f) {
+    Place centre;
+    for (int d = 0; d < Dim; ++d) {
+      std::array<double, Dim> x;
+      for (int k = 0; k < Dim; ++k) x[k] = mesh.vertices()(d, mesh.facets()(k, f));
+      std::sort(x.begin(), x.end());
+      centre[d] = std::accumulate(x.begin(), x.end(), 0.0);
+    }
+    return centre;
+  };
+  const auto region = [&](Index f) { return mesh.region(mesh.facet_cell(f)); };
+  std::vector<std::pair<Place, Index>> sides;
+  for (Index f = 0; f < mesh.num_facets(); ++f) sides.emplace_back(place(f), f);
+  std::sort(sides.begin(), sides.end());
+  for (std::size_t s = 0; s + 1 < sides.size(); ++s) {
+    Index a = sides[s].second, b = sides[s + 1].second;
+    if (sides[s].first != sides[s + 1].first || region(a) == region(b) || (is_open[a] && is_open[b])) continue;
+    if (region(a) > region(b)) std::swap(a, b);
+    ties.push_back({a, b});
+  }
+  std::ranges::sort(ties, {}, &TiedFacets::first);
+  return ties;
+}
+
 template class FineMesh<2>;
 template class FineMesh<3>;
 template MeshData<2> cut_open<2>(MeshData<2>, const std::vector<std::array<Index, 2>>&);
 template MeshData<3> cut_open<3>(MeshData<3>, const std::vector<std::array<Index, 3>>&);
+
+template MeshData<2> cut_regions<2>(MeshData<2>);
+template MeshData<3> cut_regions<3>(MeshData<3>);
+template std::vector<TiedFacets> tied_facets<2>(const FineMesh<2>&, std::string_view);
+template std::vector<TiedFacets> tied_facets<3>(const FineMesh<3>&, std::string_view);
 
 }  // namespace efree

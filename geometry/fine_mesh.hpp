@@ -25,6 +25,8 @@ template <int Dim> struct MeshData {
   Points<Dim> vertices;
   Cells<Dim> cells;           ///< either orientation
   std::vector<Group> groups;  ///< named sets of facets; sets may overlap
+  std::vector<Index> regions{};             ///< region of each cell, counted from 0; empty: one region
+  std::vector<std::string> region_names{};  ///< by region; empty: one region without a name
 };
 
 /// Cuts the mesh open along facets inside it: every vertex of `facets` is split into one copy for each part of its star
@@ -33,6 +35,10 @@ template <int Dim> struct MeshData {
 /// Throws InputError if a cell's vertex is out of range, if a facet is not one of the mesh, or stays closed because
 /// none of its vertices splits (a cut of a single facet between two tips).
 template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<std::array<Index, Dim>>& facets);
+
+/// Cuts the mesh open along all facets between cells of different regions, so that every region is a body of its own;
+/// tied_facets finds the two sides again.
+template <int Dim> MeshData<Dim> cut_regions(MeshData<Dim> mesh);
 
 /// Immutable simplicial mesh with adjacency and named parts of the boundary.
 template <int Dim> class FineMesh {
@@ -46,7 +52,7 @@ template <int Dim> class FineMesh {
   /// Orients cells positively, drops vertices without a cell, finds the boundary facets and resolves the groups
   /// (facets inside the mesh are left out, and so are groups without any facet on the boundary). Throws InputError for
   /// an index out of range, a cell of zero volume, a facet shared by more than two cells, a group facet that is no
-  /// facet of the mesh, or no cell.
+  /// facet of the mesh, a region without a name or with the name of another, or no cell.
   explicit FineMesh(const MeshData<Dim>& data);
 
   Index num_vertices() const { return static_cast<Index>(vertices_.cols()); }
@@ -63,6 +69,14 @@ template <int Dim> class FineMesh {
   const Vector& volumes() const { return volumes_; }
   /// Gradients of the hats of cell c: Dim x (Dim+1), column i belongs to cells()(i, c) [1/length].
   Eigen::Matrix<double, Dim, Dim + 1> hat_gradients(Index c) const;
+
+  /// Region (material) of cell c, counted from 0.
+  Index region(Index c) const { return regions_.empty() ? 0 : regions_[c]; }
+  Index num_regions() const { return static_cast<Index>(region_names_.size()); }
+  /// By region; a mesh that came without regions has one, named "".
+  const std::vector<std::string>& region_names() const { return region_names_; }
+  /// Throws InputError that lists the names there are.
+  Index region(std::string_view name) const;
 
   /// Cell on the other side of the facet opposite vertex i of cell c, or -1 on the boundary.
   Index neighbour(Index i, Index c) const { return neighbours_(i, c); }
@@ -101,9 +115,19 @@ template <int Dim> class FineMesh {
   std::vector<Index> facet_cells_;
   Ragged<Index> vertex_facets_;
   std::vector<Group> groups_;
+  std::vector<Index> regions_;
+  std::vector<std::string> region_names_;
   std::vector<Index> components_;
   Index num_components_ = 0;
   double size_ = 0.0;
 };
+
+/// Two boundary facets in the same place that belong to different regions.
+struct TiedFacets {
+  Index first, second;  ///< first belongs to the region with the smaller number
+};
+/// The interfaces between the regions of a mesh made by cut_regions, ascending by their first facet; those with both
+/// sides in the group `open` (a crack along an interface) are left out. Vertices must coincide exactly.
+template <int Dim> std::vector<TiedFacets> tied_facets(const FineMesh<Dim>& mesh, std::string_view open = {});
 
 }  // namespace efree

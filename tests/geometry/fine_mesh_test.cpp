@@ -136,6 +136,55 @@ TEST(CutOpen, CrossingCutsPartTheirCommonVertexInFour) {
   EXPECT_EQ(test::euler_characteristic(mesh), 0);
 }
 
+/// Three vertical stripes, the outer two of the same region.
+MeshData<2> stripes() {
+  MeshData<2> data = grid(6);
+  data.region_names = {"soft", "stiff"};
+  for (Index c = 0; c < data.cells.cols(); ++c) {
+    double x = 0.0;
+    for (int i = 0; i < 3; ++i) x += data.vertices(0, data.cells(i, c)) / 3.0;
+    data.regions.push_back(x > 1.0 / 3.0 && x < 2.0 / 3.0);
+  }
+  return data;
+}
+
+TEST(CutRegions, EveryRegionBecomesABodyTiedToItsNeighbours) {
+  const FineMesh<2> whole(stripes()), parted(cut_regions<2>(stripes()));
+  expect_consistent(parted);
+  EXPECT_EQ(whole.num_components(), 1);
+  EXPECT_TRUE(tied_facets(whole).empty());
+  EXPECT_EQ(parted.num_components(), 3);
+  EXPECT_EQ(parted.num_vertices(), whole.num_vertices() + 14);
+  const auto ties = tied_facets(parted);
+  ASSERT_EQ(ties.size(), 12u);
+  for (const auto& [soft, stiff] : ties) {
+    EXPECT_EQ(parted.region(parted.facet_cell(soft)), parted.region("soft"));
+    EXPECT_EQ(parted.region(parted.facet_cell(stiff)), parted.region("stiff"));
+    EXPECT_EQ(parted.vertex(parted.facets()(0, soft)), parted.vertex(parted.facets()(1, stiff)));
+    EXPECT_EQ(parted.vertex(parted.facets()(1, soft)), parted.vertex(parted.facets()(0, stiff)));
+  }
+}
+
+TEST(CutRegions, ACrackAlongAnInterfaceStaysOpen) {
+  MeshData<2> data = stripes();
+  data.groups.push_back({"crack", {{2, 9}, {9, 16}}});  // two edges of the line x = 1/3
+  const FineMesh<2> mesh(cut_regions<2>(data));
+  EXPECT_EQ(mesh.group("crack").size(), 4u);
+  EXPECT_EQ(tied_facets(mesh).size(), 12u);
+  EXPECT_EQ(tied_facets(mesh, "crack").size(), 10u);
+}
+
+TEST(FineMesh, RefusesRegionsThatAreNone) {
+  MeshData<2> data = stripes();
+  EXPECT_INPUT_ERROR(FineMesh<2>(data).region("hard"), "no region is named \"hard\"; the mesh has \"soft\", \"stiff\"");
+  data.region_names[1] = "soft";
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "two regions are named \"soft\"");
+  data.region_names.pop_back();
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "in region 1, but 1 regions have a name");
+  data.regions.pop_back();
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "71 region numbers for 72 cells");
+}
+
 TEST(CutOpen, RefusesWhatItCannotCut) {
   MeshData<2> data = grid(4);
   EXPECT_INPUT_ERROR(cut_open<2>(data, {{0, 24}}), "no cell has a facet of vertices 0, 24");
