@@ -20,6 +20,7 @@
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/heat.hpp"
 #include "efree/heatgeo/kernel.hpp"
+#include "efree/heatgeo/marching_3d.hpp"
 #include "efree/heatgeo/patch.hpp"
 #include "efree/heatgeo/sight_lines.hpp"
 #include "efree/heatgeo/viewpoint.hpp"

@@ -6,10 +6,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 namespace efree {
 namespace {
@@ -88,97 +90,183 @@ template <int Dim> void add_symmetrised(Triplets& triplets, Index a, Index b, co
     }
 }
 
-/// int over the restrained boundary of Phi_K times things, for one term of the stiffness.
-template <int Dim> struct BoundaryMoments {
-  using Block = Eigen::Matrix<double, Dim, voigt_size<Dim>>;
-  std::vector<std::pair<std::pair<Index, Index>, Block>> shape;  ///< (K, fine v): int Phi_K eta_v d (B(n) d)^T
-  std::vector<std::pair<Index, Voigt<Dim>>> value;               ///< K: int Phi_K g B(n) d
-  std::vector<double> penalty;                                   ///< beta_K, all K
+/// A point of the boundary where displacements are held to a value (one side) or to each other (two sides).
+template <int Dim> struct Constraint {
+  struct Side {
+    BoundaryPoint<Dim> point;
+    double sign;  ///< of its displacement in the jump
+  };
+  std::vector<Side> sides;
+  Vec<Dim> n;             ///< outward normal of the first side
+  Mat<Dim> directions;    ///< sum of d d^T over the directions held
+  Vec<Dim> value;         ///< sum of g d
+  double weight() const { return sides.front().point.weight; }
 };
 
-template <int Dim> BoundaryMoments<Dim> boundary_moments(const FineSpace<Dim>& space, const StiffnessTerm<Dim>& term,
-                                                         const std::vector<Restraint<Dim>>& restraints) {
-  const auto& on_facets = term.discretization->on_facets;
-  BoundaryMoments<Dim> moments;
-  std::vector<double> measure(term.discretization->size(), 0.0);
+/// Coordinates on `other` of the facet rule's points on f; the two facets have their vertices in the same places.
+template <int Dim> std::vector<Eigen::Matrix<double, Dim, 1>> points_on_twin(const FineSpace<Dim>& space, Index f,
+                                                                           Index other) {
+  const auto& mesh = space.mesh();
+  std::vector<Eigen::Matrix<double, Dim, 1>> points;
+  for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+    Eigen::Matrix<double, Dim, 1> at;
+    for (int k = 0; k < Dim; ++k)
+      for (int l = 0; l < Dim; ++l)
+        if (mesh.vertex(mesh.facets()(k, other)) == mesh.vertex(mesh.facets()(l, f)))
+          at[k] = space.facet_rule().points(l, g);
+    points.push_back(at);
+  }
+  return points;
+}
+
+/// Visits the constraints of all restraints, then those of the ties, always in the same order.
+template <int Dim, class Visit>
+void for_each_constraint(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                         const std::vector<TiedFacets>& ties, const Visit& visit) {
   for (const auto& restraint : restraints)
     for_each_point<Dim>(space, space.mesh().group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
       const Vec<Dim> d = restraint.direction(point.n);
-      const Voigt<Dim> traction = strain_matrix<Dim>(point.n) * d;  // d . sigma n = traction . sigma
-      const double g = prescribed(restraint, point.x);
-      for (SparseRows::InnerIterator phi(on_facets, point.row); phi; ++phi) {
-        const double factor = point.weight * phi.value();
-        measure[phi.col()] += std::abs(factor);
-        moments.value.emplace_back(phi.col(), factor * g * traction);
-        for (std::size_t i = 0; i < point.dofs.size(); ++i)
-          if (point.N[i] != 0.0)
-            moments.shape.emplace_back(std::pair(phi.col(), point.dofs[i]),
-                                       factor * point.N[i] * d * traction.transpose());
-      }
+      visit(Constraint<Dim>{{{point, 1.0}}, point.n, d * d.transpose(), prescribed(restraint, point.x) * d});
     });
-  combine(moments.shape);
-  combine(moments.value);
-  // Largest (sigma n . d)^2 / (sigma : eps) of the term: lambda + 2 mu, at least what shear alone needs.
-  const double normal_stiffness = std::max(term.lame.lambda + 2.0 * term.lame.mu, 2.0 * term.lame.mu);
-  moments.penalty.resize(measure.size());
-  for (std::size_t K = 0; K < measure.size(); ++K)
-    moments.penalty[K] = 4.0 * normal_stiffness * measure[K] / term.discretization->weights[static_cast<Index>(K)];
-  return moments;
+  for (const auto& [f, other] : ties) {
+    const auto twins = points_on_twin(space, f, other);
+    const Index per_facet = static_cast<Index>(twins.size());
+    const Index c = space.mesh().facet_cell(other);
+    Index g = 0;
+    for_each_point<Dim>(space, {f}, [&](const BoundaryPoint<Dim>& point) {
+      BoundaryPoint<Dim> twin = point;
+      twin.facet = other;
+      // Phi_K of the far side at the rule point nearest to this one: the rule is symmetric, so it is the same place.
+      Index row = 0;
+      for (Index q = 0; q < per_facet; ++q)
+        if ((space.facet_rule().points.col(q) - twins[g]).squaredNorm() <
+            (space.facet_rule().points.col(row) - twins[g]).squaredNorm())
+          row = q;
+      twin.row = other * per_facet + row;
+      twin.n = -point.n;
+      twin.dofs = space.cell(c);
+      twin.N = space.values(space.facet_point(other, twins[g]));
+      visit(Constraint<Dim>{{{point, 1.0}, {twin, -1.0}}, point.n, Mat<Dim>::Identity(), Vec<Dim>::Zero()});
+      ++g;
+    });
+  }
 }
 
-/// -int (sigma(u) n).v and its transpose, and the matching right-hand side.
-template <int Dim> void add_consistency(const ShapeTable<Dim>& shape, const StiffnessTerm<Dim>& term,
-                                        const BoundaryMoments<Dim>& moments, Triplets& triplets, Points<Dim>& rhs) {
-  const VoigtMatrix<Dim> C = stiffness<Dim>(term.lame);
-  const auto& table = term.discretization->shape;
-  using Block = typename BoundaryMoments<Dim>::Block;
+/// beta_K of one term at all its quadrature points; zero away from the constraints.
+template <int Dim> std::vector<double> penalties(const FineSpace<Dim>& space, const StiffnessTerm<Dim>& term,
+                                                 const std::vector<Restraint<Dim>>& restraints,
+                                                 const std::vector<TiedFacets>& ties) {
+  const auto& discretization = *term.discretization;
+  std::vector<double> measure(discretization.size(), 0.0);
+  for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
+    for (const auto& [point, sign] : constraint.sides)
+      for (SparseRows::InnerIterator phi(discretization.on_facets, point.row); phi; ++phi)
+        measure[phi.col()] += std::abs(point.weight * phi.value());
+  });
+  for (std::size_t K = 0; K < measure.size(); ++K) {
+    // Largest (sigma n . d)^2 / (sigma : eps) of the term: lambda + 2 mu, at least what shear alone needs.
+    const auto [lambda, mu] = term.lame[discretization.region[K]];
+    measure[K] *= 4.0 * std::max(lambda + 2.0 * mu, 2.0 * mu) / discretization.weights[static_cast<Index>(K)];
+  }
+  return measure;
+}
+
+/// beta at a boundary point: the sum over the terms.
+template <int Dim> double penalty_at(const std::vector<StiffnessTerm<Dim>>& terms,
+                                     const std::vector<std::vector<double>>& penalty, const BoundaryPoint<Dim>& point) {
+  double beta = 0.0;
+  for (std::size_t t = 0; t < terms.size(); ++t)
+    for (SparseRows::InnerIterator phi(terms[t].discretization->on_facets, point.row); phi; ++phi)
+      beta += std::abs(phi.value()) * penalty[t][phi.col()];
+  return beta;
+}
+
+/// Share of each side in the flux, and the penalty of the constraint.
+struct Shares {
+  std::array<double, 2> flux;
+  double beta;
+};
+template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
+                                 const std::vector<std::vector<double>>& penalty, const Constraint<Dim>& constraint) {
+  const double first = penalty_at(terms, penalty, constraint.sides[0].point);
+  if (constraint.sides.size() == 1) return {{1.0, 0.0}, first};
+  const double second = penalty_at(terms, penalty, constraint.sides[1].point);
+  return {{second / (first + second), first / (first + second)}, first * second / (first + second)};
+}
+
+/// -int (flux of u).[v] and its transpose, and the matching right-hand side, for one term of the stiffness.
+template <int Dim>
+void add_consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                     const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<std::vector<double>>& penalty,
+                     const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
+                     const StiffnessTerm<Dim>& term, Triplets& triplets, Points<Dim>& rhs) {
+  using Block = Eigen::Matrix<double, Dim, voigt_size<Dim>>;
+  std::vector<std::pair<std::pair<Index, Index>, Block>> jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T
+  std::vector<std::pair<Index, Voigt<Dim>>> values;              // K: int Phi_K sum_d g B(n) d
+  for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
+    const Eigen::Matrix<double, voigt_size<Dim>, Dim> B = strain_matrix<Dim>(constraint.n);
+    const Block block = constraint.directions * B.transpose();
+    const Shares share = shares(terms, penalty, constraint);
+    for (std::size_t s = 0; s < constraint.sides.size(); ++s)
+      for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi) {
+        const double factor = constraint.weight() * share.flux[s] * phi.value();
+        values.emplace_back(phi.col(), factor * (B * constraint.value));
+        for (const auto& [point, sign] : constraint.sides)
+          for (std::size_t i = 0; i < point.dofs.size(); ++i)
+            if (point.N[i] != 0.0)
+              jumps.emplace_back(std::pair(phi.col(), point.dofs[i]), sign * factor * point.N[i] * block);
+      }
+  });
+  combine(jumps);
+  combine(values);
+
+  std::vector<VoigtMatrix<Dim>> C;
+  for (const Lame& lame : term.lame) C.push_back(stiffness<Dim>(lame));
+  const auto& discretization = *term.discretization;
   std::vector<std::pair<Index, Block>> nodal;
-  for (std::size_t s = 0; s < moments.shape.size();) {
-    const Index K = moments.shape[s].first.first;
+  for (std::size_t s = 0; s < jumps.size();) {
+    const Index K = jumps[s].first.first;
     nodal.clear();
-    for (; s < moments.shape.size() && moments.shape[s].first.first == K; ++s) {
-      const auto row = shape.row(moments.shape[s].first.second);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k)
-        nodal.emplace_back(row.nodes[k], row.N[k] * moments.shape[s].second);
+    for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
+      const auto row = shape.row(jumps[s].first.second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal.emplace_back(row.nodes[k], row.N[k] * jumps[s].second);
     }
     combine(nodal);
-    const auto row = table.row(K);
+    const auto row = discretization.shape.row(K);
     for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-      const Eigen::Matrix<double, voigt_size<Dim>, Dim> CB = C * strain_matrix<Dim>(row.dN[k]);
+      const Eigen::Matrix<double, voigt_size<Dim>, Dim> CB =
+          C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k]);
       for (const auto& [a, q] : nodal) add_symmetrised<Dim>(triplets, a, row.nodes[k], -(q * CB));
     }
   }
-  for (const auto& [K, q] : moments.value) {
-    const auto row = table.row(K);
+  for (const auto& [K, q] : values) {
+    const auto row = discretization.shape.row(K);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      rhs.col(row.nodes[k]) -= (C * strain_matrix<Dim>(row.dN[k])).transpose() * q;
+      rhs.col(row.nodes[k]) -= (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k])).transpose() * q;
   }
 }
 
-/// beta int u.v along the restrained directions.
+/// int beta [u].[v] along the directions held.
 template <int Dim>
 void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                 const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<BoundaryMoments<Dim>>& moments,
-                 const std::vector<Restraint<Dim>>& restraints, Triplets& triplets, Points<Dim>& rhs) {
+                 const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<std::vector<double>>& penalty,
+                 const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties, Triplets& triplets,
+                 Points<Dim>& rhs) {
   std::vector<std::pair<std::pair<Index, Index>, Mat<Dim>>> fine;
   Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
-  for (const auto& restraint : restraints)
-    for_each_point<Dim>(space, space.mesh().group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
-      double beta = 0.0;
-      for (std::size_t t = 0; t < terms.size(); ++t)
-        for (SparseRows::InnerIterator phi(terms[t].discretization->on_facets, point.row); phi; ++phi)
-          beta += std::abs(phi.value()) * moments[t].penalty[phi.col()];
-      const Vec<Dim> d = restraint.direction(point.n);
-      const double g = prescribed(restraint, point.x);
-      for (std::size_t i = 0; i < point.dofs.size(); ++i) {
-        if (point.N[i] == 0.0) continue;
-        fine_rhs.col(point.dofs[i]) += point.weight * beta * point.N[i] * g * d;
-        for (std::size_t j = 0; j < point.dofs.size(); ++j)
-          if (point.N[j] != 0.0)
-            fine.emplace_back(std::pair(point.dofs[i], point.dofs[j]),
-                              (point.weight * beta * point.N[i] * point.N[j]) * (d * d.transpose()));
+  for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
+    const double factor = constraint.weight() * shares(terms, penalty, constraint).beta;
+    for (const auto& [at, sign] : constraint.sides)
+      for (std::size_t i = 0; i < at.dofs.size(); ++i) {
+        if (at.N[i] == 0.0) continue;
+        fine_rhs.col(at.dofs[i]) += sign * factor * at.N[i] * constraint.value;
+        for (const auto& [other, other_sign] : constraint.sides)
+          for (std::size_t j = 0; j < other.dofs.size(); ++j)
+            if (other.N[j] != 0.0)
+              fine.emplace_back(std::pair(at.dofs[i], other.dofs[j]),
+                                (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
       }
-    });
+  });
   combine(fine);
   // Expand the fine rows one at a time: nodes of v against the sum over its neighbours w on the boundary.
   std::vector<std::pair<Index, Mat<Dim>>> nodal;
@@ -195,6 +283,87 @@ void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
       for (const auto& [b, block] : nodal) add_symmetrised<Dim>(triplets, row.nodes[k], b, 0.5 * row.N[k] * block);
   }
   rhs += to_nodes(shape, fine_rhs);
+}
+
+/// Rigid motions of Dim dimensions: translations along the axes, then rotations about them (one in the plane).
+template <int Dim> constexpr int rigid_motions = Dim * (Dim + 1) / 2;
+template <int Dim> using Motion = Eigen::Matrix<double, rigid_motions<Dim>, 1>;
+
+/// Displacement along d, at `arm` from the centre, of each rigid motion; rotations by 1/radius.
+template <int Dim> Motion<Dim> motion_along(const Vec<Dim>& d, const Vec<Dim>& arm, double radius) {
+  Motion<Dim> motion;
+  motion.template head<Dim>() = d;
+  if constexpr (Dim == 2)
+    motion[2] = (arm.x() * d.y() - arm.y() * d.x()) / radius;
+  else
+    motion.template tail<3>() = arm.cross(d) / radius;
+  return motion;
+}
+
+/// Names of motions that span the columns of `free` (orthonormal): translations along axes first, then the rest.
+template <int Dim>
+std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre, double radius) {
+  std::vector<std::string> names;
+  const auto is_free = [&](const Motion<Dim>& motion) {
+    return free.cols() > 0 && (motion - free * (free.transpose() * motion)).norm() < 1e-4 * motion.norm();
+  };
+  Matrix rest = free;  // the named translations are taken out
+  const char* axes = "xyz";
+  for (int i = 0; i < Dim; ++i)
+    if (is_free(Motion<Dim>::Unit(i))) {
+      names.push_back(fmt::format("translation along {}", axes[i]));
+      rest.row(i).setZero();
+    }
+  if (Dim == 2 && free.cols() == rigid_motions<Dim>) return {names[0], names[1], "rotation"};
+  if (Dim == 3)
+    for (int i = 0; i < 3; ++i)
+      if (is_free(Motion<Dim>::Unit(Dim + i))) {
+        names.push_back(fmt::format("rotation about an axis along {}", axes[i]));
+        rest.row(Dim + i).setZero();
+      }
+  const Index missing = free.cols() - static_cast<Index>(names.size());
+  if (missing <= 0) return names;
+  // What is left has no axis of its own: the dominant motions of the remainder.
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(rest * rest.transpose());
+  for (Index k = 0; k < missing; ++k) {
+    const Motion<Dim> motion = eigen.eigenvectors().col(rigid_motions<Dim> - 1 - k);
+    const Vec<Dim> shift = motion.template head<Dim>();
+    const auto spin = motion.template tail<rigid_motions<Dim> - Dim>().eval();
+    if (spin.norm() <= 1e-6) {
+      names.push_back(fmt::format("translation along ({:.4g})", fmt::join(shift.normalized(), ", ")));
+    } else if constexpr (Dim == 2) {
+      const double rate = spin[0] / radius;
+      names.push_back(fmt::format("rotation about ({:.4g}, {:.4g})", centre[0] - shift[1] / rate,
+                                  centre[1] + shift[0] / rate));
+    } else {
+      const Vec<3> rate = spin / radius, at = centre + rate.cross(shift) / rate.squaredNorm();
+      names.push_back(fmt::format("rotation about the axis through ({:.4g}) along ({:.4g})", fmt::join(at, ", "),
+                                  fmt::join(rate.normalized(), ", ")));
+    }
+  }
+  return names;
+}
+
+/// Number of the body each component of the mesh belongs to, tied ones together, counted from 0.
+template <int Dim> std::vector<Index> tied_bodies(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties) {
+  std::vector<Index> parent(mesh.num_components());
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](Index c) {
+    while (parent[c] != c) c = parent[c] = parent[parent[c]];
+    return c;
+  };
+  for (const auto& [f, other] : ties) {
+    const Index a = root(mesh.component()[mesh.facets()(0, f)]), b = root(mesh.component()[mesh.facets()(0, other)]);
+    parent[std::max(a, b)] = std::min(a, b);
+  }
+  std::vector<Index> number(mesh.num_components(), -1), body;
+  Index count = 0;
+  for (Index c = 0; c < mesh.num_components(); ++c) {
+    Index& of_root = number[root(c)];
+    if (of_root < 0) of_root = count++;
+    body.push_back(of_root);
+  }
+  return body;
 }
 
 }  // namespace
@@ -214,69 +383,47 @@ template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<Disp
   return list;
 }
 
-template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints) {
-  static_assert(Dim == 2, "rigid motions are written out for the plane");
+template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                                           const std::vector<TiedFacets>& ties) {
   const FineMesh<Dim>& mesh = space.mesh();
-  const Index bodies = mesh.num_components();
-  // Centre and radius of gyration of each body, so that translations and the rotation weigh alike.
+  const std::vector<Index> body_of_component = tied_bodies(mesh, ties);
+  const Index bodies = 1 + *std::ranges::max_element(body_of_component);
+  const auto body_at = [&](Index v) { return body_of_component[mesh.component()[v]]; };
+  // Centre and radius of gyration of each body, so that translations and rotations weigh alike.
   std::vector<double> volume(bodies, 0.0), polar(bodies, 0.0);
-  Points<2> centre = Points<2>::Zero(2, bodies);
+  Points<Dim> centre = Points<Dim>::Zero(Dim, bodies);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
-    const Index body = mesh.component()[mesh.cells()(0, c)];
+    const Index body = body_at(mesh.cells()(0, c));
     volume[body] += mesh.volume(c);
     centre.col(body) += mesh.volume(c) * mesh.centroid(c);
   }
   for (Index body = 0; body < bodies; ++body) centre.col(body) /= volume[body];
   for (Index c = 0; c < mesh.num_cells(); ++c) {
-    const Index body = mesh.component()[mesh.cells()(0, c)];
+    const Index body = body_at(mesh.cells()(0, c));
     polar[body] += mesh.volume(c) * (mesh.centroid(c) - centre.col(body)).squaredNorm();
   }
-  std::vector<Eigen::Matrix3d> gram(bodies, Eigen::Matrix3d::Zero());
+  const auto radius = [&](Index body) { return std::sqrt(polar[body] / volume[body]) + 1e-300; };
+  using Gram = Eigen::Matrix<double, rigid_motions<Dim>, rigid_motions<Dim>>;
+  std::vector<Gram> gram(bodies, Gram::Zero());
   for (const auto& restraint : restraints)
-    for_each_point<2>(space, mesh.group(restraint.on), [&](const BoundaryPoint<2>& point) {
-      const Index body = mesh.component()[mesh.facets()(0, point.facet)];
-      const double radius = std::sqrt(polar[body] / volume[body]) + 1e-300;
-      const Vec<2> d = restraint.direction(point.n), arm = point.x - centre.col(body);
-      const Eigen::Vector3d motion(d.x(), d.y(), (arm.x() * d.y() - arm.y() * d.x()) / radius);
+    for_each_point<Dim>(space, mesh.group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
+      const Index body = body_at(mesh.facets()(0, point.facet));
+      const Motion<Dim> motion =
+          motion_along<Dim>(restraint.direction(point.n), point.x - centre.col(body), radius(body));
       gram[body] += point.weight * motion * motion.transpose();
     });
 
   std::vector<std::string> free_motions;
   for (Index body = 0; body < bodies; ++body) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(gram[body]);
+    const Eigen::SelfAdjointEigenSolver<Gram> eigen(gram[body]);
     const double scale = std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
-    const double radius = std::sqrt(polar[body] / volume[body]);
     const int nullity = static_cast<int>((eigen.eigenvalues().array() < 1e-10 * scale).count());
-    const Matrix basis = eigen.eigenvectors().leftCols(nullity);
-    const auto is_free = [&](const Eigen::Vector3d& motion) {
-      return nullity > 0 && (motion - basis * (basis.transpose() * motion)).norm() < 1e-4 * motion.norm();
-    };
-    std::vector<std::string> names;
-    if (is_free(Eigen::Vector3d::UnitX())) names.push_back("translation along x");
-    if (is_free(Eigen::Vector3d::UnitY())) names.push_back("translation along y");
-    if (names.empty() || static_cast<int>(names.size()) < nullity) {
-      if (nullity == 3) {
-        names.push_back("rotation");
-      } else if (nullity > static_cast<int>(names.size())) {
-        // What is left of the free motions beside the named translations: a rotation about some point, or an oblique
-        // translation.
-        Eigen::Vector3d motion = basis.col(0);
-        for (int k = 0; k < nullity; ++k)
-          if (std::abs(basis(2, k)) > std::abs(motion[2])) motion = basis.col(k);
-        if (std::abs(motion[2]) > 1e-6) {
-          const double spin = motion[2] / radius;
-          names.push_back(fmt::format("rotation about ({:.4g}, {:.4g})", centre(0, body) - motion[1] / spin,
-                                      centre(1, body) + motion[0] / spin));
-        } else {
-          const Vec<2> along = motion.head<2>().normalized();
-          names.push_back(fmt::format("translation along ({:.4g}, {:.4g})", along.x(), along.y()));
-        }
-      }
-    }
-    if (nullity > 0)
-      free_motions.push_back(bodies == 1 ? fmt::format("{}", fmt::join(names, ", "))
-                                         : fmt::format("body around ({:.4g}, {:.4g}): {}", centre(0, body),
-                                                       centre(1, body), fmt::join(names, ", ")));
+    if (nullity == 0) continue;
+    const auto names =
+        motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
+    free_motions.push_back(bodies == 1 ? fmt::format("{}", fmt::join(names, ", "))
+                                       : fmt::format("body around ({:.4g}): {}", fmt::join(centre.col(body), ", "),
+                                                     fmt::join(names, ", ")));
   }
   if (!free_motions.empty())
     throw InputError(fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it",
@@ -312,15 +459,15 @@ Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shap
 
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                               const std::vector<StiffnessTerm<Dim>>& terms,
-                                              const std::vector<Restraint<Dim>>& restraints) {
+                                              const std::vector<Restraint<Dim>>& restraints,
+                                              const std::vector<TiedFacets>& ties) {
   Triplets triplets;
   Points<Dim> rhs = Points<Dim>::Zero(Dim, shape.num_nodes());
-  std::vector<BoundaryMoments<Dim>> moments;
-  for (const auto& term : terms) {
-    moments.push_back(boundary_moments(space, term, restraints));
-    add_consistency(shape, term, moments.back(), triplets, rhs);
-  }
-  add_penalty(space, shape, terms, moments, restraints, triplets, rhs);
+  std::vector<std::vector<double>> penalty;
+  for (const auto& term : terms) penalty.push_back(penalties(space, term, restraints, ties));
+  for (const auto& term : terms)
+    add_consistency(space, shape, terms, penalty, restraints, ties, term, triplets, rhs);
+  add_penalty(space, shape, terms, penalty, restraints, ties, triplets, rhs);
   NitscheSystem<Dim> system;
   const Index size = Dim * shape.num_nodes();
   system.matrix.resize(size, size);
@@ -369,20 +516,21 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
   NodalConditions<Dim> result;
   for (const auto& [I, condition] : by_node) {
     const Index count = static_cast<Index>(condition.values.size());
-    Matrix directions(count, Dim);
-    for (Index k = 0; k < count; ++k) directions.row(k) = condition.directions[k].transpose();
+    Eigen::Matrix<double, Dim, Eigen::Dynamic> directions(Dim, count);
+    for (Index k = 0; k < count; ++k) directions.col(k) = condition.directions[k];
     const Vector values = Eigen::Map<const Vector>(condition.values.data(), count);
-    Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition(directions);
-    const Vec<Dim> u = decomposition.solve(values);
-    if ((directions * u - values).norm() > 1e-9 * (values.norm() + 1e-300))
+    // directions^T u = values: the first `rank` columns of the frame span the directions.
+    const Eigen::SelfAdjointEigenSolver<Mat<Dim>> eigen(directions * directions.transpose());
+    Mat<Dim> frame = eigen.eigenvectors().rowwise().reverse();
+    const Vec<Dim> strength = eigen.eigenvalues().reverse();
+    const int rank = static_cast<int>((strength.array() > 1e-12 * strength[0]).count());
+    Vec<Dim> fixed = frame.transpose() * (directions * values);
+    for (int i = 0; i < Dim; ++i) fixed[i] = i < rank ? fixed[i] / strength[i] : 0.0;
+    const Vec<Dim> u = frame * fixed;
+    if ((directions.transpose() * u - values).norm() > 1e-9 * (values.norm() + 1e-300))
       throw InputError(fmt::format("displacements prescribed at {} contradict each other",
                                    at<Dim>(space.points().col(node_dofs[I]))));
-    const int rank = static_cast<int>(decomposition.rank());
-    Mat<Dim> frame = Mat<Dim>::Identity();
-    if (rank < Dim) {
-      const Vec<Dim>& d = condition.directions.front();
-      if constexpr (Dim == 2) frame << d.x(), -d.y(), d.y(), d.x();
-    }
+    if (rank == Dim) frame.setIdentity();
     result.nodes.push_back(I);
     result.frames.push_back(frame);
     result.fixed.push_back(rank);
@@ -392,11 +540,20 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
 }
 
 template std::vector<Restraint<2>> restraints<2>(const std::vector<DisplacementCondition<2>>&);
-template void require_restrained<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&);
+template void require_restrained<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&,
+                                    const std::vector<TiedFacets>&);
 template Points<2> load_vector<2>(const FineSpace<2>&, const ShapeTable<2>&, const Loads<2>&);
 template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<StiffnessTerm<2>>&,
-                                     const std::vector<Restraint<2>>&);
+                                     const std::vector<Restraint<2>>&, const std::vector<TiedFacets>&);
 template NodalConditions<2> nodal_conditions<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<Index>&,
                                                 const std::vector<Restraint<2>>&);
+template std::vector<Restraint<3>> restraints<3>(const std::vector<DisplacementCondition<3>>&);
+template void require_restrained<3>(const FineSpace<3>&, const std::vector<Restraint<3>>&,
+                                    const std::vector<TiedFacets>&);
+template Points<3> load_vector<3>(const FineSpace<3>&, const ShapeTable<3>&, const Loads<3>&);
+template NitscheSystem<3> nitsche<3>(const FineSpace<3>&, const ShapeTable<3>&, const std::vector<StiffnessTerm<3>>&,
+                                     const std::vector<Restraint<3>>&, const std::vector<TiedFacets>&);
+template NodalConditions<3> nodal_conditions<3>(const FineSpace<3>&, const ShapeTable<3>&, const std::vector<Index>&,
+                                                const std::vector<Restraint<3>>&);
 
 }  // namespace efree

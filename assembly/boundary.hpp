@@ -19,8 +19,10 @@ template <int Dim> struct Restraint {
 /// The conditions one by one. Throws InputError for a condition that prescribes nothing, or both components and normal.
 template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<DisplacementCondition<Dim>>& conditions);
 
-/// Throws InputError that names every rigid motion (translation, rotation) the restraints leave free, for each body.
-template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints);
+/// Throws InputError that names every rigid motion (translation, rotation) the restraints leave free, for each body;
+/// regions tied to each other are one body.
+template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                                           const std::vector<TiedFacets>& ties = {});
 
 /// f = int phi_I t + int phi_I b, integrated on the fine mesh: Dim x N. Throws InputError for an unknown boundary or a
 /// traction or force that is not finite (naming the point).
@@ -31,20 +33,25 @@ Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shap
 /// terms).
 template <int Dim> struct StiffnessTerm {
   const Discretization<Dim>* discretization;
-  Lame lame;
+  std::vector<Lame> lame;  ///< by region
 };
 
-/// Matrix and right-hand side of symmetric Nitsche (Nitsche 1971): -int (sigma(u) n).v - int u.(sigma(v) n) + beta int
-/// u.v, each along the restrained directions, with sigma = sum_K Phi_K sigma_K so that linear fields are exact.
+/// Matrix and right-hand side of symmetric Nitsche: what holds the restrained displacements and ties regions to each
+/// other. With sigma = sum_K Phi_K sigma_K linear fields are exact.
 template <int Dim> struct NitscheSystem {
   SymmetricMatrix matrix;
   Vector rhs;
 };
+/// Restraints (Nitsche 1971): -int (sigma(u) n).v - int u.(sigma(v) n) + int beta u.v, each along the restrained
+/// directions. Ties: the same with the jump [u] = u_1 - u_2 for u, the flux gamma_1 sigma_1 n + gamma_2 sigma_2 n and
+/// beta = beta_1 beta_2 / (beta_1 + beta_2); gamma_1 = beta_2 / (beta_1 + beta_2) leaves the flux to the softer side,
+/// so that no ratio of moduli harms (Annavarapu, Hautefeuille & Dolbow 2012).
 /// The penalty follows from the trace inequality of the piecewise field: beta_K = 4 c |Gamma_K| / w_K, c the normal
 /// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose.
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                               const std::vector<StiffnessTerm<Dim>>& terms,
-                                              const std::vector<Restraint<Dim>>& restraints);
+                                              const std::vector<Restraint<Dim>>& restraints,
+                                              const std::vector<TiedFacets>& ties = {});
 
 /// Nodal values set strongly: in the frame of each node (columns of its matrix) some components are fixed.
 template <int Dim> struct NodalConditions {

@@ -39,6 +39,17 @@ template <> Eigen::Matrix<double, 3, 2> strain_matrix<2>(const Vec<2>& dN) {
   return B;
 }
 
+template <> Eigen::Matrix<double, 6, 3> strain_matrix<3>(const Vec<3>& dN) {
+  Eigen::Matrix<double, 6, 3> B;
+  B << dN.x(), 0.0, 0.0,    //
+      0.0, dN.y(), 0.0,     //
+      0.0, 0.0, dN.z(),     //
+      0.0, dN.z(), dN.y(),  //
+      dN.z(), 0.0, dN.x(),  //
+      dN.y(), dN.x(), 0.0;
+  return B;
+}
+
 template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretization, const Points<Dim>& U) {
   VoigtPoints<Dim> result(voigt_size<Dim>, discretization.size());
   parallel_for(discretization.size(), [&](Index K) {
@@ -66,6 +77,13 @@ Points<Dim> internal_force(const Discretization<Dim>& discretization, const Voig
 
 template <int Dim>
 SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const VoigtMatrix<Dim>& C) {
+  Index regions = 1;
+  for (Index region : discretization.region) regions = std::max(regions, region + 1);
+  return stiffness_matrix(discretization, std::vector<VoigtMatrix<Dim>>(regions, C));
+}
+
+template <int Dim>
+SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const std::vector<VoigtMatrix<Dim>>& C) {
   const ShapeTable<Dim>& shape = discretization.shape;
   const Index nodes = shape.num_nodes();
   const auto by_node = transpose_pattern(shape);
@@ -88,7 +106,7 @@ SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, cons
       for (const auto& [K, k] : by_node[a]) {
         const auto row = shape.row(K);
         const Eigen::Matrix<double, voigt_size<Dim>, Dim> CBa =
-            discretization.weights[K] * (C * strain_matrix<Dim>(row.dN[k]));
+            discretization.weights[K] * (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k]));
         for (std::size_t l = k; l < row.nodes.size(); ++l) {
           const Index b = row.nodes[l];
           if (slot[b] < 0) {
@@ -135,5 +153,12 @@ SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, cons
 template VoigtPoints<2> strain<2>(const Discretization<2>&, const Points<2>&);
 template Points<2> internal_force<2>(const Discretization<2>&, const VoigtPoints<2>&);
 template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const VoigtMatrix<2>&);
+
+template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const std::vector<VoigtMatrix<2>>&);
+template VoigtPoints<3> strain<3>(const Discretization<3>&, const Points<3>&);
+template Points<3> internal_force<3>(const Discretization<3>&, const VoigtPoints<3>&);
+template SymmetricMatrix stiffness_matrix<3>(const Discretization<3>&, const VoigtMatrix<3>&);
+
+template SymmetricMatrix stiffness_matrix<3>(const Discretization<3>&, const std::vector<VoigtMatrix<3>>&);
 
 }  // namespace efree

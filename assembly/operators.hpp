@@ -23,5 +23,8 @@ Points<Dim> internal_force(const Discretization<Dim>& discretization, const Voig
 /// K = sum_K w_K B_K^T C B_K, (Dim N)^2. One thread owns one row, so the sums do not depend on the threads.
 template <int Dim>
 SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const VoigtMatrix<Dim>& C);
+/// The same with a C for every region.
+template <int Dim>
+SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const std::vector<VoigtMatrix<Dim>>& C);
 
 }  // namespace efree

@@ -30,29 +30,70 @@ template <> SimplexRule<1> simplex_rule<1>(int degree) {
 }
 
 template <> SimplexRule<2> simplex_rule<2>(int degree) {
-  if (degree < 1 || degree > 4)
-    throw InputError(fmt::format("quadrature on triangles of degree {}, expected 1 to 4", degree));
+  if (degree < 1 || degree > 5)
+    throw InputError(fmt::format("quadrature on triangles of degree {}, expected 1 to 5", degree));
   SimplexRule<2> rule;
   if (degree == 1) {
     rule.points = Eigen::Vector3d::Constant(1.0 / 3.0);
     rule.weights = Vector::Ones(1);
     return rule;
   }
-  // Orbits of three points (1 - 2a, a, a); degree 4: Dunavant 1985.
+  // Orbits of three points (1 - 2a, a, a); degree 4: Dunavant 1985, degree 5: Radon 1948.
   std::vector<std::pair<double, double>> orbits;
   if (degree == 2)
     orbits = {{1.0 / 6.0, 1.0 / 3.0}};
-  else
+  else if (degree <= 4)
     orbits = {{0.44594849091596488632, 0.22338158967801146570}, {0.09157621350977074346, 0.10995174365532186764}};
-  rule.points.resize(3, 3 * orbits.size());
-  rule.weights.resize(3 * orbits.size());
-  Index q = 0;
+  else
+    orbits = {{(6.0 - std::sqrt(15.0)) / 21.0, (155.0 - std::sqrt(15.0)) / 1200.0},
+              {(6.0 + std::sqrt(15.0)) / 21.0, (155.0 + std::sqrt(15.0)) / 1200.0}};
+  const Index centre = degree == 5 ? 1 : 0;
+  rule.points.resize(3, centre + 3 * orbits.size());
+  rule.weights.resize(centre + 3 * orbits.size());
+  Index q = centre;
+  if (centre) rule.points.col(0).setConstant(1.0 / 3.0), rule.weights[0] = 9.0 / 40.0;
   for (const auto& [a, weight] : orbits)
     for (int i = 0; i < 3; ++i, ++q) {
       rule.points.col(q).setConstant(a);
       rule.points(i, q) = 1.0 - 2.0 * a;
       rule.weights[q] = weight;
     }
+  return rule;
+}
+
+template <> SimplexRule<3> simplex_rule<3>(int degree) {
+  if (degree < 1 || degree > 5)
+    throw InputError(fmt::format("quadrature on tetrahedra of degree {}, expected 1 to 5", degree));
+  SimplexRule<3> rule;
+  if (degree == 1) {
+    rule.points = Eigen::Vector4d::Constant(0.25);
+    rule.weights = Vector::Ones(1);
+    return rule;
+  }
+  // Orbits of four points (1 - 3a, a, a, a); beyond degree 2 the 14 points of Walkington 2000 with six points
+  // (1/2 - a, 1/2 - a, a, a).
+  std::vector<std::pair<double, double>> orbits;
+  if (degree == 2)
+    orbits = {{(5.0 - std::sqrt(5.0)) / 20.0, 0.25}};
+  else
+    orbits = {{0.31088591926330060980, 0.11268792571801585080}, {0.09273525031089122640, 0.07349304311636194954}};
+  const Index size = degree == 2 ? 4 : 14;
+  rule.points.resize(4, size);
+  rule.weights.resize(size);
+  Index q = 0;
+  for (const auto& [a, weight] : orbits)
+    for (int i = 0; i < 4; ++i, ++q) {
+      rule.points.col(q).setConstant(a);
+      rule.points(i, q) = 1.0 - 3.0 * a;
+      rule.weights[q] = weight;
+    }
+  if (degree > 2)
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < i; ++j, ++q) {
+        rule.points.col(q).setConstant(0.04550370412564964949);
+        rule.points(i, q) = rule.points(j, q) = 0.5 - 0.04550370412564964949;
+        rule.weights[q] = 0.04254602077708146644;
+      }
   return rule;
 }
 
@@ -168,5 +209,6 @@ template <int Dim> auto FineSpace<Dim>::facet_point(Index f, const Eigen::Matrix
 }
 
 template class FineSpace<2>;
+template class FineSpace<3>;
 
 }  // namespace efree

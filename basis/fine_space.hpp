@@ -13,7 +13,7 @@ template <int Dim> struct SimplexRule {
   Eigen::Matrix<double, Dim + 1, Eigen::Dynamic> points;
   Vector weights;
 };
-/// Exact for polynomials of the degree (1 to 5 on segments, 1 to 4 on triangles). Throws InputError beyond.
+/// Exact for polynomials of the degree, 1 to 5. Throws InputError beyond.
 template <int Dim> SimplexRule<Dim> simplex_rule(int degree);
 
 /// Continuous piecewise polynomials of degree 1 or 2. Degrees of freedom: the vertices, then the midpoints of the
@@ -48,7 +48,7 @@ template <int Dim> class FineSpace {
   Barycentric facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const;
 
   /// Rule on cells that integrates one gradient times a function of the secondary basis exactly: the centroid for
-  /// degree 1, three points for degree 2.
+  /// degree 1, Dim + 1 points for degree 2.
   const SimplexRule<Dim>& cell_rule() const { return cell_rule_; }
   /// Rule on boundary facets, exact to degree 5.
   const SimplexRule<Dim - 1>& facet_rule() const { return facet_rule_; }

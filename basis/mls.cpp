@@ -280,5 +280,7 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
 
 template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
                                         const Progress&);
+template Mls<3> moving_least_squares<3>(const FineMesh<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,
+                                        const Progress&);
 
 }  // namespace efree

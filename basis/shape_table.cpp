@@ -30,6 +30,8 @@ template <int Dim> Matrix interpolate(const ShapeTable<Dim>& shape, const Eigen:
 }
 
 template class ShapeTable<2>;
+template class ShapeTable<3>;
 template Matrix interpolate<2>(const ShapeTable<2>&, const Eigen::Ref<const Matrix>&);
+template Matrix interpolate<3>(const ShapeTable<3>&, const Eigen::Ref<const Matrix>&);
 
 }  // namespace efree

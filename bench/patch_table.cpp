@@ -21,7 +21,7 @@ void add_errors(const testing::Body& body, const Approximation<2>& approximation
                 Errors3& errors) {
   std::vector<std::string> loaded(body.outer.begin() + 1, body.outer.end());
   loaded.insert(loaded.end(), body.inner.begin(), body.inner.end());
-  for (const auto& field : testing::linear_fields())
+  for (const auto& field : testing::linear_fields<2>())
     for (const bool all : {true, false}) {
       const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
                              : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);

@@ -10,6 +10,7 @@
 #include <numbers>
 #include <numeric>
 #include <random>
+#include <tuple>
 
 namespace efree {
 namespace {
@@ -40,7 +41,7 @@ Index next_facet(const FineMesh<2>& mesh, Index f) {
 }
 
 /// Groups of each boundary facet, ascending.
-Ragged<Index> groups_of_facets(const FineMesh<2>& mesh) {
+template <int Dim> Ragged<Index> groups_of_facets(const FineMesh<Dim>& mesh) {
   std::vector<std::pair<Index, Index>> pairs;
   for (std::size_t g = 0; g < mesh.groups().size(); ++g)
     for (const Index f : mesh.groups()[g].facets) pairs.push_back({f, static_cast<Index>(g)});
@@ -125,6 +126,52 @@ std::vector<char> boundary_nodes(const FineMesh<2>& mesh, const Vector& spacing)
   return is_node;
 }
 
+/// What a vertex is to the surface, in the order in which nodes are sought.
+enum Place : char { corner, ridge, face, inside };
+
+/// Ridges are the boundary edges where the surface turns by more than 30 degrees or where named groups end; corners are
+/// the vertices where ridges end, meet or turn by more than 30 degrees.
+std::vector<Place> places(const FineMesh<3>& mesh) {
+  const double ridge_cosine = std::cos(30.0 * std::numbers::pi / 180.0);
+  const Ragged<Index> groups = groups_of_facets(mesh);
+  struct Side {
+    Index a, b, facet;  ///< a < b
+    auto key() const { return std::tuple(a, b, facet); }
+  };
+  std::vector<Side> sides;
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const Index a = mesh.facets()(k, f), b = mesh.facets()((k + 1) % 3, f);
+      sides.push_back({std::min(a, b), std::max(a, b), f});
+    }
+  std::ranges::sort(sides, {}, &Side::key);
+
+  std::vector<Place> place(mesh.num_vertices(), inside);
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    for (int k = 0; k < 3; ++k) place[mesh.facets()(k, f)] = face;
+  std::vector<std::array<Index, 2>> ridges;
+  for (std::size_t s = 0; s < sides.size();) {
+    std::size_t end = s + 1;
+    while (end < sides.size() && sides[end].a == sides[s].a && sides[end].b == sides[s].b) ++end;
+    const Index f = sides[s].facet, g = sides[end - 1].facet;
+    if (end - s != 2 || mesh.facet_normal(f).dot(mesh.facet_normal(g)) < ridge_cosine ||
+        !std::ranges::equal(groups[f], groups[g]))
+      ridges.push_back({sides[s].a, sides[s].b});
+    s = end;
+  }
+  std::vector<int> count(mesh.num_vertices(), 0);
+  Points<3> sum = Points<3>::Zero(3, mesh.num_vertices());  // of the unit vectors along the ridges, away from the vertex
+  for (const auto& [a, b] : ridges) {
+    const Vec<3> along = (mesh.vertex(b) - mesh.vertex(a)).normalized();
+    sum.col(a) += along, sum.col(b) -= along;
+    ++count[a], ++count[b];
+  }
+  const double straight = 2.0 - 2.0 * ridge_cosine;  // |e1 + e2|^2 for a turn of 30 degrees
+  for (Index v = 0; v < mesh.num_vertices(); ++v)
+    if (count[v] > 0) place[v] = count[v] == 2 && sum.col(v).squaredNorm() < straight ? ridge : corner;
+  return place;
+}
+
 /// Marks what nodes cover: the vertices closer than the spacing that can be reached inside that ball.
 template <int Dim> class Cover {
  public:
@@ -180,11 +227,18 @@ template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const 
       throw InputError(fmt::format("cloud: the spacing at ({}) is {}, expected a positive length",
                                    fmt::join(mesh.vertex(v), ", "), spacing[v]));
 
-  std::vector<char> is_node = boundary_nodes(mesh, spacing);
+  std::vector<Index> order = permutation(mesh.num_vertices(), seed);
+  std::vector<char> is_node(mesh.num_vertices(), 0);
   Cover<Dim> cover(mesh, spacing);
-  for (Index v = 0; v < mesh.num_vertices(); ++v)
-    if (is_node[v]) cover.add(v);
-  for (const Index v : permutation(mesh.num_vertices(), seed)) {
+  if constexpr (Dim == 2) {
+    is_node = boundary_nodes(mesh, spacing);
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (is_node[v]) cover.add(v);
+  } else {
+    const std::vector<Place> place = places(mesh);
+    std::ranges::stable_sort(order, {}, [&](Index v) { return place[v]; });
+  }
+  for (const Index v : order) {
     if (cover.covers(v)) continue;
     is_node[v] = 1;
     cover.add(v);
@@ -206,5 +260,7 @@ template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const 
 
 template NodeCloud<2> sample_cloud<2>(const FineMesh<2>&, const CloudOptions&);
 template NodeCloud<2> sample_cloud<2>(const FineMesh<2>&, const Vector&, std::uint64_t);
+template NodeCloud<3> sample_cloud<3>(const FineMesh<3>&, const CloudOptions&);
+template NodeCloud<3> sample_cloud<3>(const FineMesh<3>&, const Vector&, std::uint64_t);
 
 }  // namespace efree

@@ -22,12 +22,16 @@ struct CloudOptions {
   std::uint64_t seed = 1;  ///< order in which candidates are tried
 };
 
-/// Uniform on the boundary, corners (turns of more than 30 degrees), slit tips and ends of named groups kept, maximal
-/// Poisson-disk inside (random sequential over the fine vertices in seeded order). A node covers the vertices closer
-/// than its spacing that a path inside that ball joins to it; afterwards all are covered, and two nodes cover each
-/// other only if both are on the boundary. The two sides of a slit or of a thin gap do not see each other. Every
-/// boundary loop gets at least three nodes. Deterministic; linear in the fine mesh, about 0.01 s for 1e5 triangles.
-/// Throws InputError for a spacing that is not positive.
+/// Maximal Poisson-disk over the fine vertices (random sequential, in seeded order). A node covers the vertices closer
+/// than its spacing that a path inside that ball joins to it; afterwards all are covered. The two sides of a slit or of
+/// a thin gap do not see each other.
+/// 2D: uniform on the boundary, every corner (turn of more than 30 degrees), slit tip and end of a named group is a
+/// node, every boundary loop has at least three; two nodes cover each other only if both are on the boundary.
+/// 3D: corners are tried first, then the vertices of ridges (edges where the surface turns by more than 30 degrees or
+/// where named groups end), of the surface, of the inside; no two nodes cover each other, so that a rough surface does
+/// not crowd them.
+/// Deterministic; linear in the fine mesh, about 0.01 s for 1e5 triangles. Throws InputError for a spacing that is not
+/// positive.
 template <int Dim> NodeCloud<Dim> sample_cloud(const FineMesh<Dim>& mesh, const CloudOptions& options);
 
 /// The same with a packing size for each fine vertex (num_vertices entries, positive).

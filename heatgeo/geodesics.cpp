@@ -5,11 +5,15 @@
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
 #include "efree/heatgeo/heat.hpp"
+#include "efree/heatgeo/marching_3d.hpp"
 #include "efree/heatgeo/patch.hpp"
 #include "efree/heatgeo/visible_distance.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <type_traits>
 #include <limits>
 #include <mutex>
 #include <numeric>
@@ -88,13 +92,14 @@ SparseRows transposed(Index rows, const std::vector<LocalField>& fields) {
 }
 
 /// Groups of neighbours among the `chosen` sources: those in the same square of a grid as wide as the largest radius.
-Ragged<Index> clusters(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
-                       const std::vector<Index>& chosen) {
+template <int Dim> Ragged<Index> clusters(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                          const Vector& radii, const std::vector<Index>& chosen) {
   const double width = cluster_width_in_radii * radii.maxCoeff();
-  using Square = std::pair<double, double>;
+  using Square = std::array<double, Dim>;
   const auto square = [&](Index i) {
-    const Vec<2> x = mesh.vertex(sources[i]) / width;
-    return Square{std::floor(x.x()), std::floor(x.y())};
+    Square at;
+    for (int d = 0; d < Dim; ++d) at[d] = std::floor(mesh.vertex(sources[i])[d] / width);
+    return at;
   };
   std::vector<std::pair<Square, Index>> sorted;
   for (Index i : chosen) sorted.push_back({square(i), i});
@@ -108,14 +113,34 @@ Ragged<Index> clusters(const FineMesh<2>& mesh, const std::vector<Index>& source
   return groups;
 }
 
+/// The engine that `automatic` stands for.
+template <int Dim> Weight resolved(Weight weight) {
+  if (weight == Weight::automatic) return Dim == 2 ? Weight::visibility : Weight::fast_marching;
+  if (Dim == 3 && weight == Weight::visibility)
+    throw InputError("weights by exact visibility exist in 2D only; in 3D take fast_marching, heat_geodesic or heat_flow");
+  return weight;
+}
+
+/// The mesh that heat flows on, where it is another one.
+std::optional<FineMesh<2>> mesh_for_heat(const FineMesh<2>& mesh) {
+  return delaunay_mesh(mesh);
+}
+std::optional<FineMesh<3>> mesh_for_heat(const FineMesh<3>&) {
+  return std::nullopt;  // flips in space move the surface
+}
+
 /// Finds patches and asks the engine chosen for the distances on them.
-class PlanarGeodesics {
+template <int Dim> class PatchGeodesics {
  public:
-  PlanarGeodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) : options_(options) {
-    if (options.engine == Weight::heat_geodesic) delaunay_ = delaunay_mesh(mesh);
+  using Sight = std::conditional_t<Dim == 2, SightLines, SpatialSight>;
+  using Marching = std::conditional_t<Dim == 2, FastMarching, SpatialMarching>;
+
+  PatchGeodesics(const FineMesh<Dim>& mesh, const GeodesicOptions& options) : options_(options) {
+    options_.engine = resolved<Dim>(options.engine);
+    if (is(Weight::heat_geodesic)) delaunay_ = mesh_for_heat(mesh);
     mesh_ = delaunay_ ? &*delaunay_ : &mesh;
-    if (options.engine == Weight::euclidean) grid_.emplace(mesh);
-    if (options.engine == Weight::visibility || options.engine == Weight::fast_marching) sight_.emplace(mesh);
+    if (is(Weight::euclidean)) grid_.emplace(mesh);
+    if (is(Weight::visibility) || is(Weight::fast_marching)) sight_.emplace(mesh);
   }
 
   /// Unsorted fields of all sources, each handed to `finish` as soon as it is there.
@@ -139,20 +164,22 @@ class PlanarGeodesics {
 
  private:
   struct Scratch {
-    std::optional<PatchFinder<2>> finder;
-    std::optional<VisibleDistance> visible;
-    std::optional<FastMarching> marching;
-    std::optional<PatchHeat> heat;
+    std::optional<PatchFinder<Dim>> finder;
+    std::optional<VisibleDistance> visible;  // 2D
+    std::optional<Marching> marching;
+    std::optional<PatchHeat<Dim>> heat;
   };
+
+  bool is(Weight engine) const { return options_.engine == engine; }
 
   template <class Use> void use_scratch(const Use& body) const {
     const auto make = [&] {
       auto scratch = std::make_unique<Scratch>();
-      if (options_.engine == Weight::fast_marching || options_.engine == Weight::heat_geodesic)
-        scratch->finder.emplace(*mesh_);
-      if (options_.engine == Weight::visibility) scratch->visible.emplace(*sight_);
-      if (options_.engine == Weight::fast_marching) scratch->marching.emplace(*sight_);
-      if (options_.engine == Weight::heat_geodesic) scratch->heat.emplace(*mesh_, options_.heat_time);
+      if (is(Weight::fast_marching) || is(Weight::heat_geodesic)) scratch->finder.emplace(*mesh_);
+      if constexpr (Dim == 2)
+        if (is(Weight::visibility)) scratch->visible.emplace(*sight_);
+      if (is(Weight::fast_marching)) scratch->marching.emplace(*sight_);
+      if (is(Weight::heat_geodesic)) scratch->heat.emplace(*mesh_, options_.heat_time);
       return scratch;
     };
     pool_.use(make, body);
@@ -160,27 +187,28 @@ class PlanarGeodesics {
 
   /// Nothing where heat has to be solved.
   std::optional<LocalField> distances(Scratch& scratch, Index source, double radius) const {
-    if (options_.engine == Weight::euclidean) return straight_distances(source, radius);
-    if (options_.engine == Weight::visibility) {
-      scratch.visible->measure(source, radius);
-      return reached_by(*scratch.visible);
-    }
-    const Patch<2>& patch = scratch.finder->around(source, radius);
+    if (is(Weight::euclidean)) return straight_distances(source, radius);
+    if constexpr (Dim == 2)
+      if (is(Weight::visibility)) {
+        scratch.visible->measure(source, radius);
+        return reached_by(*scratch.visible);
+      }
+    const Patch<Dim>& patch = scratch.finder->around(source, radius);
     if (!patch.obstructed && !options_.always_solve) return straight_distances(patch);
-    if (options_.engine == Weight::heat_geodesic) return std::nullopt;
+    if (is(Weight::heat_geodesic)) return std::nullopt;
     scratch.marching->march({&source, 1}, radius);
     return reached_by(*scratch.marching);
   }
 
   LocalField straight_distances(Index source, double radius) const {
     LocalField field;
-    const Vec<2> x = mesh_->vertex(source);
+    const Vec<Dim> x = mesh_->vertex(source);
     grid_->for_each({x.array() - radius, x.array() + radius},
-                    [&](Index v, const Vec<2>& position) { append(field, v, (position - x).norm(), radius); });
+                    [&](Index v, const Vec<Dim>& position) { append(field, v, (position - x).norm(), radius); });
     return field;
   }
 
-  static LocalField straight_distances(const Patch<2>& patch) {
+  static LocalField straight_distances(const Patch<Dim>& patch) {
     LocalField field;
     for (std::size_t k = 0; k < patch.vertices.size(); ++k)
       append(field, patch.vertices[k], patch.distances[k], patch.radius);
@@ -221,45 +249,23 @@ class PlanarGeodesics {
   }
 
   GeodesicOptions options_;
-  std::optional<FineMesh<2>> delaunay_;
-  const FineMesh<2>* mesh_;
-  std::optional<VertexGrid> grid_;
-  std::optional<SightLines> sight_;
+  std::optional<FineMesh<Dim>> delaunay_;
+  const FineMesh<Dim>* mesh_;
+  std::optional<VertexGrid<Dim>> grid_;
+  std::optional<Sight> sight_;
   mutable Pool<Scratch> pool_;
 };
 
-}  // namespace
-
-template <> struct Geodesics<2>::Impl : PlanarGeodesics { using PlanarGeodesics::PlanarGeodesics; };
-
-template <> Geodesics<2>::Geodesics(const FineMesh<2>& mesh, const GeodesicOptions& options) {
-  if (options.engine == Weight::heat_flow)
-    throw InputError("geodesics: heat_flow gives weights, no distance; use heat_flow_weights");
-  impl_ = std::make_unique<Impl>(mesh, options);
-}
-
-template <int Dim> Geodesics<Dim>::~Geodesics() = default;
-
-template <> std::vector<LocalField> Geodesics<2>::from(const std::vector<Index>& sources, const Vector& radii) const {
-  return impl_->solve(sources, radii, [](Index, LocalField& field) { sort_by_vertex(field); });
-}
-
-template <int Dim> LocalField Geodesics<Dim>::from(Index source, double radius) const {
-  return std::move(from(std::vector<Index>{source}, Vector::Constant(1, radius)).front());
-}
-
-namespace {
-
-std::vector<LocalField> unsorted_flow(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
-                                      int steps) {
+template <int Dim> std::vector<LocalField> unsorted_flow(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                                         const Vector& radii, int steps) {
   check_sources(mesh, sources, radii);
   if (steps < 1) throw InputError(fmt::format("heat flow: {} steps, expected at least 1", steps));
-  const std::optional<FineMesh<2>> delaunay = delaunay_mesh(mesh);
-  Pool<PatchHeat> pool;
+  const std::optional<FineMesh<Dim>> delaunay = mesh_for_heat(mesh);
+  Pool<PatchHeat<Dim>> pool;
   std::vector<LocalField> fields(sources.size());
   parallel_chunks(static_cast<Index>(sources.size()), sources_per_chunk, [&](Index begin, Index end) {
-    pool.use([&] { return std::make_unique<PatchHeat>(delaunay ? *delaunay : mesh, 1.0); },
-             [&](PatchHeat& heat) {
+    pool.use([&] { return std::make_unique<PatchHeat<Dim>>(delaunay ? *delaunay : mesh, 1.0); },
+             [&](PatchHeat<Dim>& heat) {
                for (Index i = begin; i < end; ++i) fields[i] = heat.flow(sources[i], radii[i], steps, flow_time);
              });
   });
@@ -268,27 +274,48 @@ std::vector<LocalField> unsorted_flow(const FineMesh<2>& mesh, const std::vector
 
 }  // namespace
 
-template <> std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources,
-                                                         const Vector& radii, int steps) {
+template <int Dim> struct Geodesics<Dim>::Impl : PatchGeodesics<Dim> { using PatchGeodesics<Dim>::PatchGeodesics; };
+
+template <int Dim> Geodesics<Dim>::Geodesics(const FineMesh<Dim>& mesh, const GeodesicOptions& options) {
+  if (options.engine == Weight::heat_flow)
+    throw InputError("geodesics: heat_flow gives weights, no distance; use heat_flow_weights");
+  impl_ = std::make_unique<Impl>(mesh, options);
+}
+
+template <int Dim> Geodesics<Dim>::~Geodesics() = default;
+
+template <int Dim>
+std::vector<LocalField> Geodesics<Dim>::from(const std::vector<Index>& sources, const Vector& radii) const {
+  return impl_->solve(sources, radii, [](Index, LocalField& field) { sort_by_vertex(field); });
+}
+
+template <int Dim> LocalField Geodesics<Dim>::from(Index source, double radius) const {
+  return std::move(from(std::vector<Index>{source}, Vector::Constant(1, radius)).front());
+}
+
+template <int Dim> std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>& mesh,
+                                                             const std::vector<Index>& sources, const Vector& radii,
+                                                             int steps) {
   auto fields = unsorted_flow(mesh, sources, radii, steps);
   for (LocalField& field : fields) sort_by_vertex(field);
   return fields;
 }
 
-template <> SparseRows node_weights<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources, const Vector& radii,
-                                       const WeightOptions& options) {
+template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                           const Vector& radii, const WeightOptions& options) {
   if (options.weight == Weight::heat_flow)
     return transposed(mesh.num_vertices(), unsorted_flow(mesh, sources, radii, flow_steps));
-  const PlanarGeodesics geodesics(mesh, {.engine = options.weight});
+  const PatchGeodesics<Dim> geodesics(mesh, {.engine = options.weight});
   return transposed(mesh.num_vertices(), geodesics.solve(sources, radii, [&](Index i, LocalField& field) {
     for (double& value : field.values) value = kernel_value(options.kernel, value / radii[i]);
   }));
 }
 
-template <> NearestSource nearest_source<2>(const FineMesh<2>& mesh, const std::vector<Index>& sources, double reach) {
+template <int Dim>
+NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, double reach) {
   check_sources(mesh, sources, Vector::Ones(static_cast<Index>(sources.size())));
-  const SightLines sight(mesh);
-  FastMarching marching(sight);
+  const typename PatchGeodesics<Dim>::Sight sight(mesh);
+  typename PatchGeodesics<Dim>::Marching marching(sight);
   marching.march(sources, reach);
   NearestSource nearest;
   nearest.source.assign(mesh.num_vertices(), -1);
@@ -305,5 +332,12 @@ template <> NearestSource nearest_source<2>(const FineMesh<2>& mesh, const std::
 }
 
 template class Geodesics<2>;
+template class Geodesics<3>;
+template std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, int);
+template std::vector<LocalField> heat_flow_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, int);
+template SparseRows node_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
+template SparseRows node_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
+template NearestSource nearest_source<2>(const FineMesh<2>&, const std::vector<Index>&, double);
+template NearestSource nearest_source<3>(const FineMesh<3>&, const std::vector<Index>&, double);
 
 }  // namespace efree

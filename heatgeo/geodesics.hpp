@@ -12,6 +12,7 @@ namespace efree {
 
 /// How far a node reaches through the body.
 enum class Weight {
+  automatic,      ///< the best measured: visibility in 2D, fast marching in 3D
   heat_geodesic,  ///< distance by the heat method (Crane, Weischedel, Wardetzky 2013) and a kernel of it
   heat_flow,      ///< the heat itself after a few implicit steps, zero on the patch's rim (Bishop 2022)
   fast_marching,  ///< distance by fast marching with virtual sources, and a kernel of it
@@ -26,7 +27,7 @@ struct LocalField {
 };
 
 struct GeodesicOptions {
-  Weight engine = Weight::visibility;
+  Weight engine = Weight::automatic;
   double heat_time = 0.25;    ///< heat method: t in units of the squared mean edge length
   bool always_solve = false;  ///< march and heat also where the source sees all of its patch (to measure them)
 };
@@ -36,7 +37,7 @@ struct GeodesicOptions {
 /// may run concurrently; results do not depend on the number of threads.
 template <int Dim> class Geodesics {
  public:
-  /// Keeps a reference to the mesh. Throws InputError for heat_flow (no distance).
+  /// Keeps a reference to the mesh. Throws InputError for heat_flow (no distance) and for visibility in 3D.
   Geodesics(const FineMesh<Dim>& mesh, const GeodesicOptions& options);
   ~Geodesics();
   Geodesics(const Geodesics&) = delete;
@@ -60,7 +61,7 @@ template <int Dim> std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>
                                                              int steps = 6);
 
 struct WeightOptions {
-  Weight weight = Weight::visibility;
+  Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
 };
 
@@ -70,7 +71,7 @@ template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std:
                                            const Vector& radii, const WeightOptions& options);
 
 /// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources
-/// at once; where three of their regions meet inside one triangle the second nearest may be taken). num_vertices
+/// at once; where three of their regions meet inside one cell the second nearest may be taken). num_vertices
 /// entries; -1 and infinity where no source of the same body is nearer than `reach`.
 struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`

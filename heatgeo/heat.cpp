@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace efree {
@@ -19,15 +20,15 @@ constexpr double margin_in_diffusion_lengths = 3.0;
 
 }  // namespace
 
-struct PatchHeat::Impl {
-  const FineMesh<2>& mesh;
+template <int Dim> struct PatchHeat<Dim>::Impl {
+  const FineMesh<Dim>& mesh;
   double heat_time;
-  PatchFinder<2> finder;
+  PatchFinder<Dim> finder;
   std::vector<Index> cells, vertices;  ///< of the patch in hand
   std::vector<Index> local, cell_seen;
   Factorization factorization;
 
-  Impl(const FineMesh<2>& m, double time)
+  Impl(const FineMesh<Dim>& m, double time)
       : mesh(m), heat_time(time), finder(m), local(m.num_vertices(), -1), cell_seen(m.num_cells(), 0) {}
 
   void clear() {
@@ -37,7 +38,7 @@ struct PatchHeat::Impl {
     cells.clear();
   }
 
-  void add(const Patch<2>& patch) {
+  void add(const Patch<Dim>& patch) {
     for (Index c : patch.cells)
       if (!cell_seen[c]) {
         cell_seen[c] = 1;
@@ -53,28 +54,29 @@ struct PatchHeat::Impl {
   double mean_squared_edge() const {
     double length = 0.0;
     for (Index c : cells)
-      for (int i = 0; i < 3; ++i)
-        length += (mesh.vertex(mesh.cells()(i, c)) - mesh.vertex(mesh.cells()((i + 1) % 3, c))).norm();
-    length /= 3.0 * static_cast<double>(cells.size());
+      for (int i = 0; i <= Dim; ++i)
+        for (int j = 0; j < i; ++j)
+          length += (mesh.vertex(mesh.cells()(i, c)) - mesh.vertex(mesh.cells()(j, c))).norm();
+    length /= 0.5 * Dim * (Dim + 1) * static_cast<double>(cells.size());
     return length * length;
   }
 
   Vector lumped_mass() const {
     Vector mass = Vector::Zero(static_cast<Index>(vertices.size()));
     for (Index c : cells)
-      for (int i = 0; i < 3; ++i) mass[local[mesh.cells()(i, c)]] += mesh.volume(c) / 3.0;
+      for (int i = 0; i <= Dim; ++i) mass[local[mesh.cells()(i, c)]] += mesh.volume(c) / (Dim + 1);
     return mass;
   }
 
   /// Lower triangle of the P1 stiffness plus a zero diagonal entry everywhere.
   SparseMatrix stiffness() const {
     std::vector<Eigen::Triplet<double, Index>> entries;
-    entries.reserve(6 * cells.size());
+    entries.reserve((Dim + 1) * (Dim + 2) / 2 * cells.size());
     for (Index c : cells) {
       const auto gradients = mesh.hat_gradients(c);
-      const Mat<3> k = mesh.volume(c) * gradients.transpose() * gradients;
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) {
+      const Mat<Dim + 1> k = mesh.volume(c) * gradients.transpose() * gradients;
+      for (int i = 0; i <= Dim; ++i)
+        for (int j = 0; j <= Dim; ++j) {
           const Index row = local[mesh.cells()(i, c)], column = local[mesh.cells()(j, c)];
           if (row >= column) entries.emplace_back(row, column, k(i, j));
         }
@@ -99,23 +101,26 @@ struct PatchHeat::Impl {
     Matrix divergence = Matrix::Zero(heat.rows(), heat.cols());
     for (Index c : cells) {
       const auto gradients = mesh.hat_gradients(c);
-      const Index rows[3] = {local[mesh.cells()(0, c)], local[mesh.cells()(1, c)], local[mesh.cells()(2, c)]};
+      std::array<Index, Dim + 1> rows;
+      for (int i = 0; i <= Dim; ++i) rows[i] = local[mesh.cells()(i, c)];
       for (Index s = 0; s < heat.cols(); ++s) {
-        const Vec<2> gradient = heat(rows[0], s) * gradients.col(0) + heat(rows[1], s) * gradients.col(1) +
-                                heat(rows[2], s) * gradients.col(2);
+        Vec<Dim> gradient = Vec<Dim>::Zero();
+        for (int i = 0; i <= Dim; ++i) gradient += heat(rows[i], s) * gradients.col(i);
         const double size = gradient.norm();
         if (!(size > 0.0)) continue;  // no heat got here
-        for (int i = 0; i < 3; ++i) divergence(rows[i], s) -= mesh.volume(c) / size * gradient.dot(gradients.col(i));
+        for (int i = 0; i <= Dim; ++i) divergence(rows[i], s) -= mesh.volume(c) / size * gradient.dot(gradients.col(i));
       }
     }
     return divergence;
   }
 };
 
-PatchHeat::PatchHeat(const FineMesh<2>& mesh, double heat_time) : impl_(std::make_unique<Impl>(mesh, heat_time)) {}
-PatchHeat::~PatchHeat() = default;
+template <int Dim> PatchHeat<Dim>::PatchHeat(const FineMesh<Dim>& mesh, double heat_time)
+    : impl_(std::make_unique<Impl>(mesh, heat_time)) {}
+template <int Dim> PatchHeat<Dim>::~PatchHeat() = default;
 
-std::vector<LocalField> PatchHeat::distances(std::span<const Index> sources, std::span<const double> radii) {
+template <int Dim> std::vector<LocalField> PatchHeat<Dim>::distances(std::span<const Index> sources,
+                                                                     std::span<const double> radii) {
   Impl& p = *impl_;
   const Index count = static_cast<Index>(sources.size());
   p.clear();
@@ -137,7 +142,7 @@ std::vector<LocalField> PatchHeat::distances(std::span<const Index> sources, std
 
   std::vector<LocalField> fields(sources.size());
   for (Index s = 0; s < count; ++s) {
-    const Patch<2>& patch = p.finder.around(sources[s], radii[s]);
+    const Patch<Dim>& patch = p.finder.around(sources[s], radii[s]);
     const double shift = distance(p.local[sources[s]], s);
     for (std::size_t k = 0; k < patch.vertices.size(); ++k) {
       // No path is shorter than the straight line.
@@ -151,10 +156,11 @@ std::vector<LocalField> PatchHeat::distances(std::span<const Index> sources, std
   return fields;
 }
 
-LocalField PatchHeat::flow(Index source, double radius, int steps, double time_factor) {
+template <int Dim>
+LocalField PatchHeat<Dim>::flow(Index source, double radius, int steps, double time_factor) {
   Impl& p = *impl_;
   p.clear();
-  const Patch<2>& patch = p.finder.around(source, radius);
+  const Patch<Dim>& patch = p.finder.around(source, radius);
   p.add(patch);
   // Zero heat outside the ball: an overwhelming mass there keeps the system's pattern simple and symmetric.
   Vector mass = p.lumped_mass(), fixed = Vector::Zero(mass.size());
@@ -185,5 +191,8 @@ std::optional<FineMesh<2>> delaunay_mesh(const FineMesh<2>& mesh) {
   if (cells == mesh.cells()) return std::nullopt;
   return FineMesh<2>(MeshData<2>{mesh.vertices(), std::move(cells), {}});
 }
+
+template class PatchHeat<2>;
+template class PatchHeat<3>;
 
 }  // namespace efree

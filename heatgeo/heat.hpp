@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Heat on patches of a planar mesh, as a way to distances and as a weight of its own.
+/// Heat on patches of the fine mesh, as a way to distances and as a weight of its own.
 #pragma once
 
 #include "efree/heatgeo/geodesics.hpp"
@@ -10,11 +10,12 @@
 namespace efree {
 
 /// Solves heat and Poisson problems on patches with P1 elements, lumped masses and the natural condition on the body's
-/// boundary. The mesh should be Delaunay: otherwise heat can become negative. Keeps scratch memory: use one per thread.
-class PatchHeat {
+/// boundary. The mesh should be Delaunay: otherwise heat can become negative, and is taken to be zero there. Keeps scratch
+/// memory: use one per thread.
+template <int Dim> class PatchHeat {
  public:
   /// Keeps a reference to the mesh. `heat_time` in units of the squared mean edge length of the patch.
-  PatchHeat(const FineMesh<2>& mesh, double heat_time);
+  PatchHeat(const FineMesh<Dim>& mesh, double heat_time);
   ~PatchHeat();
 
   /// Distances < radius by the heat method (Crane, Weischedel, Wardetzky 2013), one field per source, unsorted. All

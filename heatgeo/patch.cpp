@@ -8,14 +8,18 @@
 namespace efree {
 namespace {
 
-double cross(const Vec<2>& a, const Vec<2>& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
-std::vector<Index> all_vertices(const FineMesh<2>& mesh) {
+template <int Dim> std::vector<Index> all_vertices(const FineMesh<Dim>& mesh) {
   std::vector<Index> all(mesh.num_vertices());
   std::iota(all.begin(), all.end(), 0);
   return all;
+}
+
+/// Whether the origin is nearer than `reach` to the triangle's inside (its edges are tested elsewhere).
+bool over_triangle(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c, double reach_squared) {
+  const Vec<3> normal = (b - a).cross(c - a);
+  const double height = normal.dot(a);
+  if (height * height >= reach_squared * normal.squaredNorm()) return false;
+  return normal.dot(a.cross(b)) >= 0.0 && normal.dot(b.cross(c)) >= 0.0 && normal.dot(c.cross(a)) >= 0.0;
 }
 
 }  // namespace
@@ -24,12 +28,20 @@ template <int Dim> double length_tolerance(const FineMesh<Dim>& mesh) {
   return 1e-12 * mesh.vertices().cwiseAbs().maxCoeff();
 }
 
-bool shows_outer_side(const FineMesh<2>& mesh, Index f, const Vec<2>& source, double tolerance) {
-  const Vec<2> a = mesh.vertex(mesh.facets()(0, f)), along = mesh.vertex(mesh.facets()(1, f)) - a,
-               to_source = source - a;
-  // The body is on the left. A short facet far away magnifies the rounding of its own vertices.
-  const double height = cross(along, to_source);
-  return height < 0.0 && -height > tolerance * (along.norm() + to_source.norm());
+template <int Dim>
+bool shows_outer_side(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& source, double tolerance) {
+  const auto facet = mesh.facets().col(f);
+  const Vec<Dim> a = mesh.vertex(facet[0]), to_source = source - a;
+  // A short facet far away magnifies the rounding of its own vertices.
+  if constexpr (Dim == 2) {
+    const Vec<2> along = mesh.vertex(facet[1]) - a;  // the body is on the left
+    const double height = along.x() * to_source.y() - along.y() * to_source.x();
+    return height < 0.0 && -height > tolerance * (along.norm() + to_source.norm());
+  } else {
+    const Vec<3> b = mesh.vertex(facet[1]) - a, c = mesh.vertex(facet[2]) - a;  // b x c points out of the body
+    const double height = b.cross(c).dot(to_source), longest = std::max(b.norm(), c.norm());
+    return height > 0.0 && height > 4.0 * tolerance * longest * (longest + to_source.norm());
+  }
 }
 
 template <int Dim> PatchFinder<Dim>::PatchFinder(const FineMesh<Dim>& mesh)
@@ -45,11 +57,17 @@ template <int Dim> bool PatchFinder<Dim>::meets_ball(Index c) const {
   const auto cell = mesh_.cells().col(c);
   for (int i = 0; i <= Dim; ++i)
     if ((x.col(cell[i]) - centre).squaredNorm() < reach) return true;
-  for (int i = 0; i <= Dim; ++i) {
-    const Vec<Dim> a = x.col(cell[i]) - centre, along = x.col(cell[(i + 1) % (Dim + 1)]) - centre - a;
-    const double t = std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0);
-    if ((a + t * along).squaredNorm() < reach) return true;
-  }
+  for (int i = 0; i <= Dim; ++i)
+    for (int j = 0; j < i; ++j) {
+      const Vec<Dim> a = x.col(cell[i]) - centre, along = x.col(cell[j]) - centre - a;
+      const double t = std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0);
+      if ((a + t * along).squaredNorm() < reach) return true;
+    }
+  if constexpr (Dim == 3)
+    for (int i = 0; i < 4; ++i)
+      if (over_triangle(x.col(cell[(i + 1) % 4]) - centre, x.col(cell[(i + 2) % 4]) - centre,
+                        x.col(cell[(i + 3) % 4]) - centre, reach))
+        return true;
   return false;
 }
 
@@ -59,7 +77,7 @@ template <int Dim> bool PatchFinder<Dim>::is_obstructed() const {
     return v != patch_.source && (mesh_.vertex(v) - source).cwiseAbs().maxCoeff() <= tolerance_;
   };
   return std::any_of(patch_.facets.begin(), patch_.facets.end(), [&](Index f) {
-    return shows_outer_side(mesh_, f, source, tolerance_) || is_twin(mesh_.facets()(0, f));
+    return shows_outer_side<Dim>(mesh_, f, source, tolerance_) || is_twin(mesh_.facets()(0, f));
   });
 }
 
@@ -107,24 +125,19 @@ template <int Dim> const Patch<Dim>& PatchFinder<Dim>::around(Index source, doub
   return patch_;
 }
 
-template class PatchFinder<2>;
-template double length_tolerance<2>(const FineMesh<2>&);
+template <int Dim> VertexGrid<Dim>::VertexGrid(const FineMesh<Dim>& mesh) : VertexGrid(mesh, all_vertices(mesh)) {}
 
-VertexGrid::VertexGrid(const FineMesh<2>& mesh) : VertexGrid(mesh, all_vertices(mesh)) {}
-
-VertexGrid::VertexGrid(const FineMesh<2>& mesh, const std::vector<Index>& vertices)
+template <int Dim> VertexGrid<Dim>::VertexGrid(const FineMesh<Dim>& mesh, const std::vector<Index>& vertices)
     : origin_(mesh.vertices().rowwise().minCoeff()) {
   constexpr double vertices_per_square = 8.0;
-  const Vec<2> extent = mesh.vertices().rowwise().maxCoeff() - origin_;
-  width_ = std::sqrt(extent.prod() * vertices_per_square / static_cast<double>(vertices.size()));
-  columns_ = static_cast<Index>(extent.x() / width_) + 1;
-  rows_ = static_cast<Index>(extent.y() / width_) + 1;
+  const Vec<Dim> extent = mesh.vertices().rowwise().maxCoeff() - origin_;
+  width_ = std::pow(extent.prod() * vertices_per_square / static_cast<double>(vertices.size()), 1.0 / Dim);
+  count_ = (extent / width_).array().template cast<Index>() + 1;
 
   std::vector<Index> of(vertices.size());
-  squares_.offsets.assign(static_cast<std::size_t>(columns_) * rows_ + 1, 0);
+  squares_.offsets.assign(static_cast<std::size_t>(count_.prod()) + 1, 0);
   for (std::size_t k = 0; k < vertices.size(); ++k) {
-    const auto at = square(mesh.vertex(vertices[k]));
-    of[k] = at.y() * columns_ + at.x();
+    of[k] = number(square(mesh.vertex(vertices[k])));
     ++squares_.offsets[of[k] + 1];
   }
   std::partial_sum(squares_.offsets.begin(), squares_.offsets.end(), squares_.offsets.begin());
@@ -134,10 +147,18 @@ VertexGrid::VertexGrid(const FineMesh<2>& mesh, const std::vector<Index>& vertic
     squares_.items[cursor[of[k]]++] = {mesh.vertex(vertices[k]), vertices[k]};
 }
 
-Eigen::Vector2i VertexGrid::square(const Vec<2>& x) const {
-  const Vec<2> at = (x - origin_) / width_;
-  return {static_cast<int>(std::clamp(at.x(), 0.0, columns_ - 1.0)),
-          static_cast<int>(std::clamp(at.y(), 0.0, rows_ - 1.0))};
+template <int Dim> auto VertexGrid<Dim>::square(const Vec<Dim>& x) const -> Square {
+  const Eigen::Array<double, Dim, 1> at = (x - origin_) / width_;
+  return at.max(0.0).min(count_.template cast<double>() - 1.0).template cast<Index>();
 }
+
+template class PatchFinder<2>;
+template class PatchFinder<3>;
+template double length_tolerance<2>(const FineMesh<2>&);
+template double length_tolerance<3>(const FineMesh<3>&);
+template bool shows_outer_side<2>(const FineMesh<2>&, Index, const Vec<2>&, double);
+template bool shows_outer_side<3>(const FineMesh<3>&, Index, const Vec<3>&, double);
+template class VertexGrid<2>;
+template class VertexGrid<3>;
 
 }  // namespace efree

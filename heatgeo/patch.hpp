@@ -28,7 +28,7 @@ template <int Dim> struct Patch {
 template <int Dim> double length_tolerance(const FineMesh<Dim>& mesh);
 
 /// True if `source` lies on the outer side of boundary facet f, by more than rounding.
-bool shows_outer_side(const FineMesh<2>& mesh, Index f, const Vec<2>& source, double tolerance);
+template <int Dim> bool shows_outer_side(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& source, double tolerance);
 
 /// Finds patches; keeps scratch memory between calls, so use one per thread.
 template <int Dim> class PatchFinder {
@@ -49,43 +49,52 @@ template <int Dim> class PatchFinder {
   Index stamp_ = 0;
 };
 
-/// Finds vertices by where they are, wherever the boundary is: a regular grid of squares with about eight vertices
-/// each. Immutable.
-class VertexGrid {
+/// Finds vertices by where they are, wherever the boundary is: a regular grid of squares (cubes in 3D) with about eight
+/// vertices each. Immutable.
+template <int Dim> class VertexGrid {
  public:
-  using Box = Eigen::AlignedBox<double, 2>;
+  using Box = Eigen::AlignedBox<double, Dim>;
 
-  VertexGrid(const FineMesh<2>& mesh, const std::vector<Index>& vertices);
+  VertexGrid(const FineMesh<Dim>& mesh, const std::vector<Index>& vertices);
   /// Of all vertices.
-  explicit VertexGrid(const FineMesh<2>& mesh);
+  explicit VertexGrid(const FineMesh<Dim>& mesh);
 
   /// Calls body(v, position) for every vertex in the box, and for some around it. Cost linear in their number.
   template <class Body> void for_each(const Box& box, const Body& body) const {
     for_each(
-        box, [](const Vec<2>&, double) { return true; }, body);
+        box, [](const Vec<Dim>&, double) { return true; }, body);
   }
   /// The same without the squares for which meets(centre, half their diagonal) is false.
   template <class Meets, class Body> void for_each(const Box& box, const Meets& meets, const Body& body) const {
-    const auto low = square(box.min()), high = square(box.max());
-    const double half_diagonal = std::sqrt(0.5) * width_;
-    for (Index row = low.y(); row <= high.y(); ++row)
-      for (Index column = low.x(); column <= high.x(); ++column)
-        if (meets(origin_ + width_ * Vec<2>(column + 0.5, row + 0.5), half_diagonal))
-          for (const Item& item : squares_[row * columns_ + column]) body(item.vertex, item.position);
+    const Square low = square(box.min()), high = square(box.max());
+    const double half_diagonal = 0.5 * std::sqrt(Dim) * width_;
+    for (Square at = low; at[Dim - 1] <= high[Dim - 1];) {
+      if (meets(origin_ + width_ * (at.template cast<double>() + 0.5).matrix(), half_diagonal))
+        for (const Item& item : squares_[number(at)]) body(item.vertex, item.position);
+      ++at[0];
+      for (int d = 0; d + 1 < Dim && at[d] > high[d]; ++d) at[d] = low[d], ++at[d + 1];
+    }
   }
 
  private:
   struct Item {
-    Vec<2> position;
+    Vec<Dim> position;
     Index vertex;
   };
-  /// Column and row, clamped to the grid.
-  Eigen::Vector2i square(const Vec<2>& x) const;
+  using Square = Eigen::Array<Index, Dim, 1>;
+  /// Of the square that holds x, clamped to the grid.
+  Square square(const Vec<Dim>& x) const;
+  /// Row by row.
+  Index number(const Square& at) const {
+    Index result = at[Dim - 1];
+    for (int d = Dim - 2; d >= 0; --d) result = result * count_[d] + at[d];
+    return result;
+  }
 
-  Vec<2> origin_;
+  Vec<Dim> origin_;
   double width_;
-  Index columns_, rows_;
-  Ragged<Item> squares_;  ///< row by row
+  Square count_;
+  Ragged<Item> squares_;
 };
 
 }  // namespace efree

@@ -46,7 +46,7 @@ Viewpoint::Viewpoint(const SightLines& sight)
     longest_facet_ = std::max(longest_facet_, sight.mesh().facet_measure(f));
 }
 
-void Viewpoint::look(Index origin, const VertexGrid::Box& box, const BendingWedge* wedge) {
+void Viewpoint::look(Index origin, const VertexGrid<2>::Box& box, const BendingWedge* wedge) {
   const FineMesh<2>& mesh = sight_.mesh();
   origin_ = origin;
   position_ = mesh.vertex(origin);

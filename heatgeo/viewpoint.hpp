@@ -18,7 +18,7 @@ class Viewpoint {
 
   /// Looks from vertex `origin` at what lies in the box, which must hold the origin; only in the directions of the
   /// wedge, if there is one.
-  void look(Index origin, const VertexGrid::Box& box, const BendingWedge* wedge = nullptr);
+  void look(Index origin, const VertexGrid<2>::Box& box, const BendingWedge* wedge = nullptr);
   /// False if everything in the box is seen (and part of the same body): no facet shows its outer side, and the origin
   /// has no twin across a slit.
   bool obstructed() const { return obstructed_; }
@@ -49,7 +49,7 @@ class Viewpoint {
   Verdict leave(const Opening& opening, const Vec<2>& line, double length) const;
 
   const SightLines& sight_;
-  VertexGrid boundary_;
+  VertexGrid<2> boundary_;
   double longest_facet_ = 0.0;
   double doubt_;  ///< rounding is surely below this length
   Index origin_ = -1;

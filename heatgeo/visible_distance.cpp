@@ -9,16 +9,16 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-VertexGrid::Box box_around(const Vec<2>& x, double radius) {
+VertexGrid<2>::Box box_around(const Vec<2>& x, double radius) {
   return {x.array() - radius, x.array() + radius};
 }
 
 /// Box around the points nearer than `reach` whose directions from x lie in the wedge.
-VertexGrid::Box box_around(const Vec<2>& x, const BendingWedge& wedge, double reach) {
+VertexGrid<2>::Box box_around(const Vec<2>& x, const BendingWedge& wedge, double reach) {
   const double cosine_of_half = 0.5 * (wedge.first + wedge.last).norm();
   if (cosine_of_half < 0.5) return box_around(x, reach);
   // A triangle around the sector.
-  VertexGrid::Box box(x);
+  VertexGrid<2>::Box box(x);
   box.extend(x + reach / cosine_of_half * wedge.first);
   box.extend(x + reach / cosine_of_half * wedge.last);
   return {box.min().array() - wedge.slack, box.max().array() + wedge.slack};
@@ -39,7 +39,7 @@ void VisibleDistance::measure(Index source, double radius) {
   bends_.clear();
   radius_ = radius;
   const Vec<2> x = sight_.mesh().vertex(source);
-  const VertexGrid::Box box = box_around(x, radius);
+  const VertexGrid<2>::Box box = box_around(x, radius);
   viewpoint_.look(source, box);
   grid_.for_each(box, [&](Index v, const Vec<2>& position) {
     const Vec<2> line = position - x;
@@ -85,7 +85,7 @@ const VisibleDistance::Seen& VisibleDistance::fan(Index vertex, Index number, co
   const Vec<2> x = sight_.mesh().vertex(vertex);
   seen_.clear();
   for (const BendingWedge& wedge : sight_.bends(vertex, corner, radius_)) {
-    const VertexGrid::Box box = box_around(x, wedge, radius_);
+    const VertexGrid<2>::Box box = box_around(x, wedge, radius_);
     viewpoint_.look(vertex, box, &wedge);
     grid_.for_each(
         box, [&](const Vec<2>& centre, double margin) { return wedge.contains(centre - x, margin); },

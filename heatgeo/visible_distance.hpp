@@ -44,7 +44,7 @@ class VisibleDistance {
   const Seen& fan(Index vertex, Index number, const Corner& corner);
 
   const SightLines& sight_;
-  VertexGrid grid_;
+  VertexGrid<2> grid_;
   Viewpoint viewpoint_;
   double radius_ = 0.0;
   std::vector<double> distance_;

@@ -23,6 +23,16 @@ struct Lame {
 /// Throws InputError for E <= 0 or nu outside (-1, 0.5).
 Lame plane_lame(const LinearElastic& material, Plane plane);
 
+/// Lame constants in space. Throws like plane_lame.
+Lame solid_lame(const LinearElastic& material);
+/// Those of an analysis in Dim dimensions: plane_lame in 2D; in 3D solid_lame, and `plane` means nothing.
+template <int Dim> Lame lame_constants(const LinearElastic& material, Plane plane) {
+  if constexpr (Dim == 2)
+    return plane_lame(material, plane);
+  else
+    return solid_lame(material);
+}
+
 /// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Dim, no shear.
 template <int Dim> Lame volumetric(const Lame& lame) {
   return {lame.lambda + 2.0 * lame.mu / Dim, 0.0};
@@ -37,5 +47,7 @@ template <int Dim> VoigtMatrix<Dim> stiffness(const Lame& lame);
 
 /// von Mises stress from the in-plane stress (xx, yy, xy); plane strain adds sigma_zz = nu (sigma_xx + sigma_yy).
 double von_mises(const Voigt<2>& stress, Plane plane, double nu);
+/// The same from all six components.
+double von_mises(const Voigt<3>& stress);
 
 }  // namespace efree

@@ -12,9 +12,9 @@
 namespace efree {
 namespace {
 
-/// Volume that a random sequential packing of spacing r leaves to each node, in units of r^Dim (2D: coverage 0.547 by
-/// discs of diameter r, Tanemura 1979).
-template <int Dim> constexpr double volume_per_node = 1.436;
+/// Volume that a random sequential packing of spacing r leaves to each node, in units of r^Dim: coverage 0.547 by discs
+/// of diameter r (Tanemura 1979), 0.384 by balls (Torquato, Uche & Stillinger 2006).
+template <int Dim> constexpr double volume_per_node = Dim == 2 ? 1.436 : 1.363;
 
 template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
   if (options.order != 1 && options.order != 2)
@@ -25,12 +25,17 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
     throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
                                  options.spacing, extent));
-  // Edge of the equilateral triangle of mean area; nodes sit on fine vertices and need some to choose from.
-  const double edge = std::sqrt(mesh.volumes().mean() * 4.0 / std::sqrt(3.0));
+  // Edge of the regular simplex of mean volume; nodes sit on fine vertices and need some to choose from.
+  const double edge = std::pow(mesh.volumes().mean() * (Dim == 2 ? 4.0 / std::sqrt(3.0) : 6.0 * std::sqrt(2.0)), 1.0 / Dim);
   if (options.kind == BasisKind::mls && options.spacing < edge)
     throw InputError(fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
                                  "expected a finer mesh (H/h of 3 or more) or a wider spacing",
                                  options.spacing, edge));
+  if (options.kind == BasisKind::mls && mesh.num_regions() > 1)
+    for (Index c = 0; c < mesh.num_cells(); ++c)
+      for (Index i = 0; i <= Dim; ++i)
+        if (const Index other = mesh.neighbour(i, c); other >= 0 && mesh.region(other) != mesh.region(c))
+          throw InputError("the functions of a node must not span two regions: part the mesh with cut_regions first");
 }
 
 /// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of
@@ -172,5 +177,6 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
 }
 
 template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
+template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);
 
 }  // namespace efree

@@ -32,7 +32,7 @@ struct ApproximationOptions {
   double spacing = 0.0;    ///< H [length]; required for MLS
   std::uint64_t seed = 1;  ///< of the clouds
   double support = 0.0;    ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
-  Weight weight = Weight::visibility;
+  Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
   double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, 6 for mls
@@ -57,7 +57,8 @@ template <int Dim> struct Approximation {
   Index dropped_points = 0;        ///< quadrature nodes left out to keep every weight positive
 };
 
-/// Runs cloud, weights, basis and quadrature; adds their seconds to `times`. Throws InputError for options out of range
+/// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region
+/// gets functions of its own, so that strains may jump. Runs cloud, weights, basis and quadrature; adds their seconds to `times`. Throws InputError for options out of range
 /// (spacing missing or larger than the body, order, ratio, support) and NumericalError where no basis can be built.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
                                                   StageTimes* times = nullptr, const Progress& progress = {});

@@ -167,6 +167,16 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
     volume[owner[c]] += mesh.volume(c);
     moment.col(owner[c]) += mesh.volume(c) * mesh.centroid(c);
   }
+  std::vector<Index> region(cloud.size(), -1);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    Index& of_cluster = region[owner[c]];
+    if (of_cluster >= 0 && of_cluster != mesh.region(c))
+      throw InputError(fmt::format("quadrature: the cluster around ({:.6g}) spans regions \"{}\" and \"{}\"; part the "
+                                   "mesh with cut_regions first",
+                                   fmt::join(cloud.positions.col(owner[c]), ", "), mesh.region_names()[of_cluster],
+                                   mesh.region_names()[mesh.region(c)]));
+    of_cluster = mesh.region(c);
+  }
   std::vector<Index> renumbered(cloud.size(), -1);
   SecondaryBasis<Dim> secondary;
   secondary.points.resize(Dim, cloud.size());
@@ -175,6 +185,7 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
       renumbered[K] = static_cast<Index>(secondary.vertices.size());
       secondary.points.col(renumbered[K]) = moment.col(K) / volume[K];
       secondary.vertices.push_back(cloud.vertices[K]);
+      secondary.region.push_back(region[K]);
     }
   const Index size = static_cast<Index>(secondary.vertices.size());
   secondary.points.conservativeResize(Dim, size);
@@ -190,7 +201,8 @@ template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>
                                                             const NodeCloud<Dim>& cloud) {
   const FineMesh<Dim>& mesh = space.mesh();
   const Index functions = table.num_nodes();
-  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}};
+  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}, {}};
+  for (Index v : cloud.vertices) secondary.region.push_back(mesh.region(mesh.cells_of(v).front()));
   // Rows at points inside cells or facets are means of the rows at their vertices, weighted by barycentric coordinates.
   const auto interpolate_rows = [&](Index items, const auto& vertex_of, const auto& points) {
     const Index corners = static_cast<Index>(points.rows());
@@ -231,6 +243,7 @@ template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
     for (Index q = 0; q < per_cell; ++q) {
       secondary.points.col(c * per_cell + q) = space.position(c, rule.points.col(q));
       secondary.vertices[c * per_cell + q] = mesh.cells()(q % (Dim + 1), c);
+      secondary.region.push_back(mesh.region(c));
     }
   secondary.in_cells = indicators(column, size);
   if (per_cell == 1) {
@@ -274,6 +287,7 @@ template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, cons
   Discretization<Dim> result;
   result.points = secondary.points;
   result.on_facets = secondary.on_facets;
+  result.region = secondary.region;
   result.weights = secondary_weights(space, secondary);
   for (Index K = 0; K < result.size(); ++K)
     if (!(result.weights[K] > 0.0))
@@ -301,6 +315,7 @@ template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& 
   Discretization<Dim> result;
   result.points = secondary.points;
   result.on_facets = secondary.on_facets;
+  result.region = secondary.region;
   result.weights = secondary_weights(space, secondary);
   result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
     Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
@@ -342,6 +357,11 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
     result.points.col(group[K]) += fine.weights[K] * fine.points.col(K);
   }
   if (!(result.weights.minCoeff() > 0.0)) throw InputError("merge: a group without quadrature points");
+  for (Index g = 0; g < groups; ++g) {
+    result.region.push_back(fine.region[members[g].front()]);
+    for (Index K : members[g])
+      if (fine.region[K] != result.region[g]) throw InputError("merge: a group spans two regions");
+  }
   result.points.array().rowwise() /= result.weights.transpose().array();
   result.on_facets = fine.on_facets * indicators(group, groups);
   result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
@@ -372,5 +392,13 @@ template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2
 template Discretization<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
 template Discretization<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
 template Discretization<2> merge<2>(const Discretization<2>&, const std::vector<Index>&, Index);
+template struct Discretization<3>;
+template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&);
+template SecondaryBasis<3> secondary_from_table<3>(const FineSpace<3>&, const ShapeTable<3>&, const NodeCloud<3>&);
+template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
+template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);
+template Discretization<3> project<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
+template Discretization<3> evaluate_at_points<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
+template Discretization<3> merge<3>(const Discretization<3>&, const std::vector<Index>&, Index);
 
 }  // namespace efree

@@ -12,6 +12,7 @@ namespace efree {
 template <int Dim> struct SecondaryBasis {
   Points<Dim> points;           ///< Dim x M, x_K
   std::vector<Index> vertices;  ///< M, a fine vertex at or near x_K, in the same body
+  std::vector<Index> region;    ///< M, region of the mesh that Phi_K lives in
   SparseRows in_cells;   ///< (cells * cell rule points) x M: Phi_K at the points of FineSpace::cell_rule, cell by cell
   SparseRows on_facets;  ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
 };
@@ -22,13 +23,14 @@ template <int Dim> struct Discretization {
   Vector weights;         ///< M, w_K = int Phi_K, positive, sum = volume
   ShapeTable<Dim> shape;  ///< M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K
   SparseRows on_facets;   ///< Phi_K on the boundary, see SecondaryBasis
+  std::vector<Index> region;  ///< M, region of the mesh that each point stands for
 
   Index size() const { return static_cast<Index>(weights.size()); }
 };
 
 /// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
 /// node K, x_K their centroid. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes that
-/// get no cell are left out.
+/// get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).

@@ -11,7 +11,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -123,15 +122,20 @@ template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fie
 }
 
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const Lame& lame, const ExactSolution<Dim>& exact) {
+                                         const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(4);
-  const VoigtMatrix<Dim> C = stiffness<Dim>(lame), compliance = C.inverse();
+  std::vector<VoigtMatrix<Dim>> stiffnesses, compliances;
+  for (const Lame& one : lame) {
+    stiffnesses.push_back(stiffness<Dim>(one));
+    compliances.push_back(stiffnesses.back().inverse());
+  }
   enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto dofs = space.cell(c);
     const auto u = gather<Dim>(fields.displacement, dofs);
     const auto sigma = gather<Dim>(fields.stress, dofs);
+    const VoigtMatrix<Dim>&C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const double dV = space.mesh().volume(c) * rule.weights[q];
       const Vec<Dim> x = space.position(c, rule.points.col(q));
@@ -170,6 +174,9 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
 
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
-template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Lame&, const ExactSolution<2>&);
+template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&, const ExactSolution<2>&);
+template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
+template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
+template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&, const ExactSolution<3>&);
 
 }  // namespace efree

@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Cholesky>
 #include <cmath>
 
 namespace efree {
@@ -16,8 +15,9 @@ namespace {
 
 /// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration,
 /// volumetric part on coarser unions where the approximation has them.
-template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
-                                                                   const Lame& lame, double stabilisation) {
+template <int Dim>
+std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation, const std::vector<Lame>& lame,
+                                                double stabilisation) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
@@ -27,13 +27,37 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
     throw InputError(
         fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
   if (!unions && !stabilised) return {{&approximation.quadrature, lame}};
-  const Lame dev = deviatoric<Dim>(lame), vol = volumetric<Dim>(lame);
-  const double kept = stabilised ? 1.0 - stabilisation : 1.0;
+  const auto of_all = [&](const auto& part) {
+    std::vector<Lame> result;
+    for (const Lame& one : lame) result.push_back(part(one));
+    return result;
+  };
+  const auto sheared = [&](double share) {
+    return of_all([share](const Lame& one) {
+      const Lame dev = deviatoric<Dim>(one);
+      return Lame{share * dev.lambda, share * dev.mu};
+    });
+  };
   std::vector<StiffnessTerm<Dim>> terms;
-  terms.push_back({&approximation.quadrature, {kept * dev.lambda, kept * dev.mu}});
-  if (stabilised) terms.push_back({&approximation.fine, {stabilisation * dev.lambda, stabilisation * dev.mu}});
-  terms.push_back({unions ? &approximation.dilatation : &approximation.quadrature, vol});
+  terms.push_back({&approximation.quadrature, sheared(stabilised ? 1.0 - stabilisation : 1.0)});
+  if (stabilised) terms.push_back({&approximation.fine, sheared(stabilisation)});
+  terms.push_back({unions ? &approximation.dilatation : &approximation.quadrature, of_all(volumetric<Dim>)});
   return terms;
+}
+
+template <int Dim> std::vector<VoigtMatrix<Dim>> stiffnesses(const std::vector<Lame>& lame) {
+  std::vector<VoigtMatrix<Dim>> C;
+  for (const Lame& one : lame) C.push_back(stiffness<Dim>(one));
+  return C;
+}
+
+/// C of each point's region times its strain.
+template <int Dim> VoigtPoints<Dim> stress_at_points(const Discretization<Dim>& discretization,
+                                                     const std::vector<VoigtMatrix<Dim>>& C,
+                                                     const VoigtPoints<Dim>& strain) {
+  VoigtPoints<Dim> stress(voigt_size<Dim>, strain.cols());
+  for (Index K = 0; K < strain.cols(); ++K) stress.col(K) = C[discretization.region[K]] * strain.col(K);
+  return stress;
 }
 
 /// Lower triangle of T^T K T for a block diagonal T of frames at a few nodes.
@@ -100,9 +124,20 @@ template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
 
 }  // namespace
 
+template <int Dim> std::vector<Lame> region_lame(const ElasticModel& model, const FineMesh<Dim>& mesh) {
+  if (model.regions.empty())
+    return std::vector<Lame>(mesh.num_regions(), lame_constants<Dim>(model.material, model.plane));
+  if (static_cast<Index>(model.regions.size()) != mesh.num_regions())
+    throw InputError(fmt::format("{} materials for {} regions ({}), expected one for each", model.regions.size(),
+                                 mesh.num_regions(), fmt::join(mesh.region_names(), ", ")));
+  std::vector<Lame> lame;
+  for (const LinearElastic& material : model.regions) lame.push_back(lame_constants<Dim>(material, model.plane));
+  return lame;
+}
+
 template <int Dim> struct ElasticSolver<Dim>::Impl {
   const Approximation<Dim>& approximation;
-  Lame lame;
+  std::vector<Lame> lame;  ///< by region
   std::vector<StiffnessTerm<Dim>> terms;
   Vector prescribed_rhs;  ///< what the displacement conditions add to the right-hand side
 
@@ -115,18 +150,20 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
 
   SymmetricMatrix assemble(const ElasticModel& model, const std::vector<DisplacementCondition<Dim>>& conditions) {
     const auto restrained = restraints(conditions);
-    require_restrained(approximation.space, restrained);
+    const auto ties = tied_facets(approximation.space.mesh(), model.open_interface);
+    require_restrained(approximation.space, restrained, ties);
     SymmetricMatrix K;
     for (const auto& term : terms) {
-      const SymmetricMatrix part = stiffness_matrix(*term.discretization, stiffness<Dim>(term.lame));
+      const SymmetricMatrix part = stiffness_matrix(*term.discretization, stiffnesses<Dim>(term.lame));
       K = K.size() ? SymmetricMatrix(K + part) : part;
     }
     prescribed_rhs = Vector::Zero(K.rows());
     if (model.essential == Essential::nitsche) {
-      auto system = nitsche(approximation.space, approximation.shape, terms, restrained);
+      auto system = nitsche(approximation.space, approximation.shape, terms, restrained, ties);
       prescribed_rhs = system.rhs;
       return K + system.matrix;
     }
+    if (!ties.empty()) K += nitsche<Dim>(approximation.space, approximation.shape, terms, {}, ties).matrix;
     nodal = nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, restrained);
     return eliminate(is_identity<Dim>(nodal.frames) ? K : rotate(K, nodal));
   }
@@ -192,7 +229,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
                                                      StageTimes* times, const Progress& progress)
-    : impl_(new Impl{approximation, plane_lame(model.material, model.plane), {}, {}, {}, {}, {}, {}}) {
+    : impl_(new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}}) {
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   impl_->terms = stiffness_terms(approximation, impl_->lame, model.stabilisation);
@@ -225,22 +262,26 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
   solution.coefficients = impl_->solve(load_vector(approximation.space, approximation.shape, loads));
   for (const auto& term : impl_->terms) {
     const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
-    const VoigtPoints<Dim> sigma = stiffness<Dim>(term.lame) * eps;
+    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, stiffnesses<Dim>(term.lame), eps);
     for (Index K = 0; K < term.discretization->size(); ++K)
       solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
   }
   solution.strain = strain(approximation.quadrature, solution.coefficients);
   require_stable(approximation, solution.coefficients, solution.strain);
-  solution.stress = stiffness<Dim>(impl_->lame) * solution.strain;
+  solution.stress = stress_at_points(approximation.quadrature, stiffnesses<Dim>(impl_->lame), solution.strain);
   if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
     const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
-    const VoigtMatrix<Dim> vol = stiffness<Dim>(volumetric<Dim>(impl_->lame));
-    for (Index K = 0; K < approximation.quadrature.size(); ++K)
-      solution.stress.col(K) += vol * (mean.col(approximation.union_of[K]) - solution.strain.col(K));
+    for (Index K = 0; K < approximation.quadrature.size(); ++K) {
+      const Lame vol = volumetric<Dim>(impl_->lame[approximation.quadrature.region[K]]);
+      solution.stress.col(K) += stiffness<Dim>(vol) * (mean.col(approximation.union_of[K]) - solution.strain.col(K));
+    }
   }
   return solution;
 }
 
+template std::vector<Lame> region_lame<2>(const ElasticModel&, const FineMesh<2>&);
+template std::vector<Lame> region_lame<3>(const ElasticModel&, const FineMesh<3>&);
 template class ElasticSolver<2>;
+template class ElasticSolver<3>;
 
 }  // namespace efree

@@ -20,11 +20,16 @@ enum class Essential {
 
 struct ElasticModel {
   LinearElastic material;
-  Plane plane = Plane::stress;
+  Plane plane = Plane::stress;  ///< means nothing in 3D
   Essential essential = Essential::nitsche;
   double stabilisation =
       0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
+  std::vector<LinearElastic> regions{};  ///< by region of the mesh; empty: `material` everywhere
+  std::string open_interface{};          ///< boundary part along which regions are not tied to each other (a crack)
 };
+
+/// Lame constants by region. Throws InputError for moduli out of range or regions without a material.
+template <int Dim> std::vector<Lame> region_lame(const ElasticModel& model, const FineMesh<Dim>& mesh);
 
 /// Coefficients and what is derived at the quadrature points.
 template <int Dim> struct Solution {
@@ -34,7 +39,7 @@ template <int Dim> struct Solution {
   double strain_energy = 0.0;  ///< [force * length per thickness]
 };
 
-/// Assembles and factors once, then solves any number of load cases.
+/// Regions of a mesh parted by cut_regions are tied to each other where they touch, by Nitsche. Assembles and factors once, then solves any number of load cases.
 template <int Dim> class ElasticSolver {
  public:
   /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not
@@ -82,7 +87,14 @@ template <int Dim> struct ExactSolution {
   VectorField<Dim> displacement;  ///< may be empty
   VoigtField<Dim> stress;         ///< may be empty
 };
+/// `lame` by region.
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const Lame& lame, const ExactSolution<Dim>& exact);
+                                         const std::vector<Lame>& lame, const ExactSolution<Dim>& exact);
+/// The same for one material.
+template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                         const Lame& lame, const ExactSolution<Dim>& exact) {
+  return errors_against(approximation, fields, std::vector<Lame>(approximation.space.mesh().num_regions(), lame),
+                        exact);
+}
 
 }  // namespace efree

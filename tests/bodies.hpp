@@ -2,6 +2,7 @@
 /// Bodies and linear fields that the tests and the patch-test table share.
 #pragma once
 
+#include "efree/assembly/operators.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/static_analysis.hpp"
@@ -80,25 +81,35 @@ inline Body body(const std::string& name) {
 }
 
 /// u(x) = shift + H x.
-struct LinearField {
+template <int Dim> struct LinearField {
   const char* name;
-  Mat<2> H;
-  Vec<2> shift{0.3, -0.2};
+  Mat<Dim> H;
+  Vec<Dim> shift;
 
-  Vec<2> displacement(const Vec<2>& x) const { return shift + H * x; }
-  Voigt<2> stress(const Lame& lame) const { return stiffness<2>(lame) * Voigt<2>(H(0, 0), H(1, 1), H(0, 1) + H(1, 0)); }
+  Vec<Dim> displacement(const Vec<Dim>& x) const { return shift + H * x; }
+  Voigt<Dim> stress(const Lame& lame) const {
+    Voigt<Dim> strain = Voigt<Dim>::Zero();
+    for (int i = 0; i < Dim; ++i) strain += strain_matrix<Dim>(Vec<Dim>::Unit(i)) * H.col(i);
+    return stiffness<Dim>(lame) * strain;
+  }
 };
-inline std::vector<LinearField> linear_fields() {
-  const Mat<2> tension{{1.0, 0.0}, {0.0, -0.3}}, shear{{0.0, 1.0}, {0.0, 0.0}}, rotation{{0.0, -1.0}, {1.0, 0.0}};
-  return {{"tension", tension}, {"shear", shear}, {"rotation", rotation}};
+template <int Dim> std::vector<LinearField<Dim>> linear_fields() {
+  Mat<Dim> tension = -0.3 * Mat<Dim>::Identity(), shear = Mat<Dim>::Zero(), rotation = Mat<Dim>::Zero();
+  tension(0, 0) = 1.0;
+  shear(0, Dim - 1) = 1.0;
+  rotation(0, 1) = -1.0, rotation(1, 0) = 1.0;
+  const Vec<Dim> shift = Vec<Dim>::LinSpaced(0.3, -0.2);
+  return {{"tension", tension, shift}, {"shear", shear, shift}, {"rotation", rotation, shift}};
 }
 
-inline Vec<2> traction_of(const Voigt<2>& stress, const Vec<2>& n) {
-  return {stress[0] * n.x() + stress[2] * n.y(), stress[2] * n.x() + stress[1] * n.y()};
+template <int Dim> Vec<Dim> traction_of(const Voigt<Dim>& stress, const Vec<Dim>& n) {
+  return strain_matrix<Dim>(n).transpose() * stress;
 }
 /// Every component prescribed.
-inline DisplacementCondition<2> displacement(std::string on, const VectorField<2>& u) {
-  return {std::move(on), {[u](const Vec<2>& x) { return u(x).x(); }, [u](const Vec<2>& x) { return u(x).y(); }}, {}};
+template <int Dim> DisplacementCondition<Dim> displacement(std::string on, const VectorField<Dim>& u) {
+  DisplacementCondition<Dim> condition{std::move(on), {}, {}};
+  for (int i = 0; i < Dim; ++i) condition.components[i] = [u, i](const Vec<Dim>& x) { return u(x)[i]; };
+  return condition;
 }
 
 /// Largest errors anywhere, relative to the largest displacement and to |C| |H|.
@@ -109,22 +120,23 @@ struct PatchError {
 };
 
 /// Solves for a linear field: displacements prescribed on some parts of the boundary, its tractions on others.
-inline PatchError patch_error(const Approximation<2>& approximation, const ElasticModel& model,
-                              const LinearField& field, const std::vector<std::string>& held,
-                              const std::vector<std::string>& loaded) {
-  const Lame lame = plane_lame(model.material, model.plane);
-  const Voigt<2> stress = field.stress(lame);
-  const VectorField<2> u = [&](const Vec<2>& x) { return field.displacement(x); };
-  std::vector<DisplacementCondition<2>> conditions;
-  for (const auto& part : held) conditions.push_back(displacement(part, u));
-  Loads<2> loads;
+template <int Dim> PatchError patch_error(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                          const LinearField<Dim>& field, const std::vector<std::string>& held,
+                                          const std::vector<std::string>& loaded) {
+  const Lame lame = lame_constants<Dim>(model.material, model.plane);
+  const Voigt<Dim> stress = field.stress(lame);
+  const VectorField<Dim> u = [&](const Vec<Dim>& x) { return field.displacement(x); };
+  std::vector<DisplacementCondition<Dim>> conditions;
+  for (const auto& part : held) conditions.push_back(displacement<Dim>(part, u));
+  Loads<Dim> loads;
   for (const auto& part : loaded)
-    loads.tractions.push_back({part, [&](const Vec<2>&, const Vec<2>& n) { return traction_of(stress, n); }});
-  const auto solution = ElasticSolver<2>(approximation, model, conditions).solve(loads);
+    loads.tractions.push_back(
+        {part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction_of<Dim>(stress, n); }});
+  const auto solution = ElasticSolver<Dim>(approximation, model, conditions).solve(loads);
   const auto fields = recover_fields(approximation, solution);
 
   const auto& vertices = approximation.space.points();
-  Points<2> exact(2, vertices.cols());
+  Points<Dim> exact(Dim, vertices.cols());
   for (Index v = 0; v < exact.cols(); ++v) exact.col(v) = u(vertices.col(v));
   const double scale = (lame.lambda + 2.0 * lame.mu) * field.H.norm();
   return {(fields.displacement - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff(),

@@ -49,7 +49,7 @@ INSTANTIATE_TEST_SUITE_P(Discretizations, Operators,
 TEST(StrainMatrix, TransposeTakesStressToTraction) {
   const Vec<2> n(0.6, 0.8);
   const Voigt<2> stress(2.0, -1.0, 0.5);
-  EXPECT_LT((strain_matrix<2>(n).transpose() * stress - testing::traction_of(stress, n)).norm(), 1e-15);
+  EXPECT_LT((strain_matrix<2>(n).transpose() * stress - testing::traction_of<2>(stress, n)).norm(), 1e-15);
 }
 
 TEST(Material, VolumetricAndDeviatoricPartsMakeTheWhole) {

@@ -24,7 +24,7 @@ TEST(SimplexRule, IntegratesMonomialsOnSegmentsExactly) {
 }
 
 TEST(SimplexRule, IntegratesMonomialsOnTrianglesExactly) {
-  for (int degree = 1; degree <= 4; ++degree) {
+  for (int degree = 1; degree <= 5; ++degree) {
     const auto rule = simplex_rule<2>(degree);
     for (int a = 0; a <= degree; ++a)
       for (int b = 0; a + b <= degree; ++b) {
@@ -33,7 +33,22 @@ TEST(SimplexRule, IntegratesMonomialsOnTrianglesExactly) {
         EXPECT_NEAR(rule.weights.dot(values), exact, 1e-15) << "degree " << degree << ", x^" << a << " y^" << b;
       }
   }
-  EXPECT_THROW(simplex_rule<2>(5), InputError);
+  EXPECT_THROW(simplex_rule<2>(6), InputError);
+}
+
+TEST(SimplexRule, IntegratesMonomialsOnTetrahedraExactly) {
+  for (int degree = 1; degree <= 5; ++degree) {
+    const auto rule = simplex_rule<3>(degree);
+    for (int a = 0; a <= degree; ++a)
+      for (int b = 0; a + b <= degree; ++b)
+        for (int c = 0; a + b + c <= degree; ++c) {
+          const Vector values =
+              rule.points.row(1).array().pow(a) * rule.points.row(2).array().pow(b) * rule.points.row(3).array().pow(c);
+          const double exact = 6.0 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3);
+          EXPECT_NEAR(rule.weights.dot(values), exact, 1e-15) << "degree " << degree << ", " << a << b << c;
+        }
+  }
+  EXPECT_THROW(simplex_rule<3>(6), InputError);
 }
 
 TEST(FineSpace, HoldsPolynomialsOfItsDegreeInEveryCell) {

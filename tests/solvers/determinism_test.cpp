@@ -19,7 +19,7 @@ Everything run(const FineMesh<2>& mesh, const ApproximationOptions& options, con
   set_num_threads(threads);
   const auto approximation = approximate(mesh, options);
   const auto traction = [](const Vec<2>& x, const Vec<2>& n) {
-    return testing::traction_of(testing::kirsch::stress(x), n);
+    return testing::traction_of<2>(testing::kirsch::stress(x), n);
   };
   auto solution = ElasticSolver<2>(approximation, model, {clamp<2>("left")}).solve({{{"right", traction}}, {}});
   auto fields = recover_fields(approximation, solution);

@@ -37,7 +37,7 @@ Errors solve(double size, ApproximationOptions options, Essential essential) {
   const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
   const Manufactured exact{plane_lame(model.material, model.plane)};
   std::vector<DisplacementCondition<2>> conditions;
-  for (const auto& part : parts) conditions.push_back(testing::displacement(part, Manufactured::displacement));
+  for (const auto& part : parts) conditions.push_back(testing::displacement<2>(part, Manufactured::displacement));
   const auto solution = ElasticSolver<2>(approximation, model, conditions).solve({{}, [&](const Vec<2>& x) {
                                                                                     return exact.body_force(x);
                                                                                   }});

@@ -37,7 +37,7 @@ inline Result solve(const FineMesh<2>& fine, const ApproximationOptions& options
   const auto approximation = approximate(fine, options);
   const ElasticModel model{.material = {E, nu}};
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
-  const auto traction = [](const Vec<2>& x, const Vec<2>& n) { return traction_of(stress(x), n); };
+  const auto traction = [](const Vec<2>& x, const Vec<2>& n) { return traction_of<2>(stress(x), n); };
   const auto solution =
       ElasticSolver<2>(approximation, model, {{"left", {zero, nullptr}, {}}, {"bottom", {nullptr, zero}, {}}})
           .solve({{{"right", traction}, {"top", traction}}, {}});

@@ -22,7 +22,7 @@ class PatchTest : public ::testing::TestWithParam<std::tuple<std::string, Second
     for (int seed = 1; seed <= clouds; ++seed) {
       options.seed = static_cast<std::uint64_t>(seed);
       const auto approximation = approximate(body.mesh, options);
-      for (const auto& field : testing::linear_fields())
+      for (const auto& field : testing::linear_fields<2>())
         for (const bool all : {true, false}) {
           const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
                                  : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);
@@ -72,7 +72,7 @@ TEST(PatchTestContrast, PointEvaluationMissesLinearFieldsByMoreThanAPercent) {
   const auto body = testing::body("square");
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const auto approximation = testing::with_point_evaluation(body.mesh, {.spacing = body.spacing, .seed = seed});
-    const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}}, testing::linear_fields()[0],
+    const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}}, testing::linear_fields<2>()[0],
                                             {"left"}, {"bottom", "right", "top"});
     EXPECT_GT(error.stress, 0.01);
   }
@@ -83,7 +83,7 @@ TEST(PatchTestFiniteElements, LinearFieldsAreExact) {
   for (const auto kind : {BasisKind::p1, BasisKind::p2})
     for (const auto essential : {Essential::nitsche, Essential::strong}) {
       const auto approximation = approximate(body.mesh, {.kind = kind});
-      for (const auto& field : testing::linear_fields()) {
+      for (const auto& field : testing::linear_fields<2>()) {
         const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}, .essential = essential}, field,
                                                 {"left"}, {"bottom", "right", "top", "notch"});
         EXPECT_LE(error.displacement, bar) << field.name;

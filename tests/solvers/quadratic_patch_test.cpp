@@ -21,7 +21,7 @@ double quadratic_patch_error(double h, const ApproximationOptions& options) {
   // eps_xx = 2x + y, eps_yy = 2y - x/2, gamma = x - y/2, so the forces are constant.
   const Vec<2> b(-(1.5 * lame.lambda + 4.0 * lame.mu - 0.5 * lame.mu), -(3.0 * lame.lambda + 4.0 * lame.mu + lame.mu));
   std::vector<DisplacementCondition<2>> conditions;
-  for (const char* side : {"left", "bottom", "right", "top"}) conditions.push_back(testing::displacement(side, u));
+  for (const char* side : {"left", "bottom", "right", "top"}) conditions.push_back(testing::displacement<2>(side, u));
   const auto solution =
       ElasticSolver<2>(approximation, model, conditions).solve({{}, [&](const Vec<2>&) { return b; }});
   const Points<2> found = recover_fields(approximation, solution).displacement;

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Distances through a tetrahedral mesh that spread from vertex to vertex along lines of sight.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+
+namespace efree {
+
+/// What marches through one mesh share: the neighbours of every vertex, and the test of lines of sight. Immutable.
+class SpatialSight {
+ public:
+  /// Keeps a reference. Cost linear in the mesh.
+  explicit SpatialSight(const FineMesh<3>& mesh);
+
+  const FineMesh<3>& mesh() const { return mesh_; }
+  double tolerance() const { return tolerance_; }
+  /// Vertices that share an edge with v, ascending.
+  std::span<const Index> neighbours(Index v) const { return neighbours_[v]; }
+  /// Cell at v that the straight line from v to x enters, and the local number of v there; cell -1 if the line leaves
+  /// the body at once. x is a place other than that of v.
+  struct Start {
+    Index cell = -1;
+    int corner = 0;
+  };
+  Start start(Index v, const Vec<3>& x) const;
+  /// Whether the line goes on from there to vertex `target` without leaving the body: a walk from cell to cell (visibility
+  /// walk of Devillers, Pion & Teillaud 2002). Lines along the boundary are inside.
+  bool reaches(Start from, Index target) const;
+
+ private:
+  /// Twice the area of the facet opposite corner i of cell c times the height of x over it; positive inside.
+  double side(Index c, int i, const Vec<3>& x) const;
+  bool beyond(Index c, int i, const Vec<3>& x) const;
+
+  const FineMesh<3>& mesh_;
+  double tolerance_;
+  Ragged<Index> neighbours_;
+};
+
+/// Fast marching with virtual sources (Sethian 1996; Novotni & Klein 2002) in space: Dijkstra's order, but a vertex
+/// inherits the origin of its neighbour (a source, or the boundary vertex where the path bent last) and takes the
+/// straight distance to it wherever the line of sight is free. Exact where a source is in sight; behind an edge the path
+/// bends at fine vertices. Keeps scratch memory: use one per thread.
+class SpatialMarching {
+ public:
+  /// Keeps a reference.
+  explicit SpatialMarching(const SpatialSight& sight);
+
+  /// Spreads from all `sources` at once through the body, to vertices nearer than `radius`.
+  void march(std::span<const Index> sources, double radius);
+
+  /// Vertices reached by the last march, in no special order; `distance` and `origin` hold for them.
+  const std::vector<Index>& reached() const { return reached_; }
+  double distance(Index v) const { return distance_[v]; }
+  /// Vertex from which the path comes straight to v; a source is its own origin. Never farther than v itself.
+  Index origin(Index v) const { return origin_[v]; }
+
+ private:
+  bool sees(Index v, Index origin) const;
+  void offer(Index v, double distance, Index origin);
+
+  struct Front {
+    double distance;
+    Index vertex;
+    friend bool operator<(const Front& a, const Front& b) {
+      return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
+    }
+  };
+
+  const SpatialSight& sight_;
+  double radius_ = 0.0;
+  std::vector<double> distance_;
+  std::vector<Index> origin_, reached_;
+  std::vector<Front> front_;
+};
+
+}  // namespace efree

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The linear patch test in space.
+#include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+constexpr double bar = 1e-11;
+
+struct Solid {
+  FineMesh<3> mesh;
+  std::vector<std::string> inner;
+};
+
+Solid solid(const std::string& name) {
+  if (name == "box") return {testing::with_sides(testing::box(8)), {}};
+  if (name == "slivers") return {testing::with_sides(testing::with_flat_cells(testing::box(8), 0.5)), {}};
+  return {testing::slit_box(8), {"slit"}};
+}
+
+class SolidPatchTest : public ::testing::TestWithParam<std::tuple<std::string, SecondaryKind, Essential>> {};
+
+TEST_P(SolidPatchTest, LinearFieldsAreExact) {
+  const auto [name, secondary, essential] = GetParam();
+  const auto [mesh, inner] = solid(name);
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    ApproximationOptions options{.spacing = 0.4, .seed = seed, .secondary = secondary};
+    if (essential == Essential::strong) options.vanish_on = testing::box_sides;
+    const auto approximation = approximate(mesh, options);
+    std::vector<std::string> loaded(testing::box_sides.begin() + 1, testing::box_sides.end());
+    loaded.insert(loaded.end(), inner.begin(), inner.end());
+    for (const auto& field : testing::linear_fields<3>())
+      for (const bool all : {true, false}) {
+        const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
+        const auto error = all ? testing::patch_error<3>(approximation, model, field, testing::box_sides, inner)
+                               : testing::patch_error<3>(approximation, model, field, {"left"}, loaded);
+        EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        EXPECT_LE(error.stress, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        EXPECT_LE(error.recovered, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+      }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Solids, SolidPatchTest,
+                         ::testing::Combine(::testing::Values("box", "slivers", "slit"),
+                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                                            ::testing::Values(Essential::nitsche, Essential::strong)),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) +
+                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls") +
+                                  (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
+                         });
+
+TEST(SolidPatchTestBodies, SliversAreAsFlatAsPromised) {
+  EXPECT_LT(testing::smallest_dihedral_angle(solid("slivers").mesh), 0.6);
+  EXPECT_GT(testing::smallest_dihedral_angle(solid("box").mesh), 10.0);
+}
+
+TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
+  const auto mesh = solid("slit").mesh;
+  for (const auto kind : {BasisKind::p1, BasisKind::p2})
+    for (const auto essential : {Essential::nitsche, Essential::strong}) {
+      const auto approximation = approximate(mesh, {.kind = kind});
+      for (const auto& field : testing::linear_fields<3>()) {
+        const auto error =
+            testing::patch_error<3>(approximation, {.material = {1.0, 0.3}, .essential = essential}, field, {"left"},
+                                    {"right", "front", "back", "bottom", "top", "slit"});
+        EXPECT_LE(error.displacement, bar) << field.name;
+        EXPECT_LE(error.stress, bar) << field.name;
+      }
+    }
+}
+
+}  // namespace
+}  // namespace efree
