@@ -197,17 +197,20 @@ PlanarRegions simplify(const PlanarRegions& plane, double tolerance, const Label
 
 }  // namespace
 
+PlanarRegions internal::contours(const LabelImage<2>& image, const ImageRegions& regions, Contour contour) {
+  return join(Tracer(image, regions, contour).pieces(), image);
+}
+
 template <> MeshData<2> mesh_image<2>(const LabelImage<2>& image, const ImageMeshOptions& options) {
   const internal::ImageRegions regions = internal::image_regions(image, options);
-  const auto pieces = Tracer(image, regions, options.contour).pieces();
+  PlanarRegions plane = internal::contours(image, regions, options.contour);
   double area = 0.0;
   for (const LabelCount& count : count_labels(image))
     if (count.label != 0) area += static_cast<double>(count.pixels) * image.pixel_volume();
   // About 300 bytes to a triangle of CGAL's and of the mesh together; two triangles to a point of a contour.
   require_memory(
-      300.0 * (4.0 * area / (options.size * options.size) + 4.0 * static_cast<double>(pieces.size())),
+      300.0 * (4.0 * area / (options.size * options.size) + 4.0 * static_cast<double>(plane.points.size())),
       fmt::format("image: meshing {} x {} pixels with a size of {}", image.size[0], image.size[1], options.size));
-  PlanarRegions plane = join(pieces, image);
   if (options.simplify > 0.0) plane = simplify(plane, options.simplify, image);
   MeshData<2> mesh = internal::triangulate_regions(plane, {.size = options.size, .min_angle = 0.0});
   mesh.region_names = regions.names;

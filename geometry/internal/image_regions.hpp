@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/internal/planar_regions.hpp"
 
 #include <string>
 #include <vector>
@@ -16,5 +17,9 @@ struct ImageRegions {
 
 /// Checks image and options as mesh_image says, and numbers the regions.
 template <int Dim> ImageRegions image_regions(const LabelImage<Dim>& image, const ImageMeshOptions& options);
+
+/// The contours between regions and around the material, without points within straight runs. Chains are named "left",
+/// "right", "bottom", "top" on the image's frame, and "pores" inside it.
+PlanarRegions contours(const LabelImage<2>& image, const ImageRegions& regions, Contour contour);
 
 }  // namespace efree::internal
