@@ -2,6 +2,7 @@
 #include "efree/geometry/planar_domain.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/internal/planar_regions.hpp"
 
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
 #include <CGAL/Delaunay_mesh_face_base_2.h>
@@ -9,6 +10,7 @@
 #include <CGAL/Delaunay_mesher_2.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Spatial_sort_traits_adapter_2.h>
+#include <CGAL/Triangulation_face_base_with_info_2.h>
 #include <CGAL/Triangulation_vertex_base_with_info_2.h>
 #include <CGAL/Unique_hash_map.h>
 #include <CGAL/box_intersection_d.h>
@@ -32,7 +34,13 @@ struct VertexInfo {
   Index number = -1;  // vertex of the mesh
 };
 using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<VertexInfo, Kernel>;
-using FaceBase = CGAL::Delaunay_mesh_face_base_2<Kernel>;
+struct FaceInfo {
+  Index region = -1;
+};
+using FaceBase = CGAL::Delaunay_mesh_face_base_2<
+    Kernel, CGAL::Constrained_Delaunay_triangulation_face_base_2<
+                Kernel, CGAL::Constrained_triangulation_face_base_2<
+                            Kernel, CGAL::Triangulation_face_base_with_info_2<FaceInfo, Kernel>>>>;
 using Cdt =
     CGAL::Constrained_Delaunay_triangulation_2<Kernel, CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>,
                                                CGAL::No_constraint_intersection_requiring_constructions_tag>;
@@ -51,7 +59,8 @@ enum class Kind { boundary, embedded, slit };
 struct Segment {
   Index a, b;
   Kind kind;
-  Index name;  // -1: none
+  Index name;                   // -1: none
+  Index left = -1, right = -1;  // regions beside it
 
   std::pair<Index, Index> key() const { return std::minmax(a, b); }
 };
@@ -450,12 +459,13 @@ void number_mesh(Cdt& cdt, MeshData<2>& mesh) {
     vertices[order[k]]->info().number = static_cast<Index>(k);
     mesh.vertices.col(static_cast<Index>(k)) << points[order[k]].x(), points[order[k]].y();
   }
-  std::vector<std::array<Index, 3>> cells;
+  std::vector<std::array<Index, 4>> cells;  // vertices and region
   for (auto f = cdt.finite_faces_begin(); f != cdt.finite_faces_end(); ++f) {
     if (!f->is_in_domain()) continue;
-    std::array<Index, 3> cell;
+    std::array<Index, 4> cell;
     for (int i = 0; i < 3; ++i) cell[i] = f->vertex(i)->info().number;
-    std::rotate(cell.begin(), std::min_element(cell.begin(), cell.end()), cell.end());
+    std::rotate(cell.begin(), std::min_element(cell.begin(), cell.begin() + 3), cell.begin() + 3);
+    cell[3] = f->info().region;
     cells.push_back(cell);
   }
   std::sort(cells.begin(), cells.end(),
@@ -463,6 +473,9 @@ void number_mesh(Cdt& cdt, MeshData<2>& mesh) {
   mesh.cells.resize(3, static_cast<Index>(cells.size()));
   for (std::size_t c = 0; c < cells.size(); ++c)
     for (int i = 0; i < 3; ++i) mesh.cells(i, static_cast<Index>(c)) = cells[c][i];
+  mesh.regions.clear();
+  if (cells.empty() || cells.front()[3] < 0) return;  // a domain of one region
+  for (const auto& cell : cells) mesh.regions.push_back(cell[3]);
 }
 
 /// Constrained edges at v, each as the face it belongs to and the index opposite to it.
@@ -528,13 +541,75 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
   return cut;
 }
 
-}  // namespace
+/// Gives every face inside the domain the region beside the chains around it.
+void mark_regions(const std::vector<Cdt::Vertex_handle>& handles, const Segments& s, const Edges& edges, Cdt& cdt) {
+  for (auto f = cdt.all_faces_begin(); f != cdt.all_faces_end(); ++f) f->info().region = -1;
+  std::vector<Cdt::Face_handle> stack;
+  for_each_fine_edge(cdt, handles, edges, [&](Index number, const Cdt::Edge& edge) {
+    const Segment& segment = edges.segments[number].front();
+    const auto &a = edge.first->vertex(Cdt::ccw(edge.second))->point(),
+               &b = edge.first->vertex(Cdt::cw(edge.second))->point();  // the face lies to the left of ab
+    const Vec<2> along = s.points[segment.b] - s.points[segment.a];
+    const bool same = along.x() * (b.x() - a.x()) + along.y() * (b.y() - a.y()) > 0.0;
+    const Cdt::Face_handle left = edge.first, right = edge.first->neighbor(edge.second);
+    for (const auto& [face, region] : {std::pair{left, same ? segment.left : segment.right},
+                                       std::pair{right, same ? segment.right : segment.left}}) {
+      if (!face->is_in_domain() || face->info().region >= 0) continue;
+      face->info().region = region;
+      stack.push_back(face);
+    }
+  });
+  while (!stack.empty()) {
+    const Cdt::Face_handle face = stack.back();
+    stack.pop_back();
+    for (int i = 0; i < 3; ++i) {
+      const Cdt::Face_handle next = face->neighbor(i);
+      if (face->is_constrained(i) || !next->is_in_domain() || next->info().region >= 0) continue;
+      next->info().region = face->info().region;
+      stack.push_back(next);
+    }
+  }
+}
 
-FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+void check_options(const TriangulateOptions& options) {
   if (!(options.size > 0.0))
     throw InputError(fmt::format("triangulate: size is {}, expected a positive length", options.size));
   if (!(options.min_angle >= 0.0 && options.min_angle <= 20.7))
     throw InputError(fmt::format("triangulate: min_angle is {}, expected 0 to 20.7 degrees", options.min_angle));
+}
+
+}  // namespace
+
+MeshData<2> internal::triangulate_regions(const PlanarRegions& plane, const TriangulateOptions& options) {
+  check_options(options);
+  Segments segments;
+  segments.points = plane.points;
+  for (const PlanarRegions::Chain& chain : plane.chains) {
+    const bool boundary = (chain.left < 0) != (chain.right < 0);
+    const Index name = boundary ? name_number(segments.names, chain.name) : -1;
+    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k)
+      segments.segments.push_back({chain.points[k], chain.points[k + 1], boundary ? Kind::boundary : Kind::embedded,
+                                   name, chain.left, chain.right});
+  }
+  const Edges edges = collect_edges(segments);
+  check_closed(segments, edges);
+
+  Cdt cdt;
+  const auto handles = insert(segments, edges, cdt);
+  mark_domain(edges, cdt);
+  refine(segments, edges, options, cdt);
+  mark_regions(handles, segments, edges, cdt);
+
+  MeshData<2> mesh;
+  number_mesh(cdt, mesh);
+  name_facets(cdt, handles, segments, edges, mesh);
+  std::vector<std::array<Index, 2>> boundary;
+  for (const auto& group : mesh.groups) boundary.insert(boundary.end(), group.facets.begin(), group.facets.end());
+  return cut_open<2>(std::move(mesh), boundary);  // opens nothing but vertices in which parts of the body touch
+}
+
+FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+  check_options(options);
   Segments segments = collect_segments(domain);
   resolve_contacts(segments);
   const Edges edges = collect_edges(segments);

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/memory.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <fstream>
+#include <limits>
+#include <string>
+
+namespace efree {
+
+double available_memory() {
+  std::ifstream file("/proc/meminfo");
+  std::string key, unit;
+  for (double kilobytes; file >> key >> kilobytes && std::getline(file, unit);)
+    if (key == "MemAvailable:") return 1024.0 * kilobytes;
+  return std::numeric_limits<double>::infinity();
+}
+
+void require_memory(double bytes, std::string_view what) {
+  if (const double available = available_memory(); !(bytes <= available))
+    throw InputError(fmt::format("{} takes about {:.3g} GiB of memory, {:.3g} GiB are available", what, bytes / 0x1p30,
+                                 available / 0x1p30));
+}
+
+}  // namespace efree

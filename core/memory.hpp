@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Says that memory is short before it is asked for.
+#pragma once
+
+#include <string_view>
+
+namespace efree {
+
+/// Bytes that can still be allocated without swapping (Linux: MemAvailable); infinite where the system does not say.
+double available_memory();
+
+/// Throws InputError "`what` takes about ... of memory, ... are available" if `bytes` are more than there are.
+void require_memory(double bytes, std::string_view what);
+
+}  // namespace efree

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Fine meshes of label images.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/label_image.hpp"
+
+#include <map>
+#include <string>
+
+namespace efree {
+
+/// How the boundaries between labels run in 2D.
+enum class Contour {
+  pixel,   ///< along the edges of pixels: areas are those of the pixels exactly
+  smooth,  ///< from midpoint to midpoint of these edges (marching squares): corners of pixels are cut off
+};
+
+struct ImageMeshOptions {
+  double size = 0.0;                 ///< longest edge allowed (in 3D: wanted) [length]; required
+  Contour contour = Contour::pixel;  ///< 2D only; in 3D boundaries are always smooth
+  /// 2D only: contours are simplified as long as they move by no more than this [pixels]; 0 keeps them. Junctions, ends
+  /// on the image's frame, and the frame itself stay; contours neither cross nor vanish (CGAL
+  /// Polyline_simplification_2; Dyken, Daehlen, Sevaldrud 2009).
+  double simplify = 0.0;
+  /// Names of regions by label. Empty: every label is a region named by its number. Otherwise all labels but 0 must
+  /// have a name and all named labels must be in the image; labels with the same name are one region.
+  std::map<Label, std::string> names{};
+  /// 3D only: largest distance between the boundary's facets and the boundary itself [smallest edge of a voxel].
+  double facet_distance = 0.35;
+};
+
+/// Conforming mesh of all pixels (voxels) that are not void. Regions: one for each name, ascending by label. Groups:
+/// "left", "right" (x), "bottom", "top" (y; in 3D z), in 3D "front", "back" (y) for the facets on the image's frame,
+/// and "pores" for all others of the boundary; facets between two regions belong to none. Bodies that touch in a corner
+/// only (in 3D in an edge, too) are not connected there. 2D: constrained Delaunay triangulation of the contours,
+/// coarser than a pixel away from them if `size` is. On the frame contours stay where the pixels end. Smooth contours
+/// of three or more labels meet in the pixels' corner. 3D: Delaunay refinement (CGAL Mesh_3; Boissonnat and Oudot 2005)
+/// of the trilinear interpolation of each label's indicator, the label with the largest winning; slivers are left in,
+/// cells without volume are not. Both deterministic. Throws InputError for a broken image, one that is all void, names
+/// that do not match the labels (the message lists these), a size that is not positive, negative tolerances, and too
+/// little memory.
+template <int Dim> MeshData<Dim> mesh_image(const LabelImage<Dim>& image, const ImageMeshOptions& options);
+template <> MeshData<2> mesh_image<2>(const LabelImage<2>& image, const ImageMeshOptions& options);
+template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMeshOptions& options);
+
+}  // namespace efree

@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/image_mesh.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
+#include "efree/geometry/internal/image_regions.hpp"
+
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Labeled_mesh_domain_3.h>
+#include <CGAL/Mesh_complex_3_in_triangulation_3.h>
+#include <CGAL/Mesh_criteria_3.h>
+#include <CGAL/Mesh_domain_with_polyline_features_3.h>
+#include <CGAL/Mesh_triangulation_3.h>
+#include <CGAL/Spatial_sort_traits_adapter_3.h>
+#include <CGAL/hilbert_sort.h>
+#include <CGAL/make_mesh_3.h>
+#include <CGAL/property_map.h>
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <random>
+#include <set>
+
+namespace efree {
+namespace {
+
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Domain = CGAL::Mesh_domain_with_polyline_features_3<CGAL::Labeled_mesh_domain_3<Kernel>>;
+using Triangulation = CGAL::Mesh_triangulation_3<Domain>::type;
+using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
+using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
+
+/// The image with its outermost layer repeated around it, as regions counted from 1 (void: 0).
+class Volume {
+ public:
+  Volume(const LabelImage<3>& image, const internal::ImageRegions& regions) : image_(image) {
+    for (int d = 0; d < 3; ++d) size_[d] = image.size[d] + 2;
+    voxels_.reserve(static_cast<std::size_t>(size_[0]) * size_[1] * size_[2]);
+    const auto clamped = [&](Index i, int d) { return std::clamp(i - 1, 0, image.size[d] - 1); };
+    for (Index k = 0; k < size_[2]; ++k)
+      for (Index j = 0; j < size_[1]; ++j)
+        for (Index i = 0; i < size_[0]; ++i)
+          voxels_.push_back(
+              static_cast<Label>(regions.of_label[image.at({clamped(i, 0), clamped(j, 1), clamped(k, 2)})] + 1));
+  }
+
+  /// Region of voxel (i, j, k) of the image.
+  Label at(Index i, Index j, Index k) const { return voxels_[offset(i + 1, j + 1, k + 1)]; }
+  Label at(const std::array<Index, 3>& v) const { return at(v[0], v[1], v[2]); }
+
+  /// The region whose indicator, interpolated between the centres of the voxels, is largest at a point. Void wins ties
+  /// (and a little more), so that bodies do not connect in a corner.
+  int operator()(const Kernel::Point_3& p) const {
+    std::array<Index, 3> cell;
+    std::array<double, 3> t;
+    const std::array<double, 3> x{p.x(), p.y(), p.z()};
+    for (int d = 0; d < 3; ++d) {
+      const double u = (x[d] - image_.origin[d]) / image_.spacing[d];
+      if (!(u >= 0.0 && u <= image_.size[d])) return 0;
+      cell[d] = std::min(static_cast<Index>(u + 0.5), size_[d] - 2);
+      t[d] = u + 0.5 - cell[d];
+    }
+    const std::size_t base = offset(cell[0], cell[1], cell[2]), row = size_[0],
+                      layer = static_cast<std::size_t>(size_[0]) * size_[1];
+    std::array<Label, 8> corner;
+    bool same = true;
+    for (int c = 0; c < 8; ++c) {
+      corner[c] = voxels_[base + (c & 1) + (c & 2 ? row : 0) + (c & 4 ? layer : 0)];
+      same = same && corner[c] == corner[0];
+    }
+    if (same) return corner[0];
+    std::array<double, 8> sum{};
+    for (int c = 0; c < 8; ++c) {
+      const double weight = (c & 1 ? t[0] : 1.0 - t[0]) * (c & 2 ? t[1] : 1.0 - t[1]) * (c & 4 ? t[2] : 1.0 - t[2]);
+      sum[std::find(corner.begin(), corner.end(), corner[c]) - corner.begin()] += weight;
+    }
+    int best = 0;
+    for (int c = 0; c < 8; ++c) {
+      if (corner[c] == 0) sum[c] += 1e-6;
+      if (sum[c] > sum[best] || (sum[c] == sum[best] && corner[c] < corner[best])) best = c;
+    }
+    return corner[best];
+  }
+
+ private:
+  std::size_t offset(Index i, Index j, Index k) const {
+    return i + static_cast<std::size_t>(size_[0]) * (j + static_cast<std::size_t>(size_[1]) * k);
+  }
+
+  const LabelImage<3>& image_;
+  std::array<Index, 3> size_;
+  std::vector<Label> voxels_;
+};
+
+/// The contours on the six sides of the image and the edges between these, which the mesh has to follow.
+std::vector<std::vector<Kernel::Point_3>> features(const LabelImage<3>& image, const internal::ImageRegions& regions) {
+  using Corner = std::array<double, 3>;  // in voxels
+  std::vector<std::vector<Kernel::Point_3>> out;
+  std::set<std::pair<Corner, Corner>> edges;  // those on the frame come from two sides
+  for (int normal = 0; normal < 3; ++normal)
+    for (const bool high : {false, true}) {
+      const int u = (normal + 1) % 3, v = (normal + 2) % 3;
+      LabelImage<2> side;
+      side.size = {image.size[u], image.size[v]};
+      std::array<Index, 3> at;
+      at[normal] = high ? image.size[normal] - 1 : 0;
+      for (at[v] = 0; at[v] < image.size[v]; ++at[v])
+        for (at[u] = 0; at[u] < image.size[u]; ++at[u]) side.labels.push_back(image.at(at));
+      const auto plane = internal::contours(side, regions, Contour::smooth);
+      for (const auto& chain : plane.chains) {
+        std::vector<Corner> corners;
+        for (const Index p : chain.points) {
+          Corner& corner = corners.emplace_back();
+          corner[normal] = high ? image.size[normal] : 0;
+          corner[u] = plane.points[p].x();
+          corner[v] = plane.points[p].y();
+        }
+        if (chain.name != "pores" && !edges.insert(std::minmax(corners.front(), corners.back())).second) continue;
+        auto& polyline = out.emplace_back();
+        for (const Corner& c : corners)
+          polyline.emplace_back(image.origin.x() + image.spacing.x() * c[0],
+                                image.origin.y() + image.spacing.y() * c[1],
+                                image.origin.z() + image.spacing.z() * c[2]);
+      }
+    }
+  return out;
+}
+
+/// Connected bodies of the same region, void included.
+std::vector<Index> components(const Volume& volume, const std::array<Index, 3>& size) {
+  const auto offset = [&](const std::array<Index, 3>& v) {
+    return v[0] + static_cast<std::size_t>(size[0]) * (v[1] + static_cast<std::size_t>(size[1]) * v[2]);
+  };
+  std::vector<Index> number(static_cast<std::size_t>(size[0]) * size[1] * size[2], -1);
+  std::vector<std::array<Index, 3>> stack;
+  Index count = 0;
+  for (Index k = 0; k < size[2]; ++k)
+    for (Index j = 0; j < size[1]; ++j)
+      for (Index i = 0; i < size[0]; ++i) {
+        if (number[offset({i, j, k})] >= 0) continue;
+        stack.push_back({i, j, k});
+        number[offset({i, j, k})] = count;
+        while (!stack.empty()) {
+          const auto voxel = stack.back();
+          stack.pop_back();
+          for (int d = 0; d < 3; ++d)
+            for (const int step : {-1, 1}) {
+              auto next = voxel;
+              next[d] += step;
+              if (next[d] < 0 || next[d] >= size[d] || volume.at(next) != volume.at(voxel)) continue;
+              if (Index& n = number[offset(next)]; n < 0) {
+                n = count;
+                stack.push_back(next);
+              }
+            }
+        }
+        ++count;
+      }
+  return number;
+}
+
+/// Segments between the centres of voxels on two sides of a boundary inside the image: to every pair of bodies in every
+/// cube of `cube` voxels a side those farthest along the axes. Refinement alone finds no body smaller than its cells.
+std::vector<std::pair<Vec<3>, Vec<3>>> seeds(const LabelImage<3>& image, const Volume& volume, Index cube) {
+  using Voxel = std::array<Index, 3>;
+  const std::vector<Index> number = components(volume, image.size);
+  struct Face {
+    Voxel voxel;
+    int axis;
+  };
+  const auto twice_centre = [](const Face& f, int d) { return 2 * f.voxel[d] + (f.axis == d); };
+  std::map<std::array<Index, 5>, std::array<Face, 6>> extremes;
+  Voxel v;
+  for (v[2] = 0; v[2] < image.size[2]; ++v[2])
+    for (v[1] = 0; v[1] < image.size[1]; ++v[1])
+      for (v[0] = 0; v[0] < image.size[0]; ++v[0])
+        for (int axis = 0; axis < 3; ++axis) {
+          Voxel w = v;
+          if (++w[axis] == image.size[axis] || volume.at(v) == volume.at(w)) continue;
+          const auto [a, b] = std::minmax(number[image.index(v)], number[image.index(w)]);
+          const Face face{v, axis};
+          const auto [it, fresh] = extremes.insert({{v[2] / cube, v[1] / cube, v[0] / cube, a, b}, {}});
+          for (int d = 0; d < 3; ++d) {
+            Face &low = it->second[2 * d], &high = it->second[2 * d + 1];
+            if (fresh || twice_centre(face, d) < twice_centre(low, d)) low = face;
+            if (fresh || twice_centre(face, d) > twice_centre(high, d)) high = face;
+          }
+        }
+  std::set<std::pair<Voxel, int>> chosen;
+  for (const auto& [key, faces] : extremes)
+    for (const Face& face : faces) chosen.insert({face.voxel, face.axis});
+  std::vector<std::pair<Vec<3>, Vec<3>>> out;
+  for (const auto& [voxel, axis] : chosen) {
+    const Vec<3> from =
+        image.origin + image.spacing.cwiseProduct(Vec<3>(voxel[0] + 0.5, voxel[1] + 0.5, voxel[2] + 0.5));
+    Vec<3> to = from;
+    to[axis] += image.spacing[axis];
+    out.push_back({from, to});
+  }
+  return out;
+}
+
+Kernel::Point_3 to_cgal(const Vec<3>& p) {
+  return {p.x(), p.y(), p.z()};
+}
+
+void insert_seeds(const std::vector<std::pair<Vec<3>, Vec<3>>>& segments, const LabelImage<3>& image, double size,
+                  const Domain& domain, Complex& complex) {
+  const Vec<3> low = image.origin,
+               high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  const auto intersection = domain.construct_intersection_object();
+  Triangulation& tr = complex.triangulation();
+  const auto weighted = tr.geom_traits().construct_weighted_point_3_object();
+  for (const auto& [from, to] : segments) {
+    // The balls around the features on the frame have at most this radius; nothing may go into them.
+    const Vec<3> middle = 0.5 * (from + to);
+    if (std::min((middle - low).minCoeff(), (high - middle).minCoeff()) < 1.5 * size) continue;
+    const auto hit = intersection(Kernel::Segment_3(to_cgal(from), to_cgal(to)));
+    if (std::get<2>(hit) == 0) continue;
+    const auto v = tr.insert(weighted(std::get<0>(hit)));
+    if (v == Triangulation::Vertex_handle()) continue;
+    complex.set_dimension(v, 2);
+    complex.set_index(v, std::get<1>(hit));
+  }
+}
+
+/// Vertices along a space-filling curve, those on the frame exactly there.
+MeshData<3> collect(const Complex& complex, const LabelImage<3>& image) {
+  const Triangulation& tr = complex.triangulation();
+  std::map<Triangulation::Vertex_handle, Index> used;
+  std::vector<Triangulation::Vertex_handle> vertices;
+  std::vector<Kernel::Point_3> points;
+  for (auto v = tr.finite_vertices_begin(); v != tr.finite_vertices_end(); ++v) {
+    vertices.push_back(v);
+    points.push_back(v->point().point());
+  }
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  using PointMap = CGAL::Pointer_property_map<Kernel::Point_3>::type;
+  CGAL::hilbert_sort(order.begin(), order.end(),
+                     CGAL::Spatial_sort_traits_adapter_3<Kernel, PointMap>(CGAL::make_property_map(points)));
+  const Vec<3> extent = image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  MeshData<3> mesh;
+  mesh.vertices.resize(3, static_cast<Index>(points.size()));
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    used[vertices[order[k]]] = static_cast<Index>(k);
+    const auto& p = points[order[k]];
+    Vec<3> x(p.x(), p.y(), p.z());
+    for (int d = 0; d < 3; ++d) {
+      const double low = image.origin[d], high = low + extent[d];
+      if (vertices[order[k]]->in_dimension() < 3 && std::abs(x[d] - low) < 1e-3 * image.spacing[d]) x[d] = low;
+      if (vertices[order[k]]->in_dimension() < 3 && std::abs(x[d] - high) < 1e-3 * image.spacing[d]) x[d] = high;
+    }
+    mesh.vertices.col(static_cast<Index>(k)) = x;
+  }
+  std::vector<std::array<Index, 5>> cells;
+  for (auto c = complex.cells_in_complex_begin(); c != complex.cells_in_complex_end(); ++c) {
+    std::array<Index, 5> cell;
+    for (int i = 0; i < 4; ++i) cell[i] = used.at(c->vertex(i));
+    // Even permutations that bring the smallest number to the front keep the orientation.
+    const auto least = std::min_element(cell.begin(), cell.begin() + 4) - cell.begin();
+    if (least != 0) {
+      std::swap(cell[0], cell[least]);
+      std::swap(cell[least == 1 ? 2 : 1], cell[least == 3 ? 2 : 3]);
+    }
+    cell[4] = complex.subdomain_index(c) - 1;
+    cells.push_back(cell);
+  }
+  std::sort(cells.begin(), cells.end());
+  mesh.cells.resize(4, static_cast<Index>(cells.size()));
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    for (int i = 0; i < 4; ++i) mesh.cells(i, static_cast<Index>(c)) = cells[c][i];
+    mesh.regions.push_back(cells[c][4]);
+  }
+  return mesh;
+}
+
+/// Six times the volume of a cell over the cube of its longest edge; about 1e-10 is what rounding leaves of nothing.
+double flatness(const MeshData<3>& mesh, Index c) {
+  Mat<3> edges;
+  double longest = 0.0;
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < i; ++j)
+      longest = std::max(longest, (mesh.vertices.col(mesh.cells(i, c)) - mesh.vertices.col(mesh.cells(j, c))).norm());
+  for (int k = 0; k < 3; ++k)
+    edges.col(k) = mesh.vertices.col(mesh.cells(k + 1, c)) - mesh.vertices.col(mesh.cells(0, c));
+  return edges.determinant() / (longest * longest * longest);
+}
+constexpr double least_flatness = 1e-9;
+
+/// Drops cells that lie within one side of the frame: they are flat, and so is what comes to the surface below them.
+void drop_flat_cells(const LabelImage<3>& image, MeshData<3>& mesh) {
+  const Vec<3> low = image.origin,
+               high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  Index kept = 0;
+  for (Index c = 0; c < mesh.cells.cols(); ++c) {
+    bool flat = false;
+    for (int d = 0; d < 3; ++d)
+      for (const double plane : {low[d], high[d]}) {
+        bool all = true;
+        for (int i = 0; i < 4; ++i) all = all && mesh.vertices(d, mesh.cells(i, c)) == plane;
+        flat = flat || all;
+      }
+    if (flat) continue;
+    mesh.cells.col(kept) = mesh.cells.col(c).eval();
+    mesh.regions[kept++] = mesh.regions[c];
+  }
+  mesh.cells.conservativeResize(4, kept);
+  mesh.regions.resize(kept);
+}
+
+/// Moves a vertex of every cell without volume by a thousandth, where that gives volume to it and takes none from
+/// others. Vertices of the frame stay.
+void inflate(const LabelImage<3>& image, MeshData<3>& mesh) {
+  std::vector<Index> flat;
+  for (Index c = 0; c < mesh.cells.cols(); ++c)
+    if (flatness(mesh, c) < least_flatness) flat.push_back(c);
+  if (flat.empty()) return;
+  std::vector<char> wanted(mesh.vertices.cols(), 0);
+  for (const Index c : flat)
+    for (int i = 0; i < 4; ++i) wanted[mesh.cells(i, c)] = 1;
+  std::map<Index, std::vector<Index>> stars;
+  for (Index c = 0; c < mesh.cells.cols(); ++c)
+    for (int i = 0; i < 4; ++i)
+      if (wanted[mesh.cells(i, c)]) stars[mesh.cells(i, c)].push_back(c);
+  const Vec<3> low = image.origin,
+               high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  std::mt19937_64 generator(1);
+  const auto uniform = [&] { return 0x1p-52 * static_cast<double>(generator() >> 11) - 1.0; };
+  for (const Index c : flat) {
+    for (int attempt = 0; flatness(mesh, c) < least_flatness; ++attempt) {
+      const Index v = mesh.cells(attempt % 4, c);
+      const Vec<3> old = mesh.vertices.col(v);
+      if (attempt == 400)
+        throw NumericalError(
+            fmt::format("image: a cell at ({}, {}, {}) has no volume, and none of its vertices can move", old.x(),
+                        old.y(), old.z()));
+      if ((old.array() == low.array() || old.array() == high.array()).any()) continue;
+      const auto worst = [&] {
+        double least = 1.0;
+        for (const Index other : stars[v]) least = std::min(least, flatness(mesh, other));
+        return least;
+      };
+      const double before = worst();
+      mesh.vertices.col(v) += 1e-3 * image.spacing.minCoeff() * Vec<3>(uniform(), uniform(), uniform());
+      if (!(worst() > before)) mesh.vertices.col(v) = old;
+    }
+  }
+}
+
+/// Boundary facets by the side of the frame that they lie in.
+void name_facets(const LabelImage<3>& image, MeshData<3>& mesh) {
+  using Key = std::array<Index, 3>;
+  std::vector<Key> facets;
+  for (Index c = 0; c < mesh.cells.cols(); ++c)
+    for (int i = 0; i < 4; ++i) {
+      Key key;
+      for (int k = 0; k < 3; ++k) key[k] = mesh.cells((i + 1 + k) % 4, c);
+      std::sort(key.begin(), key.end());
+      facets.push_back(key);
+    }
+  std::sort(facets.begin(), facets.end());
+  const std::array<const char*, 7> names{"left", "right", "front", "back", "bottom", "top", "pores"};
+  for (const char* name : names) mesh.groups.push_back({name, {}});
+  const Vec<3> low = image.origin,
+               high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  for (std::size_t f = 0; f < facets.size(); ++f) {
+    if (f + 1 < facets.size() && facets[f] == facets[f + 1]) {
+      ++f;
+      continue;
+    }
+    int group = 6;
+    for (int d = 0; d < 3; ++d)
+      for (const int side : {0, 1}) {
+        const double plane = side == 0 ? low[d] : high[d];
+        if (std::all_of(facets[f].begin(), facets[f].end(), [&](Index v) { return mesh.vertices(d, v) == plane; }))
+          group = 2 * d + side;
+      }
+    mesh.groups[group].facets.push_back(facets[f]);
+  }
+}
+
+}  // namespace
+
+template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMeshOptions& options) {
+  const internal::ImageRegions regions = internal::image_regions(image, options);
+  double material = 0.0;
+  for (const LabelCount& count : count_labels(image))
+    if (count.label != 0) material += static_cast<double>(count.pixels) * image.pixel_volume();
+  const double cells = 12.0 * material / std::pow(options.size, 3);
+  require_memory(1000.0 * cells + 10.0 * static_cast<double>(image.labels.size()),
+                 fmt::format("image: meshing {} x {} x {} voxels with a size of {}", image.size[0], image.size[1],
+                             image.size[2], options.size));
+
+  const Volume volume(image, regions);
+  const Vec<3> extent = image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
+  const Vec<3> low = image.origin - 0.01 * extent, high = image.origin + 1.01 * extent;
+  const double voxel = image.spacing.minCoeff();
+  Domain domain([&](const Kernel::Point_3& p) { return volume(p); },
+                CGAL::Bbox_3(low.x(), low.y(), low.z(), high.x(), high.y(), high.z()), 1e-5 * voxel / extent.norm());
+  const auto polylines = features(image, regions);
+  domain.add_features(polylines.begin(), polylines.end());
+
+  namespace p = CGAL::parameters;
+  const double radius = 0.7 * options.size;  // of the ball around a cell: its edges are about 1.4 of these
+  const Criteria criteria(p::edge_size = options.size, p::facet_size = radius,
+                          p::facet_distance = options.facet_distance * voxel, p::cell_size = radius);
+  Complex complex;
+  CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);
+  const Index cube = std::max(2, static_cast<Index>(std::lround(2.0 * options.size / image.spacing.maxCoeff())));
+  insert_seeds(seeds(image, volume, cube), image, options.size, domain, complex);
+  if (complex.triangulation().dimension() < 3)
+    throw NumericalError("image: the material has no volume that the mesher finds");
+  CGAL::refine_mesh_3(complex, domain, criteria, p::no_exude(), p::no_perturb(), p::no_lloyd(), p::no_odt());
+  if (complex.number_of_cells_in_complex() == 0)
+    throw NumericalError(
+        fmt::format("image: with a size of {} nothing of the material is found; take a smaller one", options.size));
+
+  MeshData<3> mesh = collect(complex, image);
+  complex.clear();
+  drop_flat_cells(image, mesh);
+  inflate(image, mesh);
+  name_facets(image, mesh);
+  mesh.region_names = regions.names;
+  std::vector<std::array<Index, 3>> boundary;
+  for (const auto& group : mesh.groups) boundary.insert(boundary.end(), group.facets.begin(), group.facets.end());
+  return cut_open<3>(std::move(mesh), boundary);  // opens nothing but vertices in which parts of the body touch
+}
+
+}  // namespace efree

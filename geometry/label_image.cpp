@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/label_image.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace efree {
+
+template <int Dim> void check_image(const LabelImage<Dim>& image) {
+  std::size_t pixels = 1;
+  for (const Index n : image.size) {
+    if (n < 1) throw InputError(fmt::format("image: it is {} pixels large", fmt::join(image.size, " x ")));
+    pixels *= n;
+  }
+  if (image.labels.size() != pixels)
+    throw InputError(fmt::format("image: {} labels for {} pixels", image.labels.size(), fmt::join(image.size, " x ")));
+  if (!(image.spacing.minCoeff() > 0.0) || !image.spacing.allFinite())
+    throw InputError(
+        fmt::format("image: the spacing is {}, expected positive lengths", fmt::join(image.spacing, ", ")));
+  if (!image.origin.allFinite())
+    throw InputError(fmt::format("image: the origin is {}, expected finite numbers", fmt::join(image.origin, ", ")));
+}
+
+template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
+  std::vector<std::int64_t> pixels(std::numeric_limits<Label>::max() + 1, 0);
+  for (const Label label : image.labels) ++pixels[label];
+  std::vector<LabelCount> counts;
+  for (std::size_t label = 0; label < pixels.size(); ++label)
+    if (pixels[label] > 0) counts.push_back({static_cast<Label>(label), pixels[label]});
+  return counts;
+}
+
+template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
+  check_image(image);
+  const std::size_t pixels = image.labels.size();
+  std::array<std::size_t, Dim> stride{1};
+  for (int d = 1; d < Dim; ++d) stride[d] = stride[d - 1] * image.size[d - 1];
+
+  std::vector<Index> body(pixels, -1);
+  std::vector<std::size_t> volumes, stack;
+  std::size_t material = 0;
+  for (std::size_t seed = 0; seed < pixels; ++seed) {
+    if (image.labels[seed] == 0 || body[seed] >= 0) continue;
+    const Index number = static_cast<Index>(volumes.size());
+    std::size_t volume = 0;
+    stack.assign(1, seed);
+    body[seed] = number;
+    while (!stack.empty()) {
+      const std::size_t pixel = stack.back();
+      stack.pop_back();
+      ++volume;
+      for (int d = 0; d < Dim; ++d) {
+        const Index along = static_cast<Index>(pixel / stride[d] % image.size[d]);
+        const auto visit = [&](std::size_t next) {
+          if (image.labels[next] == 0 || body[next] >= 0) return;
+          body[next] = number;
+          stack.push_back(next);
+        };
+        if (along > 0) visit(pixel - stride[d]);
+        if (along + 1 < image.size[d]) visit(pixel + stride[d]);
+      }
+    }
+    volumes.push_back(volume);
+    material += volume;
+  }
+  if (volumes.empty()) throw InputError("image: all of it is void");
+  const auto largest = std::max_element(volumes.begin(), volumes.end());
+  LargestBody<Dim> out{image, static_cast<Index>(volumes.size()) - 1,
+                       static_cast<double>(material - *largest) / static_cast<double>(material)};
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    if (body[pixel] != largest - volumes.begin()) out.image.labels[pixel] = 0;
+  return out;
+}
+
+template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& options) {
+  if (n < 1 || !(options.r_min > 0.0 && options.r_min <= options.r_max && std::isfinite(options.r_max)))
+    throw InputError(fmt::format("random spheres: {} pixels a side, radii {} to {}, expected 0 < r_min <= r_max", n,
+                                 options.r_min, options.r_max));
+  if (!(options.porosity >= 0.0 && options.porosity < 1.0))
+    throw InputError(fmt::format("random spheres: porosity {}, expected 0 to less than 1", options.porosity));
+  require_memory(sizeof(Label) * std::pow(static_cast<double>(n), Dim), "an image of random spheres");
+  LabelImage<Dim> image;
+  image.size.fill(n);
+  std::size_t pixels = 1;
+  for (int d = 0; d < Dim; ++d) pixels *= n;
+  image.labels.assign(pixels, 1);
+
+  std::mt19937_64 generator(options.seed);
+  const auto uniform = [&](double from, double to) {
+    return from + (to - from) * 0x1p-53 * static_cast<double>(generator() >> 11);
+  };
+  std::size_t carved = 0;
+  while (static_cast<double>(carved) < options.porosity * static_cast<double>(pixels)) {
+    const double r = uniform(options.r_min, options.r_max);
+    Vec<Dim> centre;
+    for (int d = 0; d < Dim; ++d) centre[d] = uniform(0.0, n);
+    std::array<Index, Dim> low, high, at;
+    for (int d = 0; d < Dim; ++d) {
+      low[d] = std::max(0, static_cast<Index>(std::floor(centre[d] - r)));
+      high[d] = std::min(n, static_cast<Index>(std::ceil(centre[d] + r)));
+    }
+    at = low;
+    while (at[Dim - 1] < high[Dim - 1]) {
+      double distance = 0.0;
+      for (int d = 0; d < Dim; ++d) distance += std::pow(at[d] + 0.5 - centre[d], 2);
+      if (Label& label = image.labels[image.index(at)]; distance < r * r && label != 0) {
+        label = 0;
+        ++carved;
+      }
+      for (int d = 0; d < Dim; ++d) {  // the next pixel of the box
+        if (++at[d] < high[d] || d + 1 == Dim) break;
+        at[d] = low[d];
+      }
+    }
+  }
+  return image;
+}
+
+template void check_image<2>(const LabelImage<2>&);
+template void check_image<3>(const LabelImage<3>&);
+template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
+template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
+template LargestBody<2> keep_largest<2>(const LabelImage<2>&);
+template LargestBody<3> keep_largest<3>(const LabelImage<3>&);
+template LabelImage<2> random_spheres<2>(Index, const RandomSpheres&);
+template LabelImage<3> random_spheres<3>(Index, const RandomSpheres&);
+
+}  // namespace efree

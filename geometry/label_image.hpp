@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Pictures whose pixels (voxels) say which material is where.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace efree {
+
+using Label = std::uint16_t;
+
+/// Pixel (i, j) or voxel (i, j, k) fills the box origin + spacing * [i, i+1] x [j, j+1] (x [k, k+1]); x runs fastest,
+/// y up. Label 0 is void: nothing is there.
+template <int Dim> struct LabelImage {
+  std::array<Index, Dim> size{};        ///< pixels along x, y(, z)
+  Vec<Dim> spacing = Vec<Dim>::Ones();  ///< edge lengths of a pixel [length]
+  Vec<Dim> origin = Vec<Dim>::Zero();   ///< corner of the first pixel, not its centre [length]
+  std::vector<Label> labels{};          ///< by i + size[0] * (j + size[1] * k)
+
+  std::size_t index(const std::array<Index, Dim>& at) const {
+    std::size_t out = at[Dim - 1];
+    for (int d = Dim - 2; d >= 0; --d) out = out * size[d] + at[d];
+    return out;
+  }
+  Label at(const std::array<Index, Dim>& pixel) const { return labels[index(pixel)]; }
+  double pixel_volume() const { return spacing.prod(); }
+};
+
+/// Throws InputError unless sizes and spacings are positive and finite, the origin is finite, and there is one label to
+/// every pixel.
+template <int Dim> void check_image(const LabelImage<Dim>& image);
+
+/// A label and how many pixels have it.
+struct LabelCount {
+  Label label;
+  std::int64_t pixels;
+};
+/// All labels of the image with their numbers of pixels, ascending by label, void included.
+template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image);
+
+/// An image without its islands.
+template <int Dim> struct LargestBody {
+  LabelImage<Dim> image;  ///< islands have become void
+  Index islands = 0;      ///< how many there were
+  double fraction = 0.0;  ///< their part of the material's volume
+};
+/// Keeps the largest connected body of all pixels that are not void, whatever their labels. Pixels are connected
+/// through edges (faces in 3D), so bodies that touch in a corner only are apart. Of bodies of the same size the first
+/// stays. Throws InputError if all is void.
+template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image);
+
+struct RandomSpheres {
+  double porosity = 0.3;             ///< wanted part of void, counted in pixels; the last sphere goes beyond it
+  double r_min = 6.0, r_max = 14.0;  ///< radii, uniformly distributed [pixels]
+  std::uint64_t seed = 1;
+};
+/// A square (block) of n pixels a side and label 1, out of which discs (balls) with centres anywhere in it are carved,
+/// which may overlap, until its porosity is reached. Spacing 1. Reproducible by seed. Throws InputError for a size that
+/// is not positive, radii that are not 0 < r_min <= r_max, or a porosity not in [0, 1).
+template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& options = {});
+
+}  // namespace efree
