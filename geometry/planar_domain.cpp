@@ -521,7 +521,7 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
                                      slit->name < 0 ? "" : s.names[slit->name], a->point().x(), a->point().y()));
       cut.push_back(facet);
     }
-    if (sides != 1 && slit == row.end()) return;
+    if (sides == 0) return;
     for (const Segment& segment : row)
       if (segment.name >= 0) mesh.groups[segment.name].facets.push_back(facet);
   });
@@ -530,7 +530,7 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
 
 }  // namespace
 
-FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOptions& options) {
   if (!(options.size > 0.0))
     throw InputError(fmt::format("triangulate: size is {}, expected a positive length", options.size));
   if (!(options.min_angle >= 0.0 && options.min_angle <= 20.7))
@@ -548,7 +548,11 @@ FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& op
   MeshData<2> mesh;
   number_mesh(cdt, mesh);
   const auto cut = name_facets(cdt, handles, segments, edges, mesh);
-  return FineMesh<2>(cut_open<2>(std::move(mesh), cut));
+  return cut_open<2>(std::move(mesh), cut);
+}
+
+FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+  return FineMesh<2>(triangulate_data(domain, options));
 }
 
 namespace shapes {
