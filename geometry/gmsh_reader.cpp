@@ -222,10 +222,12 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
     if constexpr (Dim == 2)
       session.fail("a CAD file holds solids, expected a planar .geo or .msh file");
     else {
-      internal::import_cad(session, path);
+      const double unit = internal::import_cad(session, path);
       check_slits(session, Dim, options.slits);
-      internal::generate_tetrahedra(session, options.size);
-      return internal::gmsh_mesh<3>(session, options.size, options.slits);
+      internal::generate_tetrahedra(session, options.size * unit);
+      MeshData<3> mesh = internal::gmsh_mesh<3>(session, options.size * unit, options.slits);
+      mesh.vertices /= unit;
+      return mesh;
     }
   }
   session.open(path);

@@ -20,16 +20,16 @@ std::string upper(std::string text) {
   return text;
 }
 
-/// From the key of a unit to OpenCASCADE's word for it.
-std::string unit_word(const std::string& path, const std::map<std::string, std::string>& words,
-                      const std::string& key) {
-  const auto word = words.find(key);
-  if (word == words.end()) throw InputError(fmt::format("{}: the length unit \"{}\" is not known", path, key));
-  return word->second;
+double unit_length(const std::string& path, const std::map<std::string, double>& units, const std::string& key) {
+  const auto unit = units.find(key);
+  if (unit == units.end()) throw InputError(fmt::format("{}: the length unit \"{}\" is not known", path, key));
+  return unit->second;
 }
 
+constexpr double inch = 25.4;
+
 /// ISO 10303-21: the unit is named by the first GLOBAL_UNIT_ASSIGNED_CONTEXT that names a LENGTH_UNIT.
-std::string step_unit(const std::string& path, std::istream& file) {
+double step_unit(const std::string& path, std::istream& file) {
   std::string text{std::istreambuf_iterator<char>(file), {}};
   std::erase_if(text, [](unsigned char c) { return std::isspace(c); });
   const std::string context = "GLOBAL_UNIT_ASSIGNED_CONTEXT((";
@@ -46,21 +46,34 @@ std::string step_unit(const std::string& path, std::istream& file) {
       const std::string converted = "CONVERSION_BASED_UNIT('", si = "SI_UNIT(";
       if (const std::size_t name = entity.find(converted); name != std::string::npos) {
         const std::size_t begin = name + converted.size();
-        return unit_word(path, {{"INCH", "INCH"}, {"FOOT", "FT"}, {"MILE", "MI"}, {"MIL", "MIL"}, {"MILLIMETRE", "MM"}},
-                         upper(entity.substr(begin, entity.find('\'', begin) - begin)));
+        return unit_length(path,
+                           {{"INCH", inch},
+                            {"FOOT", 12.0 * inch},
+                            {"MILE", 63360.0 * inch},
+                            {"MIL", 1e-3 * inch},
+                            {"MILLIMETRE", 1.0},
+                            {"METRE", 1000.0}},
+                           upper(entity.substr(begin, entity.find('\'', begin) - begin)));
       }
       if (const std::size_t prefix = entity.find(si); prefix != std::string::npos) {
         const std::size_t begin = prefix + si.size();
-        return unit_word(path, {{"$", "M"}, {".MILLI.", "MM"}, {".CENTI.", "CM"}, {".KILO.", "KM"}, {".MICRO.", "UM"}},
-                         entity.substr(begin, entity.find(',', begin) - begin));
+        return unit_length(path,
+                           {{"$", 1000.0},
+                            {".MILLI.", 1.0},
+                            {".CENTI.", 10.0},
+                            {".DECI.", 100.0},
+                            {".KILO.", 1e6},
+                            {".MICRO.", 1e-3},
+                            {".NANO.", 1e-6}},
+                           entity.substr(begin, entity.find(',', begin) - begin));
       }
     }
   }
-  return "MM";
+  return 1.0;
 }
 
 /// IGES 5.3, section 2.2.4.3: parameter 14 of the global section, the lines with a G in column 73.
-std::string iges_unit(const std::string& path, std::istream& file) {
+double iges_unit(const std::string& path, std::istream& file) {
   std::string global;
   for (std::string line; std::getline(file, line);)
     if (line.size() > 72 && line[72] == 'G') global += line.substr(0, 72);
@@ -80,36 +93,35 @@ std::string iges_unit(const std::string& path, std::istream& file) {
       at = end + 1;
     }
   }
-  if (parameters.size() < 14) return "MM";
+  if (parameters.size() < 14) return 1.0;
   std::erase(parameters[13], ' ');
-  return unit_word(path,
-                   {{"", "INCH"},
-                    {"1", "INCH"},
-                    {"2", "MM"},
-                    {"4", "FT"},
-                    {"5", "MI"},
-                    {"6", "M"},
-                    {"7", "KM"},
-                    {"8", "MIL"},
-                    {"9", "UM"},
-                    {"10", "CM"},
-                    {"11", "UIN"}},
-                   parameters[13]);
+  return unit_length(path,
+                     {{"", inch},
+                      {"1", inch},
+                      {"2", 1.0},
+                      {"4", 12.0 * inch},
+                      {"5", 63360.0 * inch},
+                      {"6", 1000.0},
+                      {"7", 1e6},
+                      {"8", 1e-3 * inch},
+                      {"9", 1e-3},
+                      {"10", 10.0},
+                      {"11", 1e-6 * inch}},
+                     parameters[13]);
 }
 
-}  // namespace
-
-std::string declared_unit(const std::string& path) {
+/// Of a file, in millimetres.
+double declared_unit(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   const std::string extension = upper(path.substr(path.rfind('.') + 1));
   if (extension == "STEP" || extension == "STP") return step_unit(path, file);
   if (extension == "IGES" || extension == "IGS") return iges_unit(path, file);
-  return "MM";
+  return 1.0;
 }
 
-void import_cad(const GmshSession& session, const std::string& path) {
-  // OpenCASCADE converts to millimetres unless told the unit to convert to: the file's own.
-  gmsh::option::setString("Geometry.OCCTargetUnit", declared_unit(path));
+}  // namespace
+
+double import_cad(const GmshSession& session, const std::string& path) {
   gmsh::vectorpair shapes;
   gmsh::model::occ::importShapes(path, shapes, /*highestDimOnly=*/true);
   session.check();
@@ -139,6 +151,7 @@ void import_cad(const GmshSession& session, const std::string& path) {
   for (const auto& [volume, names] : owners) regions[fmt::format("{}", fmt::join(names, " & "))].push_back(volume);
   for (const auto& [name, volumes] : regions)
     gmsh::model::setPhysicalName(3, gmsh::model::addPhysicalGroup(3, volumes), name);
+  return declared_unit(path);
 }
 
 }  // namespace efree::internal
