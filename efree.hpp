@@ -19,6 +19,8 @@
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/refine.hpp"
+#include "efree/geometry/solid_shapes.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/heat.hpp"

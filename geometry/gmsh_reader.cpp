@@ -2,7 +2,8 @@
 #include "efree/geometry/gmsh_reader.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/core/parallel.hpp"
+#include "efree/geometry/internal/cad_import.hpp"
+#include "efree/geometry/internal/gmsh_session.hpp"
 #include "efree/geometry/planar_domain.hpp"
 
 #include <fmt/format.h>
@@ -17,50 +18,7 @@
 namespace efree {
 namespace {
 
-constexpr int line_type = 1, triangle_type = 2;  // gmsh's numbers of elements
-
-/// gmsh between initialize and finalize. Errors are read from its log: left to throw, they would leave gmsh's parser in
-/// a state in which it reads no other file.
-class Session {
- public:
-  explicit Session(std::string path) : path_(std::move(path)) {
-    gmsh::initialize(0, nullptr, /*readConfigFiles=*/false);
-    gmsh::option::setNumber("General.Terminal", 0);
-    gmsh::option::setNumber("General.AbortOnError", 0);
-    gmsh::onelab::clear();  // parameters outlive sessions
-    gmsh::logger::start();
-  }
-  ~Session() {
-    gmsh::logger::stop();
-    gmsh::finalize();
-    set_num_threads(threads_);
-  }
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
-
-  /// Throws InputError with gmsh's first complaint so far, if any.
-  void check() const {
-    std::vector<std::string> log;
-    gmsh::logger::get(log);
-    const std::string mark = "Error: ";
-    for (const std::string& entry : log)
-      if (entry.starts_with(mark)) fail(entry.substr(mark.size()));
-  }
-
-  void open() const {
-    gmsh::open(path_);
-    check();
-  }
-  void generate(int dim) const {
-    gmsh::model::mesh::generate(dim);
-    check();
-  }
-  [[noreturn]] void fail(const std::string& what) const { throw InputError(fmt::format("{}: {}", path_, what)); }
-
- private:
-  std::string path_;
-  int threads_ = num_threads();  // gmsh sets it to one
-};
+using internal::GmshNodes, internal::GmshPart, internal::GmshSession;
 
 /// Full names of the numbers that the open .geo file lets one set.
 std::vector<std::string> parameter_names() {
@@ -76,7 +34,8 @@ std::vector<std::string> parameter_names() {
 
 /// Sets parameters of the open file, named in full ("Parameters/radius") or by the last part ("radius"), and reopens
 /// it.
-void set_parameters(const Session& session, const std::map<std::string, double>& parameters) {
+void set_parameters(const GmshSession& session, const std::string& path,
+                    const std::map<std::string, double>& parameters) {
   if (parameters.empty()) return;
   const std::vector<std::string> names = parameter_names();
   for (const auto& [key, value] : parameters) {
@@ -90,203 +49,161 @@ void set_parameters(const Session& session, const std::map<std::string, double>&
     gmsh::onelab::setNumber(matches[0], {value});
   }
   gmsh::clear();
-  session.open();
-}
-
-/// Named physical curves: the tags of the curves, in ascending order of name. Without a name the number serves.
-std::map<std::string, std::set<int>> physical_curves() {
-  std::map<std::string, std::set<int>> curves;
-  gmsh::vectorpair groups;
-  gmsh::model::getPhysicalGroups(groups, 1);
-  for (const auto& [dim, tag] : groups) {
-    std::string name;
-    gmsh::model::getPhysicalName(dim, tag, name);
-    std::vector<int> tags;
-    gmsh::model::getEntitiesForPhysicalGroup(dim, tag, tags);
-    for (const int curve : tags) curves[name.empty() ? std::to_string(tag) : name].insert(std::abs(curve));
-  }
-  return curves;
-}
-
-/// Tags of the physical surfaces, or of all surfaces if none is physical.
-std::set<int> wanted_surfaces() {
-  std::set<int> surfaces;
-  gmsh::vectorpair found;
-  gmsh::model::getPhysicalGroups(found, 2);
-  for (const auto& [dim, tag] : found) {
-    std::vector<int> tags;
-    gmsh::model::getEntitiesForPhysicalGroup(dim, tag, tags);
-    for (const int surface : tags) surfaces.insert(std::abs(surface));
-  }
-  if (!surfaces.empty()) return surfaces;
-  gmsh::model::getEntities(found, 2);
-  for (const auto& [dim, tag] : found) surfaces.insert(tag);
-  return surfaces;
-}
-
-/// Coordinates of mesh nodes by gmsh's tags, and the check that the nodes asked for lie in one plane z = const.
-class Nodes {
- public:
-  explicit Nodes(const Session& session) : session_(session) {
-    std::vector<std::size_t> tags;
-    std::vector<double> coordinates, parametric;
-    gmsh::model::mesh::getNodes(tags, coordinates, parametric);
-    const std::size_t count = tags.empty() ? 0 : *std::max_element(tags.begin(), tags.end()) + 1;
-    points_ = Points<3>::Zero(3, static_cast<Eigen::Index>(count));
-    for (std::size_t k = 0; k < tags.size(); ++k)
-      points_.col(static_cast<Eigen::Index>(tags[k])) << coordinates[3 * k], coordinates[3 * k + 1],
-          coordinates[3 * k + 2];
-    for (std::size_t k = 0; k < coordinates.size(); ++k) extent_ = std::max(extent_, std::abs(coordinates[k]));
-  }
-
-  std::size_t size() const { return static_cast<std::size_t>(points_.cols()); }
-
-  Vec<2> at(std::size_t tag) {
-    const Vec<3> p = points_.col(static_cast<Eigen::Index>(tag));
-    if (!has_plane_) z_ = p.z();
-    has_plane_ = true;
-    if (std::abs(p.z() - z_) > 1e-9 * extent_)
-      session_.fail(fmt::format("the surfaces are not in one plane z = const, they have z = {} and z = {}", z_, p.z()));
-    return p.head<2>();
-  }
-
- private:
-  const Session& session_;
-  Points<3> points_;
-  double extent_ = 0.0, z_ = 0.0;
-  bool has_plane_ = false;
-};
-
-std::vector<std::size_t> element_nodes(int type, int entity) {
-  std::vector<std::size_t> elements, nodes;
-  gmsh::model::mesh::getElementsByType(type, elements, nodes, entity);
-  return nodes;
-}
-
-/// Reads the mesh that gmsh holds.
-FineMesh<2> read_mesh(const Session& session, const std::vector<std::string>& slits) {
-  Nodes nodes(session);
-  MeshData<2> mesh;
-  std::vector<Index> number(nodes.size(), -1);
-  std::vector<Vec<2>> points;
-  std::vector<std::size_t> corners;
-  for (const int surface : wanted_surfaces()) {
-    std::vector<int> types;
-    gmsh::model::mesh::getElementTypes(types, 2, surface);
-    for (const int type : types)
-      if (type != triangle_type)
-        session.fail(
-            fmt::format("surface {} has elements of gmsh's type {}, expected 3-node triangles only", surface, type));
-    const auto found = element_nodes(triangle_type, surface);
-    corners.insert(corners.end(), found.begin(), found.end());
-  }
-  if (corners.empty()) session.fail("there are no triangles in it");
-  mesh.cells.resize(3, static_cast<Eigen::Index>(corners.size() / 3));
-  for (std::size_t k = 0; k < corners.size(); ++k) {
-    Index& v = number[corners[k]];
-    if (v < 0) {
-      v = static_cast<Index>(points.size());
-      points.push_back(nodes.at(corners[k]));
-    }
-    mesh.cells.data()[k] = v;
-  }
-  mesh.vertices.resize(2, static_cast<Eigen::Index>(points.size()));
-  for (std::size_t v = 0; v < points.size(); ++v) mesh.vertices.col(static_cast<Eigen::Index>(v)) = points[v];
-
-  std::vector<std::array<Index, 2>> cut;
-  for (const auto& [name, curves] : physical_curves()) {
-    MeshData<2>::Group group{name, {}};
-    for (const int curve : curves) {
-      const auto ends = element_nodes(line_type, curve);
-      for (std::size_t k = 0; k + 1 < ends.size(); k += 2)  // curves may belong to surfaces that are not wanted
-        if (number[ends[k]] >= 0 && number[ends[k + 1]] >= 0)
-          group.facets.push_back({number[ends[k]], number[ends[k + 1]]});
-    }
-    if (std::find(slits.begin(), slits.end(), name) != slits.end())
-      cut.insert(cut.end(), group.facets.begin(), group.facets.end());
-    mesh.groups.push_back(std::move(group));
-  }
-  return FineMesh<2>(cut_open<2>(std::move(mesh), cut));
+  session.open(path);
 }
 
 /// The line elements of a curve as chains of points.
-void add_curve(int curve, const std::string& name, Nodes& nodes, std::vector<Polyline>& out) {
-  const auto ends = element_nodes(line_type, curve);
+void add_curve(int curve, const std::string& name, GmshNodes<2>& nodes, std::vector<Polyline>& out) {
+  const auto ends = internal::gmsh_simplices(1, curve);
   for (std::size_t k = 0; k + 1 < ends.size(); k += 2) {
     if (k == 0 || ends[k] != ends[k - 1]) out.push_back({name, {nodes.at(ends[k])}});
     out.back().points.push_back(nodes.at(ends[k + 1]));
   }
 }
 
-/// The surfaces of the open .geo file, their curves sampled by gmsh. A curve between two surfaces is listed twice,
-/// which by the even-odd rule keeps it from being boundary.
-PlanarDomain sample_surfaces(const Session& session, const std::vector<std::string>& slits) {
-  Nodes nodes(session);
+const char* const interface_name = "\x01interface";  // no name in a file
+
+/// The surfaces of the open .geo file, their curves sampled by gmsh.
+struct SampledSurfaces {
+  /// A curve between two surfaces is listed twice, which by the even-odd rule keeps it from being boundary. All curves
+  /// are embedded under the name `interface_name` if there are several regions.
   PlanarDomain domain;
+  std::vector<std::string> region_names;
+  std::vector<std::vector<Polyline>> outlines;  ///< of each region, an even-odd outline as in PlanarDomain
+};
+
+SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<std::string>& slits) {
+  GmshNodes<2> nodes(session);
+  SampledSurfaces sampled;
+  PlanarDomain& domain = sampled.domain;
   std::set<int> used;
-  for (const int surface : wanted_surfaces()) {
-    std::string type;
-    gmsh::model::getType(2, surface, type);
-    if (type != "Plane")
-      session.fail(fmt::format("surface {} is of type \"{}\", expected a plane surface", surface, type));
-    gmsh::vectorpair entities;
-    gmsh::model::getBoundary({{2, surface}}, entities, /*combined=*/false, /*oriented=*/false);
-    for (const auto& [dim, curve] : entities) {
-      add_curve(curve, "", nodes, domain.boundary);
-      used.insert(curve);
-    }
-    gmsh::model::mesh::getEmbedded(2, surface, entities);
-    for (const auto& [dim, tag] : entities)
-      if (dim == 1) {
-        add_curve(tag, "", nodes, domain.embedded);
-        used.insert(tag);
-      } else {
-        std::vector<std::size_t> tags;
-        std::vector<double> coordinates, parametric;
-        gmsh::model::mesh::getNodes(tags, coordinates, parametric, dim, tag);
-        for (const std::size_t node : tags) domain.embedded.push_back({"", {nodes.at(node)}});
+  const auto regions = internal::region_parts(session, 2);
+  for (const GmshPart& region : regions) {
+    std::vector<Polyline> outline;
+    for (const int surface : region.entities) {
+      std::string type;
+      gmsh::model::getType(2, surface, type);
+      if (type != "Plane")
+        session.fail(fmt::format("surface {} is of type \"{}\", expected a plane surface", surface, type));
+      gmsh::vectorpair entities;
+      gmsh::model::getBoundary({{2, surface}}, entities, /*combined=*/false, /*oriented=*/false);
+      for (const auto& [dim, curve] : entities) {
+        add_curve(curve, "", nodes, outline);
+        used.insert(curve);
+        if (regions.size() > 1) add_curve(curve, interface_name, nodes, domain.embedded);
       }
+      gmsh::model::mesh::getEmbedded(2, surface, entities);
+      for (const auto& [dim, tag] : entities)
+        if (dim == 1) {
+          add_curve(tag, "", nodes, domain.embedded);
+          used.insert(tag);
+        } else {
+          std::vector<std::size_t> tags;
+          std::vector<double> coordinates, parametric;
+          gmsh::model::mesh::getNodes(tags, coordinates, parametric, dim, tag);
+          for (const std::size_t node : tags) domain.embedded.push_back({"", {nodes.at(node)}});
+        }
+    }
+    domain.boundary.insert(domain.boundary.end(), outline.begin(), outline.end());
+    sampled.region_names.push_back(region.name);
+    sampled.outlines.push_back(std::move(outline));
   }
   if (used.empty()) session.fail("there is no surface in it");
-  for (const auto& [name, curves] : physical_curves()) {
-    const bool is_slit = std::find(slits.begin(), slits.end(), name) != slits.end();
-    for (const int curve : curves)
-      if (used.contains(curve)) add_curve(curve, name, nodes, is_slit ? domain.slits : domain.embedded);
+  for (const GmshPart& part : internal::physical_parts(1)) {
+    const bool is_slit = std::ranges::find(slits, part.name) != slits.end();
+    for (const int curve : part.entities)
+      if (used.contains(curve)) add_curve(curve, part.name, nodes, is_slit ? domain.slits : domain.embedded);
   }
-  return domain;
+  return sampled;
 }
 
-double option(const std::string& name) {
-  double value = 0.0;
-  gmsh::option::getNumber(name, value);
-  return value;
+/// Whether a ray to the right of `p` meets an odd number of segments.
+bool is_inside(const Vec<2>& p, const std::vector<Polyline>& outline) {
+  bool inside = false;
+  for (const Polyline& chain : outline)
+    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k) {
+      const Vec<2>&a = chain.points[k], &b = chain.points[k + 1];
+      if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x()))
+        inside = !inside;
+    }
+  return inside;
+}
+
+/// The mesh of sampled surfaces with the regions of its cells: parts between interfaces lie in one region each, that of
+/// their largest cell.
+MeshData<2> triangulate_regions(const SampledSurfaces& sampled, double size) {
+  MeshData<2> mesh = triangulate_data(sampled.domain, {.size = size});
+  mesh.region_names = sampled.region_names;
+  if (sampled.region_names.size() == 1) return mesh;
+  std::set<std::pair<Index, Index>> interface;
+  std::erase_if(mesh.groups, [&](const MeshData<2>::Group& group) {
+    if (group.name != interface_name) return false;
+    for (const auto& [a, b] : group.facets) interface.insert(std::minmax(a, b));
+    return true;
+  });
+  const FineMesh<2> fine(MeshData<2>{mesh.vertices, mesh.cells, {}});  // drops no vertex: all of them have a cell
+  mesh.regions.assign(fine.num_cells(), -1);
+  for (Index seed = 0; seed < fine.num_cells(); ++seed) {
+    if (mesh.regions[seed] >= 0) continue;
+    std::vector<Index> part{seed};
+    mesh.regions[seed] = 0;
+    Index largest = seed;
+    for (std::size_t k = 0; k < part.size(); ++k) {
+      const Index c = part[k];
+      if (fine.volume(c) > fine.volume(largest)) largest = c;
+      for (int i = 0; i < 3; ++i) {
+        const Index other = fine.neighbour(i, c);
+        if (other < 0 || mesh.regions[other] >= 0) continue;
+        const Index a = fine.cells()((i + 1) % 3, c), b = fine.cells()((i + 2) % 3, c);
+        if (interface.contains(std::minmax(a, b))) continue;
+        mesh.regions[other] = 0;
+        part.push_back(other);
+      }
+    }
+    const Vec<2> point = fine.centroid(largest);
+    const auto region =
+        std::ranges::find_if(sampled.outlines, [&](const auto& outline) { return is_inside(point, outline); });
+    // Chords of the outline and of the mesh are the same, so that one of them must hold the point.
+    if (region == sampled.outlines.end())
+      throw NumericalError(fmt::format("gmsh: no surface holds the point ({}, {})", point.x(), point.y()));
+    for (const Index c : part) mesh.regions[c] = static_cast<Index>(region - sampled.outlines.begin());
+  }
+  return mesh;
 }
 
 /// Bounds gmsh's sizes. gmsh rounds the number of intervals of a curve, so that chords can be 1 % longer than told.
 void limit_sizes(double size) {
-  const double largest = std::min(option("Mesh.MeshSizeMax"), 0.98 * size / option("Mesh.MeshSizeFactor"));
+  const double largest =
+      std::min(internal::gmsh_option("Mesh.MeshSizeMax"), 0.98 * size / internal::gmsh_option("Mesh.MeshSizeFactor"));
   gmsh::option::setNumber("Mesh.MeshSizeMax", largest);
-  gmsh::option::setNumber("Mesh.MeshSizeMin", std::min(option("Mesh.MeshSizeMin"), largest));
+  gmsh::option::setNumber("Mesh.MeshSizeMin", std::min(internal::gmsh_option("Mesh.MeshSizeMin"), largest));
 }
 
-void check_slits(const Session& session, const std::vector<std::string>& slits) {
-  const auto curves = physical_curves();
+void check_slits(const GmshSession& session, int dim, const std::vector<std::string>& slits) {
   std::vector<std::string> names;
-  for (const auto& curve : curves) names.push_back('"' + curve.first + '"');
+  for (const GmshPart& part : internal::physical_parts(dim - 1)) names.push_back(part.name);
   for (const std::string& slit : slits)
-    if (!curves.contains(slit))
-      session.fail(fmt::format("slit \"{}\" is no physical curve; the file has {}", slit,
-                               names.empty() ? std::string("none") : fmt::format("{}", fmt::join(names, ", "))));
+    if (std::ranges::find(names, slit) == names.end())
+      session.fail(
+          fmt::format("slit \"{}\" is no physical {}; the file has {}", slit, dim == 2 ? "curve" : "surface",
+                      names.empty() ? std::string("none") : fmt::format("\"{}\"", fmt::join(names, "\", \""))));
 }
 
-/// Refuses a size that no machine could mesh before gmsh begins to sample the curves.
-void check_size(const Session& session, double size) {
-  double x0, y0, z0, x1, y1, z1;
-  gmsh::model::getBoundingBox(-1, -1, x0, y0, z0, x1, y1, z1);
-  constexpr double most_edges_along_a_side = 1e5;
-  if (const double extent = std::max(x1 - x0, y1 - y0); extent > most_edges_along_a_side * size)
-    session.fail(fmt::format("mesh size {:g} is too small for a body {:g} wide; expected at least {:g}", size, extent,
-                             extent / most_edges_along_a_side));
+enum class Format { geo, msh, cad };
+
+/// By extension, in any case of letters. Throws InputError for any other and for a file that cannot be read.
+Format format_of(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const bool is_cad = extension == ".step" || extension == ".stp" || extension == ".iges" || extension == ".igs" ||
+                      extension == ".brep";
+  if (!is_cad && extension != ".geo" && extension != ".msh")
+    throw InputError(fmt::format("{}: expected a .geo or .msh file, or a solid as .step, .iges or .brep", path));
+  if (!std::filesystem::is_regular_file(path) || !std::ifstream(path))
+    throw InputError(fmt::format("{}: cannot read the file", path));
+  if (std::filesystem::file_size(path) == 0 && extension != ".geo")
+    throw InputError(fmt::format("{}: the file is empty", path));
+  return is_cad ? Format::cad : extension == ".geo" ? Format::geo : Format::msh;
 }
 
 /// gmsh's parser can skip a last line that has no end.
@@ -299,47 +216,80 @@ void check_last_line(const std::string& path) {
         path));
 }
 
-FineMesh<2> read(const Session& session, bool is_geometry, const GmshOptions& options) {
-  session.open();
-  set_parameters(session, options.parameters);
-  check_slits(session, options.slits);
-  if (!is_geometry) return read_mesh(session, options.slits);
-
-  gmsh::option::setNumber("Mesh.ElementOrder", 1);
-  if (options.size == 0.0) {
-    session.generate(2);
-    return read_mesh(session, options.slits);
+template <int Dim>
+MeshData<Dim> read(const GmshSession& session, const std::string& path, Format format, const GmshOptions& options) {
+  if (format == Format::cad) {
+    if constexpr (Dim == 2)
+      session.fail("a CAD file holds solids, expected a planar .geo or .msh file");
+    else {
+      const double unit = internal::import_cad(session, path);
+      check_slits(session, Dim, options.slits);
+      internal::generate_tetrahedra(session, options.size * unit);
+      MeshData<3> mesh = internal::gmsh_mesh<3>(session, options.size * unit, options.slits);
+      mesh.vertices /= unit;
+      return mesh;
+    }
   }
-  check_size(session, options.size);
-  limit_sizes(options.size);
-  gmsh::option::setNumber("Mesh.MinimumCirclePoints", std::max(16.0, option("Mesh.MinimumCirclePoints")));
-  session.generate(1);
-  return triangulate(sample_surfaces(session, options.slits), {.size = options.size});
+  session.open(path);
+  set_parameters(session, path, options.parameters);
+  check_slits(session, Dim, options.slits);
+  if (format == Format::msh) return internal::gmsh_mesh<Dim>(session, 0.0, options.slits);
+  if constexpr (Dim == 3) {
+    if (internal::all_entities(3).empty()) session.fail("there is no volume in it");
+    internal::generate_tetrahedra(session, options.size);
+    return internal::gmsh_mesh<3>(session, options.size, options.slits);
+  } else {
+    gmsh::option::setNumber("Mesh.ElementOrder", 1);
+    if (options.size == 0.0) {
+      session.generate(2);
+      return internal::gmsh_mesh<2>(session, 0.0, options.slits);
+    }
+    internal::check_gmsh_size(session, options.size);
+    limit_sizes(options.size);
+    gmsh::option::setNumber("Mesh.MinimumCirclePoints",
+                            std::max(16.0, internal::gmsh_option("Mesh.MinimumCirclePoints")));
+    session.generate(1);
+    return triangulate_regions(sample_surfaces(session, options.slits), options.size);
+  }
+}
+
+/// Calls body(session), with what the gmsh API throws turned into InputError.
+template <class Body> auto in_session(const std::string& path, const Body& body) {
+  const GmshSession session(path);
+  try {
+    return body(session);
+  } catch (const std::string& message) {
+    session.fail(message);
+  }
 }
 
 }  // namespace
 
-FineMesh<2> read_gmsh(const std::string& path, const GmshOptions& options) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  const bool is_geometry = extension == ".geo";
-  if (!is_geometry && extension != ".msh") throw InputError(fmt::format("{}: expected a .geo or .msh file", path));
-  if (!std::filesystem::is_regular_file(path) || !std::ifstream(path))
-    throw InputError(fmt::format("{}: cannot read the file", path));
+template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options) {
+  const Format format = format_of(path);
   if (!(options.size >= 0.0))
     throw InputError(
         fmt::format("{}: size is {}, expected a positive length, or 0 for the file's own", path, options.size));
-  if (!is_geometry && options.size > 0.0)
-    throw InputError(fmt::format("{}: a .msh file comes with its own triangles, a size ({}) applies to .geo files only",
-                                 path, options.size));
-  if (!is_geometry && !options.parameters.empty())
-    throw InputError(fmt::format("{}: a .msh file has no parameters", path));
-  if (is_geometry) check_last_line(path);
-  const Session session(path);
-  try {
-    return read(session, is_geometry, options);
-  } catch (const std::string& message) {  // what the gmsh API throws
-    session.fail(message);
-  }
+  if (format == Format::msh && options.size > 0.0)
+    throw InputError(fmt::format("{}: a .msh file comes with its own cells, a size ({}) applies to geometry only", path,
+                                 options.size));
+  if (format != Format::geo && !options.parameters.empty())
+    throw InputError(fmt::format("{}: only .geo files have parameters", path));
+  if (format == Format::geo) check_last_line(path);
+  return in_session(path, [&](const GmshSession& session) { return read<Dim>(session, path, format, options); });
 }
+
+int gmsh_dimension(const std::string& path) {
+  const Format format = format_of(path);
+  if (format == Format::cad) return 3;
+  if (format == Format::geo) check_last_line(path);
+  return in_session(path, [&](const GmshSession& session) {
+    session.open(path);
+    return internal::all_entities(3).empty() ? 2 : 3;
+  });
+}
+
+template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&);
+template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&);
 
 }  // namespace efree

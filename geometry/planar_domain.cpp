@@ -534,7 +534,7 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
                                      slit->name < 0 ? "" : s.names[slit->name], a->point().x(), a->point().y()));
       cut.push_back(facet);
     }
-    if (sides != 1 && slit == row.end()) return;
+    if (sides == 0) return;
     for (const Segment& segment : row)
       if (segment.name >= 0) mesh.groups[segment.name].facets.push_back(facet);
   });
@@ -608,7 +608,7 @@ MeshData<2> internal::triangulate_regions(const PlanarRegions& plane, const Tria
   return cut_open<2>(std::move(mesh), boundary);  // opens nothing but vertices in which parts of the body touch
 }
 
-FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOptions& options) {
   check_options(options);
   Segments segments = collect_segments(domain);
   resolve_contacts(segments);
@@ -623,7 +623,11 @@ FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& op
   MeshData<2> mesh;
   number_mesh(cdt, mesh);
   const auto cut = name_facets(cdt, handles, segments, edges, mesh);
-  return FineMesh<2>(cut_open<2>(std::move(mesh), cut));
+  return cut_open<2>(std::move(mesh), cut);
+}
+
+FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
+  return FineMesh<2>(triangulate_data(domain, options));
 }
 
 namespace shapes {

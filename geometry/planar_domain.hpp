@@ -40,6 +40,8 @@ struct TriangulateOptions {
 /// triangles, linear up to 1e6. Throws InputError for open boundaries, boundaries that cross anything, fewer than three
 /// points, a slit outside the body, a size that is not positive, or an empty domain.
 FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options);
+/// The same before it is checked: its groups still hold the edges inside the body that embedded chains became.
+MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOptions& options);
 
 /// Built-in domains. Curves are sampled with chords no longer than `size`, at least 16 to a full turn. All throw
 /// InputError for lengths that make no such shape.

@@ -65,7 +65,7 @@ CaseMesh read_mesh(const Case& analysis, const Progress& progress) {
     GmshOptions options = analysis.mesh;
     options.size = mesh_size(analysis);
     result.mesh = located(analysis, analysis.mesh_where, [&] {
-      return std::make_shared<const FineMesh<2>>(read_gmsh(analysis.mesh_file.string(), options));
+      return std::make_shared<const FineMesh<2>>(read_gmsh<2>(analysis.mesh_file.string(), options));
     });
   }
   result.seconds = times.total();

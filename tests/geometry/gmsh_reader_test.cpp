@@ -59,7 +59,7 @@ void expect_plate(const FineMesh<2>& mesh, double radius, double width, double s
 TEST(GmshReader, PlateWithHoleHasItsSizeAndGroups) {
   const std::string path = file("plate.geo", plate);
   for (const double size : {0.3, 0.1}) {
-    const FineMesh<2> mesh = read_gmsh(path, {.size = size});
+    const FineMesh<2> mesh(read_gmsh<2>(path, {.size = size}));
     expect_plate(mesh, 1.0, 4.0, size);
     EXPECT_LE(mesh.size(), size * (1.0 + 1e-12));
     EXPECT_GE(mesh.size(), 0.8 * size);
@@ -68,22 +68,23 @@ TEST(GmshReader, PlateWithHoleHasItsSizeAndGroups) {
 
 TEST(GmshReader, ParametersAreKnownByFullAndShortName) {
   const std::string path = file("plate.geo", plate);
-  expect_plate(read_gmsh(path, {.size = 0.2, .parameters = {{"radius", 0.75}, {"Parameters/width", 3.0}}}), 0.75, 3.0,
-               0.2);
-  EXPECT_INPUT_ERROR(read_gmsh(path, {.size = 0.2, .parameters = {{"radios", 0.75}}}),
+  expect_plate(
+      FineMesh<2>(read_gmsh<2>(path, {.size = 0.2, .parameters = {{"radius", 0.75}, {"Parameters/width", 3.0}}})), 0.75,
+      3.0, 0.2);
+  EXPECT_INPUT_ERROR(read_gmsh<2>(path, {.size = 0.2, .parameters = {{"radios", 0.75}}}),
                      "unknown parameter \"radios\"; the file defines Parameters/radius, Parameters/width");
 }
 
 TEST(GmshReader, WithoutASizeTheFilesOwnSizesHold) {
   const std::string path = file("plate.geo", std::string(plate) + "Mesh.MeshSizeMax = 0.25;\n");
-  const FineMesh<2> mesh = read_gmsh(path);
+  const FineMesh<2> mesh(read_gmsh<2>(path));
   expect_plate(mesh, 1.0, 4.0, 0.3);
   EXPECT_LT(mesh.size(), 0.5);
   EXPECT_GT(mesh.num_cells(), 200);
 }
 
 TEST(GmshReader, FinerSizesOfTheFileAreKept) {
-  const FineMesh<2> mesh = read_gmsh(file("plate.geo", std::string(plate) + "MeshSize{:} = 0.05;\n"), {.size = 0.3});
+  const FineMesh<2> mesh(read_gmsh<2>(file("plate.geo", std::string(plate) + "MeshSize{:} = 0.05;\n"), {.size = 0.3}));
   expect_plate(mesh, 1.0, 4.0, 0.05);
   EXPECT_GE(mesh.group("bottom").size(), 60u);
   EXPECT_GT(mesh.size(), 0.2);
@@ -95,7 +96,7 @@ Rectangle(1) = {0, 0, 0, 1, 1}; Disk(2) = {0.5, 0.5, 0, 0.01};
 BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };
 Physical Curve("all") = Boundary{ Surface{3}; };
 )");
-  const FineMesh<2> mesh = read_gmsh(path, {.size = 0.2});
+  const FineMesh<2> mesh(read_gmsh<2>(path, {.size = 0.2}));
   expect_consistent(mesh);
   EXPECT_EQ(euler_characteristic(mesh), 0);
   EXPECT_NEAR(length(mesh, "all"), 4.0 + 2.0 * pi * 0.01, 0.007 * 2.0 * pi * 0.01);
@@ -115,7 +116,7 @@ Physical Curve("left") = {4}; Physical Curve("interface") = {2}; Physical Curve(
 TEST(GmshReader, SurfacesThatShareACurveAreOneBody) {
   const std::string path = file("two.geo", std::string(two_squares) + "MeshSize{:} = 0.1;\n");
   for (const double size : {0.1, 0.0}) {
-    const FineMesh<2> mesh = read_gmsh(path, {.size = size});
+    const FineMesh<2> mesh(read_gmsh<2>(path, {.size = size}));
     expect_consistent(mesh);
     EXPECT_EQ(mesh.num_components(), 1);
     EXPECT_EQ(euler_characteristic(mesh), 1);
@@ -131,23 +132,23 @@ TEST(GmshReader, SurfacesThatShareACurveAreOneBody) {
 TEST(GmshReader, CutsOpenAlongEmbeddedAndSharedCurves) {
   const std::string path = file("two.geo", std::string(two_squares) + "MeshSize{:} = 0.1;\n");
   for (const double size : {0.1, 0.0}) {
-    const FineMesh<2> cracked = read_gmsh(path, {.size = size, .slits = {"crack"}});
+    const FineMesh<2> cracked(read_gmsh<2>(path, {.size = size, .slits = {"crack"}}));
     expect_consistent(cracked);
     EXPECT_EQ(euler_characteristic(cracked), 0);
     EXPECT_NEAR(length(cracked, "crack"), 2.0 * 0.5, 1e-12);
-    const FineMesh<2> parted = read_gmsh(path, {.size = size, .slits = {"interface", "crack"}});
+    const FineMesh<2> parted(read_gmsh<2>(path, {.size = size, .slits = {"interface", "crack"}}));
     expect_consistent(parted);
     EXPECT_EQ(parted.num_components(), 2);
     EXPECT_NEAR(length(parted, "interface"), 2.0, 1e-12);
   }
-  EXPECT_INPUT_ERROR(read_gmsh(path, {.size = 0.1, .slits = {"slot"}}),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(path, {.size = 0.1, .slits = {"slot"}}),
                      "slit \"slot\" is no physical curve; the file has \"crack\", ");
 }
 
 TEST(GmshReader, MeshesPhysicalSurfacesOnly) {
   const std::string path = file("two.geo", std::string(two_squares) + "Physical Surface(\"body\") = {2};\n");
   for (const double size : {0.1, 0.0}) {
-    const FineMesh<2> mesh = read_gmsh(path, {.size = size});
+    const FineMesh<2> mesh(read_gmsh<2>(path, {.size = size}));
     EXPECT_NEAR(mesh.volumes().sum(), 1.0, 1e-12);
     EXPECT_NEAR(length(mesh, "interface"), 1.0, 1e-12);
     EXPECT_INPUT_ERROR(mesh.group("left"), "the mesh has \"interface\", \"right\"");
@@ -188,13 +189,13 @@ $EndElements
 
 TEST(GmshReader, ReadsMshFiles) {
   const std::string path = file("square.msh", square_msh);
-  const FineMesh<2> mesh = read_gmsh(path);
+  const FineMesh<2> mesh(read_gmsh<2>(path));
   expect_consistent(mesh);
   EXPECT_EQ(mesh.num_vertices(), 5);  // the triangle that belongs to no physical surface is not read
   EXPECT_EQ(mesh.num_cells(), 4);
   EXPECT_DOUBLE_EQ(mesh.volumes().sum(), 1.0);
   EXPECT_DOUBLE_EQ(length(mesh, "bottom"), 1.0);
-  const FineMesh<2> parted = read_gmsh(path, {.slits = {"middle"}});
+  const FineMesh<2> parted(read_gmsh<2>(path, {.slits = {"middle"}}));
   EXPECT_EQ(parted.num_components(), 2);
   EXPECT_DOUBLE_EQ(length(parted, "middle"), 2.0 * std::sqrt(2.0));
 }
@@ -202,39 +203,39 @@ TEST(GmshReader, ReadsMshFiles) {
 TEST(GmshReader, LeavesTheNumberOfThreadsAlone) {
   const int before = omp_get_max_threads();
   omp_set_num_threads(2);
-  read_gmsh(file("plate.geo", plate), {.size = 0.5});
+  read_gmsh<2>(file("plate.geo", plate), {.size = 0.5});
   EXPECT_EQ(omp_get_max_threads(), 2);
   omp_set_num_threads(before);
 }
 
 TEST(GmshReader, RefusesWrongInputInGmshsWords) {
-  EXPECT_INPUT_ERROR(read_gmsh("nowhere/plate.geo"), "nowhere/plate.geo: cannot read the file");
-  EXPECT_INPUT_ERROR(read_gmsh("plate.stl"), "expected a .geo or .msh file");
+  EXPECT_INPUT_ERROR(read_gmsh<2>("nowhere/plate.geo"), "nowhere/plate.geo: cannot read the file");
+  EXPECT_INPUT_ERROR(read_gmsh<2>("plate.stl"), "expected a .geo or .msh file");
   const std::string good = file("plate.geo", plate);
-  EXPECT_INPUT_ERROR(read_gmsh(good, {.size = -1.0}), "size is -1");
-  EXPECT_INPUT_ERROR(read_gmsh(file("typo.geo", "Point(1) = {0, 0, zero};\n"), {.size = 0.1}),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(good, {.size = -1.0}), "size is -1");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("typo.geo", "Point(1) = {0, 0, zero};\n"), {.size = 0.1}),
                      "line 1: Unknown variable 'zero'");
-  EXPECT_INPUT_ERROR(read_gmsh(file("empty.geo", "Point(1) = {0, 0, 0};\n"), {.size = 0.1}),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("empty.geo", "Point(1) = {0, 0, 0};\n"), {.size = 0.1}),
                      "there is no surface in it");
-  EXPECT_INPUT_ERROR(read_gmsh(file("empty2.geo", "Point(1) = {0, 0, 0};\n")), "there are no triangles in it");
-  EXPECT_INPUT_ERROR(read_gmsh(file("cut.geo", "Point(1) = {0, 0, 0};")), "its last line has no end");
-  EXPECT_INPUT_ERROR(read_gmsh(file("nothing.geo", "")), "the file is empty or");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("empty2.geo", "Point(1) = {0, 0, 0};\n")), "there are no triangles in it");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("cut.geo", "Point(1) = {0, 0, 0};")), "its last line has no end");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("nothing.geo", "")), "the file is empty or");
   const std::string sphere = file("sphere.geo", "SetFactory(\"OpenCASCADE\"); Sphere(1) = {0, 0, 0, 1};\n");
-  EXPECT_INPUT_ERROR(read_gmsh(sphere, {.size = 0.3}), "of type \"Sphere\", expected a plane surface");
-  EXPECT_INPUT_ERROR(read_gmsh(sphere), "not in one plane z = const");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(sphere, {.size = 0.3}), "of type \"Sphere\", expected a plane surface");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(sphere), "not in one plane z = const");
   const std::string tilted = file(
       "tilted.geo",
       "SetFactory(\"OpenCASCADE\"); Rectangle(1) = {0, 0, 0, 1, 1}; Rotate{{1, 0, 0}, {0, 0, 0}, 1}{ Surface{1}; }\n");
-  EXPECT_INPUT_ERROR(read_gmsh(tilted, {.size = 0.3}), "not in one plane z = const");
-  EXPECT_INPUT_ERROR(read_gmsh(file("quads.geo", std::string(plate) + "Recombine Surface{1};\n")),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(tilted, {.size = 0.3}), "not in one plane z = const");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("quads.geo", std::string(plate) + "Recombine Surface{1};\n")),
                      "expected 3-node triangles only");
-  EXPECT_INPUT_ERROR(read_gmsh(file("junk.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 3\nxx\n")),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("junk.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 3\nxx\n")),
                      "junk.msh: Could not read nodes");
   const std::string msh = file("square.msh", square_msh);
-  EXPECT_INPUT_ERROR(read_gmsh(msh, {.size = 0.1}), "a size (0.1) applies to .geo files only");
-  EXPECT_INPUT_ERROR(read_gmsh(msh, {.parameters = {{"radius", 1.0}}}), "has no parameters");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(msh, {.size = 0.1}), "a size (0.1) applies to geometry only");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(msh, {.parameters = {{"radius", 1.0}}}), "only .geo files have parameters");
   // Errors leave nothing behind.
-  expect_plate(read_gmsh(good, {.size = 0.3}), 1.0, 4.0, 0.3);
+  expect_plate(FineMesh<2>(read_gmsh<2>(good, {.size = 0.3})), 1.0, 4.0, 0.3);
 }
 
 }  // namespace

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/solid_shapes.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/geometry/internal/gmsh_session.hpp"
+
+#include <fmt/format.h>
+#include <gmsh.h>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <numbers>
+
+namespace efree::solids {
+namespace {
+
+namespace occ = gmsh::model::occ;
+using internal::GmshSession;
+
+/// The name of the surface through a point (the middle of its parameters).
+using SurfaceName = std::function<std::string(const Vec<3>&)>;
+
+/// Names a side by the plane x, y or z = 0 or `lengths` it lies in; "" if in none.
+std::string side_name(const Vec<3>& x, const Vec<3>& lengths) {
+  constexpr const char* names[3][2] = {{"left", "right"}, {"front", "back"}, {"bottom", "top"}};
+  const double tolerance = 1e-9 * lengths.maxCoeff();
+  for (int d = 0; d < 3; ++d) {
+    if (std::abs(x[d]) < tolerance) return names[d][0];
+    if (std::abs(x[d] - lengths[d]) < tolerance) return names[d][1];
+  }
+  return "";
+}
+
+void name_surfaces(const GmshSession& session, const SurfaceName& name) {
+  std::map<std::string, std::vector<int>> groups;
+  for (const int surface : internal::all_entities(2)) {
+    std::vector<double> low, high, point;
+    gmsh::model::getParametrizationBounds(2, surface, low, high);
+    gmsh::model::getValue(2, surface, {0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])}, point);
+    groups[name({point[0], point[1], point[2]})].push_back(surface);
+  }
+  for (const auto& [group, surfaces] : groups)
+    gmsh::model::setPhysicalName(2, gmsh::model::addPhysicalGroup(2, surfaces), group);
+  std::vector<int> volumes;
+  for (const int volume : internal::all_entities(3)) volumes.push_back(volume);
+  if (volumes.empty()) session.fail("the shape is empty");
+  gmsh::model::setPhysicalName(3, gmsh::model::addPhysicalGroup(3, volumes), "body");
+}
+
+/// Meshes what `build` makes with OpenCASCADE.
+MeshData<3> mesh(
+    const std::string& shape, double size, const std::function<void()>& build, const SurfaceName& name,
+    const std::function<void()>& grade = [] {}) {
+  if (!(size > 0.0)) throw InputError(fmt::format("{}: size is {}, expected a positive length", shape, size));
+  const GmshSession session(shape);
+  try {
+    build();
+    session.check();
+    occ::synchronize();
+    name_surfaces(session, name);
+    grade();
+    internal::generate_tetrahedra(session, size);
+    return internal::gmsh_mesh<3>(session, size, {});
+  } catch (const std::string& message) {
+    session.fail(message);
+  }
+}
+
+void cut(int body, int tool) {
+  gmsh::vectorpair out;
+  std::vector<gmsh::vectorpair> map;
+  occ::cut({{3, body}}, {{3, tool}}, out, map);
+}
+
+}  // namespace
+
+MeshData<3> box(const Vec<3>& lengths, double size) {
+  if (!(lengths.array() > 0.0).all())
+    throw InputError(
+        fmt::format("box: lengths {}, {}, {}, expected positive ones", lengths.x(), lengths.y(), lengths.z()));
+  return mesh(
+      "box", size, [&] { occ::addBox(0.0, 0.0, 0.0, lengths.x(), lengths.y(), lengths.z()); },
+      [&](const Vec<3>& x) { return side_name(x, lengths); });
+}
+
+MeshData<3> spherical_cavity(double radius, double half_width, double size, double size_at_hole) {
+  if (!(radius > 0.0 && radius < half_width))
+    throw InputError(fmt::format("spherical cavity: radius {} and half width {}, expected 0 < radius < half width",
+                                 radius, half_width));
+  if (!(size_at_hole >= 0.0))
+    throw InputError(
+        fmt::format("spherical cavity: the size at the hole is {}, expected a positive length or 0", size_at_hole));
+  const auto build = [&] {
+    const int body = occ::addBox(0.0, 0.0, 0.0, half_width, half_width, half_width);
+    cut(body, occ::addSphere(0.0, 0.0, 0.0, radius));
+  };
+  const auto name = [&](const Vec<3>& x) {
+    return std::abs(x.norm() - radius) < 1e-9 * radius ? "cavity" : side_name(x, Vec<3>::Constant(half_width));
+  };
+  const auto grade = [&] {
+    if (size_at_hole == 0.0 || size_at_hole >= size) return;
+    namespace field = gmsh::model::mesh::field;
+    const int ball = field::add("MathEval");
+    const double near = size_at_hole / 1.2, far = size / 1.2;
+    field::setString(ball, "F",
+                     fmt::format("{0}+({1}-{0})*Max(0,Min(1,(Sqrt(x*x+y*y+z*z)/{2}-1)/2))", near, far, radius));
+    field::setAsBackgroundMesh(ball);
+  };
+  return mesh("spherical cavity", size, build, name, grade);
+}
+
+MeshData<3> thick_cylinder(double inner, double outer, double height, double size) {
+  if (!(inner > 0.0 && inner < outer && height > 0.0))
+    throw InputError(
+        fmt::format("thick cylinder: radii {} and {}, height {}, expected 0 < inner < outer and a positive height",
+                    inner, outer, height));
+  const double quarter = 0.5 * std::numbers::pi;
+  const auto build = [&] {
+    const int body = occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, outer, -1, quarter);
+    cut(body, occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, inner, -1, quarter));
+  };
+  const auto name = [&](const Vec<3>& x) -> std::string {
+    const std::string side = side_name(x, {2.0 * outer, 2.0 * outer, height});
+    if (!side.empty()) return side;
+    return std::hypot(x.x(), x.y()) < 0.5 * (inner + outer) ? "inner" : "outer";
+  };
+  return mesh("thick cylinder", size, build, name);
+}
+
+MeshData<3> thick_sphere(double inner, double outer, double size) {
+  if (!(inner > 0.0 && inner < outer))
+    throw InputError(fmt::format("thick sphere: radii {} and {}, expected 0 < inner < outer", inner, outer));
+  const double quarter = 0.5 * std::numbers::pi;
+  const auto build = [&] {
+    const int body = occ::addSphere(0.0, 0.0, 0.0, outer, -1, 0.0, quarter, quarter);
+    cut(body, occ::addSphere(0.0, 0.0, 0.0, inner, -1, 0.0, quarter, quarter));
+  };
+  const auto name = [&](const Vec<3>& x) -> std::string {
+    const std::string side = side_name(x, Vec<3>::Constant(2.0 * outer));
+    if (!side.empty()) return side;
+    return x.norm() < 0.5 * (inner + outer) ? "inner" : "outer";
+  };
+  return mesh("thick sphere", size, build, name);
+}
+
+MeshData<3> cylinder(double radius, double height, double size) {
+  if (!(radius > 0.0 && height > 0.0))
+    throw InputError(fmt::format("cylinder: radius {} and height {}, expected positive ones", radius, height));
+  const auto name = [&](const Vec<3>& x) -> std::string {
+    const double tolerance = 1e-9 * std::max(radius, height);
+    return std::abs(x.z()) < tolerance ? "bottom" : std::abs(x.z() - height) < tolerance ? "top" : "side";
+  };
+  return mesh(
+      "cylinder", size, [&] { occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, radius); }, name);
+}
+
+}  // namespace efree::solids
