@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Convergence on the spherical cavity: errors against nodes and against time, one line a run, for both secondary bases,
+/// full integration, and P1 and P2 tetrahedra. Writes CSV to standard output, observed orders to standard error.
+///
+///   bench_spherical_cavity [finest spacing = 0.2] [seeds = 3] [H/h = 4] [first method = 0] [last method = 4]
+#include "efree/bench/cavity.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+using namespace efree;
+using bench::Cavity;
+
+namespace {
+
+struct Method {
+  const char* name;
+  BasisKind kind;
+  SecondaryKind secondary;
+};
+constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells},
+                              {"mls", BasisKind::mls, SecondaryKind::mls},
+                              {"full", BasisKind::mls, SecondaryKind::full},
+                              {"p1", BasisKind::p1, SecondaryKind::full},
+                              {"p2", BasisKind::p2, SecondaryKind::full}};
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const double finest = argc > 1 ? std::atof(argv[1]) : 0.2;
+  const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
+  const double ratio = argc > 3 ? std::atof(argv[3]) : 4.0;
+  const int first = argc > 4 ? std::atoi(argv[4]) : 0, last = argc > 5 ? std::atoi(argv[5]) : 4;
+  std::vector<double> spacings;
+  for (double H = 0.8; H > 0.99 * finest; H *= std::sqrt(0.5)) spacings.push_back(H);
+  std::printf("method,spacing,seed,fine_vertices,fine_cells,nodes,points,l2,energy,recovered,seconds,mesh,cloud,weights,basis,quadrature,assembly,solve\n");
+  for (int m = first; m <= last; ++m) {
+    const Method& method = methods[m];
+    const bool elements = method.kind != BasisKind::mls;
+    std::vector<double> l2, energy, recovered;
+    for (const double H : spacings) {
+      const double size = !elements ? H / ratio : method.kind == BasisKind::p1 ? 0.4 * H : 0.8 * H;
+      StageTimes mesh_time;
+      std::optional<FineMesh<3>> mesh;
+      {
+        const Stage stage("mesh", mesh_time, {});
+        mesh.emplace(Cavity::mesh(size));
+      }
+      std::vector<double> of_seeds[3];
+      for (int seed = 1; seed <= (elements ? 1 : seeds); ++seed) {
+        StageTimes times;
+        const auto approximation = approximate(*mesh,
+                                               {.kind = method.kind,
+                                                .spacing = H,
+                                                .seed = static_cast<std::uint64_t>(seed),
+                                                .secondary = method.secondary},
+                                               &times);
+        const auto solver = Cavity::solver(approximation, elements ? Essential::strong : Essential::nitsche, &times);
+        Solution<3> solution;
+        {
+          const Stage stage("solve", times, {});
+          solution = solver.solve(Cavity::loads());
+        }
+        const Errors errors = Cavity::errors(approximation, solution);
+        std::printf("%s,%.4f,%d,%d,%d,%td,%d,%.4e,%.4e,%.4e,%.3f,%.3f", method.name, H, seed, mesh->num_vertices(),
+                    mesh->num_cells(), approximation.nodes.cols(), approximation.quadrature.size(),
+                    *errors.l2_displacement, *errors.energy_norm, *errors.energy_norm_recovered,
+                    mesh_time.total() + times.total(), mesh_time.total());
+        for (const char* stage : {"cloud", "weights", "basis", "quadrature", "assembly", "solve"})
+          std::printf(",%.3f", times[stage]);
+        std::printf("\n");
+        std::fflush(stdout);
+        of_seeds[0].push_back(*errors.l2_displacement);
+        of_seeds[1].push_back(*errors.energy_norm);
+        of_seeds[2].push_back(*errors.energy_norm_recovered);
+      }
+      l2.push_back(median(of_seeds[0]));
+      energy.push_back(median(of_seeds[1]));
+      recovered.push_back(median(of_seeds[2]));
+    }
+    const double span = std::log(spacings.front() / spacings.back());
+    const auto order = [&](const std::vector<double>& errors) { return std::log(errors.front() / errors.back()) / span; };
+    std::fprintf(stderr, "%s: observed orders L2 %.2f, energy %.2f, recovered %.2f\n", method.name, order(l2),
+                 order(energy), order(recovered));
+  }
+}
