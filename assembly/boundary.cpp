@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/assembly/boundary.hpp"
 
+#include "efree/assembly/internal/gather.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -77,17 +78,6 @@ template <class Key, class Block> void combine(std::vector<std::pair<Key, Block>
       entries[out++] = entries[in];
   }
   entries.resize(out);
-}
-
-using Triplets = std::vector<Eigen::Triplet<double, Index>>;
-
-/// Adds the block at block row a, block column b of a matrix M to the lower triangle of M + M^T (sum of both halves).
-template <int Dim> void add_symmetrised(Triplets& triplets, Index a, Index b, const Mat<Dim>& block) {
-  for (int i = 0; i < Dim; ++i)
-    for (int j = 0; j < Dim; ++j) {
-      const Index r = Dim * a + i, c = Dim * b + j;
-      triplets.emplace_back(std::max(r, c), std::min(r, c), r == c ? 2.0 * block(i, j) : block(i, j));
-    }
 }
 
 /// A point of the boundary where displacements are held to a value (one side) or to each other (two sides).
@@ -194,12 +184,13 @@ template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
   return {{second / (first + second), first / (first + second)}, first * second / (first + second)};
 }
 
-/// -int (flux of u).[v] and its transpose, and the matching right-hand side, for one term of the stiffness.
+/// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs.
 template <int Dim>
-void add_consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                     const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<std::vector<double>>& penalty,
-                     const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
-                     const StiffnessTerm<Dim>& term, Triplets& triplets, Points<Dim>& rhs) {
+SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                            const std::vector<StiffnessTerm<Dim>>& terms,
+                            const std::vector<std::vector<double>>& penalty,
+                            const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
+                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
   using Block = Eigen::Matrix<double, Dim, voigt_size<Dim>>;
   std::vector<std::pair<std::pair<Index, Index>, Block>> jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T
   std::vector<std::pair<Index, Voigt<Dim>>> values;              // K: int Phi_K sum_d g B(n) d
@@ -223,35 +214,59 @@ void add_consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
   std::vector<VoigtMatrix<Dim>> C;
   for (const Lame& lame : term.lame) C.push_back(stiffness<Dim>(lame));
   const auto& discretization = *term.discretization;
-  std::vector<std::pair<Index, Block>> nodal;
-  for (std::size_t s = 0; s < jumps.size();) {
-    const Index K = jumps[s].first.first;
-    nodal.clear();
-    for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
-      const auto row = shape.row(jumps[s].first.second);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal.emplace_back(row.nodes[k], row.N[k] * jumps[s].second);
-    }
-    combine(nodal);
-    const auto row = discretization.shape.row(K);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-      const Eigen::Matrix<double, voigt_size<Dim>, Dim> CB =
-          C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k]);
-      for (const auto& [a, q] : nodal) add_symmetrised<Dim>(triplets, a, row.nodes[k], -(q * CB));
-    }
-  }
   for (const auto& [K, q] : values) {
     const auto row = discretization.shape.row(K);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
       rhs.col(row.nodes[k]) -= (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k])).transpose() * q;
   }
+
+  // One row for each K on the boundary: the nodes whose stress or whose jump it sees.
+  struct Entry {
+    Block jump = Block::Zero();                        // int Phi_K phi_a sum_d d (B(n) d)^T
+    Block flux = Block::Zero();                        // (C B_a)^T
+  };
+  Ragged<Index> nodes;
+  std::vector<Entry> entries;
+  Accumulator<Block> nodal(shape.num_nodes());
+  for (std::size_t s = 0; s < jumps.size();) {
+    const Index K = jumps[s].first.first;
+    nodal.clear();
+    for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
+      const auto row = shape.row(jumps[s].first.second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * jumps[s].second;
+    }
+    const auto row = discretization.shape.row(K);
+    for (Index node : row.nodes) nodal[node];  // those that only the stress sees
+    std::size_t k = 0;
+    for (Index node : nodal.sorted()) {
+      Entry entry{nodal[node]};
+      if (k < row.nodes.size() && row.nodes[k] == node)
+        entry.flux = (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k++])).transpose();
+      nodes.items.push_back(node);
+      entries.push_back(entry);
+    }
+    nodes.close_row();
+  }
+  const auto by_node =
+      places_of_nodes(shape.num_nodes(), nodes.rows(), [&](Index row) { return nodes[row]; });
+  return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    for (const auto& [row, k] : by_node[a]) {
+      const auto row_nodes = nodes[row];
+      const Entry* of_row = entries.data() + nodes.offsets[row];
+      for (std::size_t l = k; l < row_nodes.size(); ++l)
+        sums[row_nodes[l]].noalias() -=
+            of_row[l].jump * of_row[k].flux.transpose() + of_row[l].flux * of_row[k].jump.transpose();
+    }
+  });
 }
 
 /// int beta [u].[v] along the directions held.
 template <int Dim>
-void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                 const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<std::vector<double>>& penalty,
-                 const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties, Triplets& triplets,
-                 Points<Dim>& rhs) {
+SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                               const std::vector<StiffnessTerm<Dim>>& terms,
+                               const std::vector<std::vector<double>>& penalty,
+                               const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
+                               Points<Dim>& rhs) {
   std::vector<std::pair<std::pair<Index, Index>, Mat<Dim>>> fine;
   Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
@@ -268,21 +283,35 @@ void add_penalty(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
       }
   });
   combine(fine);
-  // Expand the fine rows one at a time: nodes of v against the sum over its neighbours w on the boundary.
-  std::vector<std::pair<Index, Mat<Dim>>> nodal;
+  rhs += to_nodes(shape, fine_rhs);
+
+  // One row for each fine v on the boundary: its nodes against the sum over its neighbours w there.
+  std::vector<Index> vertices;
+  Ragged<Index> columns;
+  std::vector<Mat<Dim>> sums_over_neighbours;
+  Accumulator<Mat<Dim>> nodal(shape.num_nodes());
   for (std::size_t s = 0; s < fine.size();) {
     const Index v = fine[s].first.first;
     nodal.clear();
     for (; s < fine.size() && fine[s].first.first == v; ++s) {
       const auto row = shape.row(fine[s].first.second);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal.emplace_back(row.nodes[k], row.N[k] * fine[s].second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * fine[s].second;
     }
-    combine(nodal);
-    const auto row = shape.row(v);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      for (const auto& [b, block] : nodal) add_symmetrised<Dim>(triplets, row.nodes[k], b, 0.5 * row.N[k] * block);
+    vertices.push_back(v);
+    for (Index node : nodal.sorted()) columns.items.push_back(node), sums_over_neighbours.push_back(nodal[node]);
+    columns.close_row();
   }
-  rhs += to_nodes(shape, fine_rhs);
+  const auto by_node = places_of_nodes(shape.num_nodes(), static_cast<Index>(vertices.size()),
+                                       [&](Index row) { return shape.row(vertices[row]).nodes; });
+  return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    for (const auto& [row, k] : by_node[a]) {
+      const double N = shape.row(vertices[row]).N[k];
+      const auto others = columns[row];
+      const auto first = std::lower_bound(others.begin(), others.end(), a) - others.begin();
+      for (std::size_t l = first; l < others.size(); ++l)
+        sums[others[l]] += N * sums_over_neighbours[columns.offsets[row] + l].transpose();
+    }
+  });
 }
 
 /// Rigid motions of Dim dimensions: translations along the axes, then rotations about them (one in the plane).
@@ -461,17 +490,13 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
                                               const std::vector<StiffnessTerm<Dim>>& terms,
                                               const std::vector<Restraint<Dim>>& restraints,
                                               const std::vector<TiedFacets>& ties) {
-  Triplets triplets;
   Points<Dim> rhs = Points<Dim>::Zero(Dim, shape.num_nodes());
   std::vector<std::vector<double>> penalty;
   for (const auto& term : terms) penalty.push_back(penalties(space, term, restraints, ties));
-  for (const auto& term : terms)
-    add_consistency(space, shape, terms, penalty, restraints, ties, term, triplets, rhs);
-  add_penalty(space, shape, terms, penalty, restraints, ties, triplets, rhs);
   NitscheSystem<Dim> system;
-  const Index size = Dim * shape.num_nodes();
-  system.matrix.resize(size, size);
-  system.matrix.setFromTriplets(triplets.begin(), triplets.end());
+  system.matrix = penalty_matrix(space, shape, terms, penalty, restraints, ties, rhs);
+  for (const auto& term : terms)
+    system.matrix += consistency(space, shape, terms, penalty, restraints, ties, term, rhs);
   system.rhs = rhs.reshaped();
   return system;
 }

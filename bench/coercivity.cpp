@@ -2,8 +2,10 @@
 /// Stability of the projected form: smallest eigenvalue of Kbar u = lambda K u, with K integrated on every fine cell
 /// and the rigid motions removed, over M/N and the support, for both secondary bases. Writes CSV to standard output.
 ///
-///   bench_coercivity [spacing = 0.4] [seeds = 3]
+///   bench_coercivity [spacing = 0.4] [seeds = 3]             the plate with a hole
+///   bench_coercivity --solid [spacing = 0.5] [seeds = 3]     the eighth of a cube with a spherical cavity
 #include "efree/assembly/operators.hpp"
+#include "efree/bench/cavity.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
@@ -13,35 +15,37 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 
 using namespace efree;
 
 namespace {
 
-Matrix dense_stiffness(const Discretization<2>& discretization) {
-  const Lame lame = plane_lame({1.0, 0.3}, Plane::stress);
-  const SymmetricMatrix full = stiffness_matrix(discretization, stiffness<2>(lame)).selfadjointView<Eigen::Lower>();
+template <int Dim> Matrix dense_stiffness(const Discretization<Dim>& discretization) {
+  const Lame lame = lame_constants<Dim>({1.0, 0.3}, Plane::stress);
+  const SymmetricMatrix full = stiffness_matrix(discretization, stiffness<Dim>(lame)).template selfadjointView<Eigen::Lower>();
   return Matrix(full);
 }
 
 /// Orthonormal basis of the coefficients that hold no rigid motion (order 1 reproduces those from nodal positions).
-Matrix without_rigid_motions(const Points<2>& nodes) {
-  Matrix rigid = Matrix::Zero(2 * nodes.cols(), 3);
+template <int Dim> Matrix without_rigid_motions(const Points<Dim>& nodes) {
+  constexpr int motions = Dim * (Dim + 1) / 2;
+  Matrix rigid = Matrix::Zero(Dim * nodes.cols(), motions);
   for (Index a = 0; a < nodes.cols(); ++a) {
-    rigid(2 * a, 0) = rigid(2 * a + 1, 1) = 1.0;
-    rigid(2 * a, 2) = -nodes(1, a);
-    rigid(2 * a + 1, 2) = nodes(0, a);
+    int motion = Dim;
+    for (int i = 0; i < Dim; ++i) {
+      rigid(Dim * a + i, i) = 1.0;
+      for (int j = 0; j < i; ++j, ++motion) {
+        rigid(Dim * a + i, motion) = nodes(j, a);
+        rigid(Dim * a + j, motion) = -nodes(i, a);
+      }
+    }
   }
   const Matrix Q = Eigen::HouseholderQR<Matrix>(rigid).householderQ();
-  return Q.rightCols(Q.cols() - 3);
+  return Q.rightCols(Q.cols() - motions);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const double spacing = argc > 1 ? std::atof(argv[1]) : 0.4;
-  const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
-  const auto mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, spacing / 8.0), {.size = spacing / 8.0});
+template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int seeds) {
   std::printf("secondary,support,asked,seed,nodes,points,ratio,smallest,largest,zero_modes\n");
   for (const double support : {1.5, 2.0, 2.5, 3.0})
     for (int seed = 1; seed <= seeds; ++seed) {
@@ -50,7 +54,7 @@ int main(int argc, char** argv) {
                                    .support = support,
                                    .secondary = SecondaryKind::full};
       const auto reference = approximate(mesh, options);
-      const Matrix basis = without_rigid_motions(reference.nodes);
+      const Matrix basis = without_rigid_motions<Dim>(reference.nodes);
       const Matrix K = basis.transpose() * dense_stiffness(reference.quadrature) * basis;
       for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
         for (const double ratio : {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0}) {
@@ -68,4 +72,17 @@ int main(int argc, char** argv) {
           std::fflush(stdout);
         }
     }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const bool solid = argc > 1 && std::string_view(argv[1]) == "--solid";
+  if (solid) --argc, ++argv;
+  const double spacing = argc > 1 ? std::atof(argv[1]) : solid ? 0.5 : 0.4;
+  const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
+  if (solid)
+    study<3>(bench::Cavity::mesh(spacing / 4.0), spacing, seeds);
+  else
+    study<2>(triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, spacing / 8.0), {.size = spacing / 8.0}), spacing, seeds);
 }

@@ -3,8 +3,9 @@
 /// and secondary basis, held on the whole outer boundary and on one side only; largest error anywhere. The last rows
 /// show what gradients evaluated at the quadrature points give instead of projected ones.
 ///
-///   bench_patch_table [clouds = 20]
+///   bench_patch_table [clouds = 20] [dimension = 2]
 #include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
 
 #include <cstdio>
 #include <cstdlib>
@@ -17,14 +18,29 @@ struct Errors3 {
   std::vector<double> displacement, stress, recovered;
 };
 
-void add_errors(const testing::Body& body, const Approximation<2>& approximation, const ElasticModel& model,
-                Errors3& errors) {
+template <int Dim> struct AnyBody {
+  FineMesh<Dim> mesh;
+  double spacing;
+  std::vector<std::string> outer, inner;
+};
+template <int Dim> AnyBody<Dim> find_body(const std::string& name) {
+  if constexpr (Dim == 2) {
+    const auto body = testing::body(name);
+    return {body.mesh, body.spacing, body.outer, body.inner};
+  } else {
+    const bool slit = name == "slit_box";
+    return {testing::solid(name), 0.4, testing::box_sides, slit ? std::vector<std::string>{"slit"} : std::vector<std::string>{}};
+  }
+}
+
+template <int Dim> void add_errors(const AnyBody<Dim>& body, const Approximation<Dim>& approximation,
+                                   const ElasticModel& model, Errors3& errors) {
   std::vector<std::string> loaded(body.outer.begin() + 1, body.outer.end());
   loaded.insert(loaded.end(), body.inner.begin(), body.inner.end());
-  for (const auto& field : testing::linear_fields<2>())
+  for (const auto& field : testing::linear_fields<Dim>())
     for (const bool all : {true, false}) {
-      const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
-                             : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);
+      const auto error = all ? testing::patch_error<Dim>(approximation, model, field, body.outer, body.inner)
+                             : testing::patch_error<Dim>(approximation, model, field, {body.outer[0]}, loaded);
       errors.displacement.push_back(error.displacement);
       errors.stress.push_back(error.stress);
       errors.recovered.push_back(error.recovered);
@@ -41,17 +57,9 @@ void print_row(const std::string& name, const char* secondary, const char* essen
   std::fflush(stdout);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const int clouds = argc > 1 ? std::atoi(argv[1]) : 20;
-  std::printf(
-      "| body | secondary basis | conditions | displacement, worst | median | stress, worst | median | recovered "
-      "stress, worst | median |\n");
-  std::printf("|---|---|---|---|---|---|---|---|---|\n");
-  const std::vector<std::string> names{"square", "slivers", "plate_with_hole", "l_shape", "slit"};
+template <int Dim> void print_table(int clouds, const std::vector<std::string>& names) {
   for (const auto& name : names) {
-    const auto body = testing::body(name);
+    const auto body = find_body<Dim>(name);
     for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
       for (const auto essential : {Essential::nitsche, Essential::strong}) {
         Errors3 errors;
@@ -65,8 +73,22 @@ int main(int argc, char** argv) {
                   essential == Essential::nitsche ? "Nitsche" : "strong", errors);
       }
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int clouds = argc > 1 ? std::atoi(argv[1]) : 20;
+  const bool solids = argc > 2 && std::atoi(argv[2]) == 3;
+  std::printf(
+      "| body | secondary basis | conditions | displacement, worst | median | stress, worst | median | recovered "
+      "stress, worst | median |\n");
+  std::printf("|---|---|---|---|---|---|---|---|---|\n");
+  if (solids) return print_table<3>(clouds, {"box", "flat_cells", "slit_box"}), 0;
+  const std::vector<std::string> names{"square", "slivers", "plate_with_hole", "l_shape", "slit"};
+  print_table<2>(clouds, names);
   for (const auto& name : names) {
-    const auto body = testing::body(name);
+    const auto body = find_body<2>(name);
     Errors3 errors;
     for (int seed = 1; seed <= clouds; ++seed) {
       const ApproximationOptions options{.spacing = body.spacing, .seed = static_cast<std::uint64_t>(seed)};

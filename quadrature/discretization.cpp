@@ -2,6 +2,7 @@
 #include "efree/quadrature/discretization.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/accumulator.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
@@ -36,36 +37,6 @@ SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index
     column.insert(column.end(), space.facet_rule().weights.size(), function_of_cell[space.mesh().facet_cell(f)]);
   return indicators(column, cols);
 }
-
-/// Sums contributions to few of many slots; remembers which, so that clearing costs only those.
-template <class Value> class Accumulator {
- public:
-  explicit Accumulator(Index size) : stamp_(size, -1), values_(size) {}
-  void clear() {
-    ++current_;
-    touched_.clear();
-  }
-  Value& operator[](Index i) {
-    if (stamp_[i] != current_) {
-      stamp_[i] = current_;
-      values_[i] = Value::Zero();
-      touched_.push_back(i);
-    }
-    return values_[i];
-  }
-  /// Touched slots in ascending order.
-  const std::vector<Index>& sorted() {
-    std::sort(touched_.begin(), touched_.end());
-    return touched_;
-  }
-  const std::vector<Index>& touched() const { return touched_; }
-
- private:
-  std::vector<Index> stamp_;
-  std::vector<Value, Eigen::aligned_allocator<Value>> values_;
-  std::vector<Index> touched_;
-  Index current_ = -1;
-};
 
 /// Rows of a table with gradients, built in chunks that run concurrently and are joined in order.
 template <int Dim> class TableBuilder {

@@ -11,6 +11,7 @@
 #include <functional>
 #include <numbers>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -127,6 +128,14 @@ inline FineMesh<3> slit_box(Index n) {
       facets_where(data, [&](const Vec<3>& x) { return x.x() == 0.5 && x.z() <= tip; });
   data.groups.push_back({"slit", slit});
   return with_sides(cut_open<3>(data, slit));
+}
+
+/// Solids by name: box, flat_cells (the box with dihedral angles of half a degree), slit_box.
+inline FineMesh<3> solid(const std::string& name) {
+  if (name == "box") return with_sides(box(8));
+  if (name == "flat_cells") return with_sides(with_flat_cells(box(8), 0.5));
+  if (name == "slit_box") return slit_box(8);
+  throw std::invalid_argument("no solid named " + name);
 }
 
 /// Smallest dihedral angle [degrees].

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Sparse symmetric matrices, gathered row by row.
+#pragma once
+
+#include "efree/assembly/operators.hpp"
+#include "efree/core/internal/accumulator.hpp"
+#include "efree/core/parallel.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+namespace efree {
+
+/// Where a node appears in rows of varying length.
+struct Place {
+  Index row;
+  Index position;  ///< within that row
+};
+
+/// For each node, its places in ascending order of row. nodes_of(row) is the range of the row's nodes.
+template <class NodesOf> Ragged<Place> places_of_nodes(Index nodes, Index rows, const NodesOf& nodes_of) {
+  Ragged<Place> places;
+  places.offsets.assign(nodes + 1, 0);
+  for (Index r = 0; r < rows; ++r)
+    for (const Index node : nodes_of(r)) ++places.offsets[node + 1];
+  std::partial_sum(places.offsets.begin(), places.offsets.end(), places.offsets.begin());
+  places.items.resize(places.offsets.back());
+  std::vector<Index> cursor(places.offsets.begin(), places.offsets.end() - 1);
+  for (Index r = 0; r < rows; ++r) {
+    Index position = 0;
+    for (const Index node : nodes_of(r)) places.items[cursor[node]++] = {r, position++};
+  }
+  return places;
+}
+
+/// Lower triangle of the matrix with Dim x Dim blocks for pairs of nodes: visit(a, sums) adds block (b, a) to sums[b] for
+/// all b >= a it has. One thread owns one column, so the sums do not depend on the threads.
+template <int Dim, class Visit> SymmetricMatrix gather_blocks(Index nodes, const Visit& visit) {
+  struct Part {
+    std::vector<Index> count, rows;  ///< blocks per node a; their b
+    std::vector<Mat<Dim>> blocks;
+  };
+  const Index chunk = std::max<Index>(64, (nodes + 15) / 16);
+  std::vector<Part> parts((nodes + chunk - 1) / chunk);
+  parallel_chunks(nodes, chunk, [&](Index begin, Index end) {
+    Part& part = parts[begin / chunk];
+    Accumulator<Mat<Dim>> sums(nodes);
+    for (Index a = begin; a < end; ++a) {
+      sums.clear();
+      visit(a, sums);
+      const auto& touched = sums.sorted();
+      part.count.push_back(static_cast<Index>(touched.size()));
+      for (Index b : touched) part.rows.push_back(b), part.blocks.push_back(sums[b]);
+    }
+  });
+
+  std::vector<Index> offsets{0}, rows;
+  std::vector<double> values;
+  for (const Part& part : parts) {
+    std::size_t first = 0;
+    Index a = static_cast<Index>(&part - parts.data()) * chunk;
+    for (Index count : part.count) {
+      for (int j = 0; j < Dim; ++j) {
+        for (std::size_t s = first; s < first + count; ++s)
+          for (int i = part.rows[s] == a ? j : 0; i < Dim; ++i) {
+            rows.push_back(Dim * part.rows[s] + i);
+            values.push_back(part.blocks[s](i, j));
+          }
+        offsets.push_back(static_cast<Index>(rows.size()));
+      }
+      first += count;
+      ++a;
+    }
+  }
+  return Eigen::Map<const SymmetricMatrix>(Dim * nodes, Dim * nodes, static_cast<Index>(rows.size()), offsets.data(),
+                                           rows.data(), values.data());
+}
+
+}  // namespace efree
