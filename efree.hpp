@@ -16,6 +16,7 @@
 #include "efree/geometry/fine_mesh.hpp"
 #include "efree/geometry/gmsh_reader.hpp"
 #include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/image_reader.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"

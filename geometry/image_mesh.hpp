@@ -37,9 +37,11 @@ struct ImageMeshOptions {
 /// coarser than a pixel away from them if `size` is. On the frame contours stay where the pixels end. Smooth contours
 /// of three or more labels meet in the pixels' corner. 3D: Delaunay refinement (CGAL Mesh_3; Boissonnat and Oudot 2005)
 /// of the trilinear interpolation of each label's indicator, the label with the largest winning; slivers are left in,
-/// cells without volume are not. Both deterministic. Throws InputError for a broken image, one that is all void, names
-/// that do not match the labels (the message lists these), a size that is not positive, negative tolerances, and too
-/// little memory.
+/// cells without volume are not. A body or pore smaller than `size` may be lost, and gaps and necks thinner than a
+/// voxel may close or open. Known limit: noise from voxel to voxel on the frame (contours that nearly touch everywhere)
+/// can keep Mesh_3's protection of features going without end; filter such images first. Both deterministic. Throws
+/// InputError for a broken image, one that is all void, names that do not match the labels (the message lists these), a
+/// size that is not positive, negative tolerances, and too little memory.
 template <int Dim> MeshData<Dim> mesh_image(const LabelImage<Dim>& image, const ImageMeshOptions& options);
 template <> MeshData<2> mesh_image<2>(const LabelImage<2>& image, const ImageMeshOptions& options);
 template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMeshOptions& options);

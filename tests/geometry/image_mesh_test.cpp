@@ -3,8 +3,9 @@
 #include "efree/core/memory.hpp"
 #include "meshes.hpp"
 
-#include <map>
-#include <set>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 
 namespace efree {
 namespace {
@@ -214,6 +215,140 @@ TEST(ImageMesh2d, APorousImageKeepsItsAreaAndTopology) {
   EXPECT_NEAR(smooth.volumes().sum(), solid, 0.02 * solid);
   const MeshData<2> again = mesh_image(image, {.size = 4.0});
   EXPECT_EQ(FineMesh<2>(again).vertices(), pixels.vertices());
+}
+
+/// Everything that must hold on any mesh in three dimensions.
+void expect_consistent(const FineMesh<3>& mesh, const LabelImage<3>& image) {
+  EXPECT_GT(mesh.volumes().minCoeff(), 0.0);
+  // Frame facets are flat and on the frame; named facets together are the whole boundary; the surface is closed.
+  const char* sides[] = {"left", "right", "front", "back", "bottom", "top"};
+  std::vector<int> named(mesh.num_facets(), 0);
+  for (const auto& group : mesh.groups())
+    for (const Index f : group.facets) ++named[f];
+  EXPECT_EQ(std::count(named.begin(), named.end(), 1), mesh.num_facets());
+  for (int s = 0; s < 6; ++s) {
+    const auto group =
+        std::find_if(mesh.groups().begin(), mesh.groups().end(), [&](const auto& g) { return g.name == sides[s]; });
+    if (group == mesh.groups().end()) continue;
+    const int d = s / 2;
+    const double plane = image.origin[d] + (s % 2 == 1 ? image.size[d] * image.spacing[d] : 0.0);
+    Index off = 0;
+    for (const Index f : group->facets) {
+      for (int k = 0; k < 3; ++k) off += mesh.vertex(mesh.facets()(k, f))[d] != plane;
+      off += !(std::abs(std::abs(mesh.facet_normal(f)[d]) - 1.0) < 1e-12);
+    }
+    EXPECT_EQ(off, 0) << sides[s];
+  }
+  Vec<3> closed = Vec<3>::Zero();
+  double volume = 0.0;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    closed += mesh.facet_measure(f) * mesh.facet_normal(f);
+    volume += mesh.facet_measure(f) * mesh.facet_normal(f).dot(mesh.vertex(mesh.facets()(0, f))) / 3.0;
+  }
+  EXPECT_LT(closed.norm(), 1e-9 * mesh.volumes().sum());
+  EXPECT_NEAR(volume, mesh.volumes().sum(), 1e-9 * volume);  // cells do not overlap
+}
+
+double side_area(const FineMesh<3>& mesh, const std::string& group) {
+  double sum = 0.0;
+  for (const Index f : mesh.group(group)) sum += mesh.facet_measure(f);
+  return sum;
+}
+
+double volume(const FineMesh<3>& mesh, Index region) {
+  double sum = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (mesh.region(c) == region) sum += mesh.volume(c);
+  return sum;
+}
+
+TEST(ImageMesh3d, ABlockIsABlock) {
+  LabelImage<3> image;
+  image.size = {6, 4, 5};
+  image.spacing = {0.5, 1.0, 0.25};
+  image.origin = {1.0, -2.0, 3.0};
+  image.labels.assign(120, 7);
+  const FineMesh<3> mesh(mesh_image(image, {.size = 0.8}));
+  expect_consistent(mesh, image);
+  EXPECT_NEAR(mesh.volumes().sum(), 15.0, 1e-12 * 15.0);
+  EXPECT_NEAR(side_area(mesh, "left"), 5.0, 1e-11);
+  EXPECT_NEAR(side_area(mesh, "back"), 3.75, 1e-11);
+  EXPECT_NEAR(side_area(mesh, "top"), 12.0, 1e-11);
+  EXPECT_EQ(mesh.groups().size(), 6u);
+  EXPECT_EQ(mesh.region_names(), std::vector<std::string>{"7"});
+  const MeshData<3> again = mesh_image(image, {.size = 0.8});
+  EXPECT_EQ(FineMesh<3>(again).vertices(), mesh.vertices());
+}
+
+TEST(ImageMesh3d, APorousBlockKeepsItsVolumeAndItsSides) {
+  const LabelImage<3> image = random_spheres<3>(32, {.porosity = 0.3, .r_min = 4.0, .r_max = 7.0, .seed = 2});
+  const double solid = static_cast<double>(count_labels(image).back().pixels);
+  const FineMesh<3> mesh(mesh_image(image, {.size = 2.5}));
+  expect_consistent(mesh, image);
+  EXPECT_NEAR(mesh.volumes().sum(), solid, 0.01 * solid);
+  const auto voxels = [&](int d, Index at) {
+    double count = 0.0;
+    for (Index a = 0; a < 32; ++a)
+      for (Index b = 0; b < 32; ++b) {
+        std::array<Index, 3> voxel;
+        voxel[d] = at;
+        voxel[(d + 1) % 3] = a;
+        voxel[(d + 2) % 3] = b;
+        count += image.at(voxel) != 0;
+      }
+    return count;
+  };
+  const char* sides[] = {"left", "right", "front", "back", "bottom", "top"};
+  for (int s = 0; s < 6; ++s) {
+    const double pixels = voxels(s / 2, s % 2 == 1 ? 31 : 0);
+    EXPECT_NEAR(side_area(mesh, sides[s]), pixels, 0.02 * 1024.0) << sides[s];
+  }
+}
+
+TEST(ImageMesh3d, FindsPoresFarSmallerThanItsCells) {
+  LabelImage<3> image;
+  image.size = {24, 24, 24};
+  image.labels.assign(24 * 24 * 24, 1);
+  for (Index k = 11; k < 13; ++k)
+    for (Index j = 11; j < 13; ++j)
+      for (Index i = 11; i < 13; ++i) image.labels[image.index({i, j, k})] = 0;
+  const FineMesh<3> mesh(mesh_image(image, {.size = 6.0}));
+  expect_consistent(mesh, image);
+  const double pore = 24.0 * 24.0 * 24.0 - mesh.volumes().sum();
+  EXPECT_GT(pore, 3.0);
+  EXPECT_LT(pore, 8.0);
+}
+
+TEST(ImageMesh3d, RegionsConform) {
+  // A ball of label 2 in a block of label 1 above a layer of label 3.
+  LabelImage<3> image;
+  image.size = {20, 20, 20};
+  for (Index k = 0; k < 20; ++k)
+    for (Index j = 0; j < 20; ++j)
+      for (Index i = 0; i < 20; ++i)
+        image.labels.push_back(Vec<3>(i - 9.5, j - 9.5, k - 12.5).norm() < 5.0 ? 2 : k < 4 ? 3 : 1);
+  const auto counts = count_labels(image);
+  const FineMesh<3> mesh(mesh_image(image, {.size = 2.5, .names = {{1, "matrix"}, {2, "grain"}, {3, "layer"}}}));
+  expect_consistent(mesh, image);
+  EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"matrix", "grain", "layer"}));
+  EXPECT_NEAR(mesh.volumes().sum(), 8000.0, 1e-8);  // no void: the block without a gap
+  for (Index r = 0; r < 3; ++r) {
+    const double voxels = static_cast<double>(counts[r].pixels);
+    EXPECT_NEAR(volume(mesh, r), voxels, 0.05 * voxels) << mesh.region_names()[r];
+  }
+  EXPECT_EQ(mesh.num_components(), 1);
+  double interface = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (Index i = 0; i < 4; ++i)
+      if (const Index other = mesh.neighbour(i, c); other >= 0 && mesh.region(c) == 1 && mesh.region(other) != 1) {
+        const Vec<3> a = mesh.vertex(mesh.cells()((i + 1) % 4, c)), b = mesh.vertex(mesh.cells()((i + 2) % 4, c)),
+                     d = mesh.vertex(mesh.cells()((i + 3) % 4, c));
+        interface += 0.5 * (b - a).cross(d - a).norm();
+      }
+  EXPECT_NEAR(interface, 4.0 * 3.14159 * 25.0, 0.08 * 314.0);
+  EXPECT_INPUT_ERROR(mesh_image(image, {}), "size is 0");
+  EXPECT_INPUT_ERROR(mesh_image(image, {.size = 1e-3}), "GiB are available");
+  EXPECT_INPUT_ERROR(mesh_image(image, {.size = 1.0, .facet_distance = 0.0}), "facet_distance is 0");
 }
 
 TEST(ImageMesh2d, RefusesWhatCannotBeMeshed) {
