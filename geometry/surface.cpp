@@ -75,8 +75,7 @@ SurfaceSoup read_surface(const std::string& path) {
       is_read = CGAL::IO::read_PLY(path, points, polygons);
   } catch (const std::exception&) {
   }
-  if (!is_read)
-    throw InputError(fmt::format("{}: the file is truncated or no {} file", path, extension.substr(1)));
+  if (!is_read) throw InputError(fmt::format("{}: the file is truncated or no {} file", path, extension.substr(1)));
   for (const auto& p : points)
     if (!std::isfinite(p.x()) || !std::isfinite(p.y()) || !std::isfinite(p.z()))
       throw InputError(fmt::format("{}: a coordinate is not a finite number, at {}", path, show(p)));
@@ -146,19 +145,17 @@ Surface closed_surface(const SurfaceSoup& soup) {
     if (surface.is_border(h) && open++ == 0)
       first = CGAL::midpoint(surface.point(surface.source(h)), surface.point(surface.target(h)));
   if (open > 0)
-    throw InputError(
-        fmt::format("open surface given as closed: {} boundary edge{}, first at {}; repair it or wrap it", open,
-                    open == 1 ? "" : "s", show(first)));
+    throw InputError(fmt::format("open surface given as closed: {} boundary edge{}, first at {}; repair it or wrap it",
+                                 open, open == 1 ? "" : "s", show(first)));
 
   std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossing;
   pmp::self_intersections<CGAL::Sequential_tag>(surface, std::back_inserter(crossing));
   if (!crossing.empty()) {
     const auto h = surface.halfedge(crossing.front().first);
-    throw InputError(fmt::format(
-        "the surface meets itself: {} pair{} of triangles, first at {}; repair it or wrap it", crossing.size(),
-        crossing.size() == 1 ? "" : "s",
-        show(CGAL::centroid(surface.point(surface.source(h)), surface.point(surface.target(h)),
-                            surface.point(surface.target(surface.next(h)))))));
+    throw InputError(fmt::format("the surface meets itself: {} pair{} of triangles, first at {}; repair it or wrap it",
+                                 crossing.size(), crossing.size() == 1 ? "" : "s",
+                                 show(CGAL::centroid(surface.point(surface.source(h)), surface.point(surface.target(h)),
+                                                     surface.point(surface.target(surface.next(h)))))));
   }
   pmp::orient_to_bound_a_volume(surface);
   const Vec<3> extent = soup.points.rowwise().maxCoeff() - soup.points.rowwise().minCoeff();

@@ -22,9 +22,9 @@ struct SurfaceSoup {
 SurfaceSoup read_surface(const std::string& path);
 
 struct SurfaceMeshOptions {
-  double size = 0.0;           ///< longest edge [length]; required
-  double feature_angle = 30.0; ///< edges with a larger angle between the normals of their triangles are kept [degrees]
-  double distance = 0.0;       ///< farthest the mesh's boundary may be from the surface [length]; 0: size / 20
+  double size = 0.0;            ///< longest edge [length]; required
+  double feature_angle = 30.0;  ///< edges with a larger angle between the normals of their triangles are kept [degrees]
+  double distance = 0.0;        ///< farthest the mesh's boundary may be from the surface [length]; 0: size / 20
 };
 
 /// Tetrahedra for the inside of a closed surface (CGAL Mesh_3: Delaunay refinement with protected sharp edges; Rineau &
@@ -40,17 +40,17 @@ struct WrapOptions {
   double offset = 0.0;  ///< distance of the wrap from the surface [length]; 0: alpha / 30
 };
 struct SurfaceWrap {
-  SurfaceSoup surface;         ///< closed, oriented, free of self-intersections
-  double max_distance = 0.0;   ///< of the wrap's vertices to the given triangles [length]
-  double mean_distance = 0.0;  ///< mean of the same
-  double volume = 0.0;         ///< enclosed by the wrap
+  SurfaceSoup surface;               ///< closed, oriented, free of self-intersections
+  double max_distance = 0.0;         ///< of the wrap's vertices to the given triangles [length]
+  double mean_distance = 0.0;        ///< mean of the same
+  double volume = 0.0;               ///< enclosed by the wrap
   double alpha = 0.0, offset = 0.0;  ///< as used
 };
 
-/// A closed surface around any triangles: holes, self-intersections, gaps, doubled sheets (CGAL Alpha_wrap_3; Portaneri,
-/// Rouxel-Labbe, Hemmer, Cohen-Steiner & Alliez 2022). The wrap lies outside; what cannot be reached from outside
-/// through openings wider than alpha is filled. Throws InputError for no triangle, a flat box with alpha 0 given, or
-/// lengths that are not positive.
+/// A closed surface around any triangles: holes, self-intersections, gaps, doubled sheets (CGAL Alpha_wrap_3;
+/// Portaneri, Rouxel-Labbe, Hemmer, Cohen-Steiner & Alliez 2022). The wrap lies outside; what cannot be reached from
+/// outside through openings wider than alpha is filled. Throws InputError for no triangle, a flat box with alpha 0
+/// given, or lengths that are not positive.
 SurfaceWrap wrap_surface(const SurfaceSoup& surface, const WrapOptions& options = {});
 
 }  // namespace efree

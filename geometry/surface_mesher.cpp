@@ -12,9 +12,13 @@
 #include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
 #include <CGAL/make_mesh_3.h>
 #include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
+#include <set>
 #include <unordered_map>
 
 namespace efree {
@@ -23,8 +27,7 @@ namespace {
 using internal::Kernel, internal::Surface;
 using Domain = CGAL::Polyhedral_mesh_domain_with_features_3<Kernel, Surface>;
 using Triangulation = CGAL::Mesh_triangulation_3<Domain, CGAL::Default, CGAL::Sequential_tag>::type;
-using Complex =
-    CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
+using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
 using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
 
 /// Points on every connected part of the surface, so that none is missed: Mesh_3 finds parts without a sharp edge only
@@ -103,14 +106,69 @@ MeshData<3> mesh_data(const Complex& complex) {
   return mesh;
 }
 
+/// Takes away cells as good as flat that lie on the boundary with two facets of one patch: their other two facets take
+/// the place of those. Mesh_3 makes them of four points of a flat side, and no exudation moves such points.
+void peel_flat_cells(MeshData<3>& mesh) {
+  constexpr double flat = 1e-4;  // height over longest edge
+  using Key = std::array<Index, 3>;
+  const auto key = [](Key facet) {
+    std::sort(facet.begin(), facet.end());
+    return facet;
+  };
+  std::map<Key, std::pair<std::size_t, std::size_t>> patch_of;  // group, position in it
+  std::set<std::pair<Index, Index>> boundary_edges;
+  const auto add_edges = [&](const Key& facet) {
+    for (int k = 0; k < 3; ++k) boundary_edges.insert(std::minmax({facet[k], facet[(k + 1) % 3]}));
+  };
+  for (std::size_t g = 0; g < mesh.groups.size(); ++g)
+    for (std::size_t f = 0; f < mesh.groups[g].facets.size(); ++f) {
+      patch_of[key(mesh.groups[g].facets[f])] = {g, f};
+      add_edges(mesh.groups[g].facets[f]);
+    }
+  std::vector<Index> kept;
+  for (Index c = 0; c < mesh.cells.cols(); ++c) {
+    std::vector<Key> outer, inner;
+    double longest = 0.0, largest_area = 0.0;
+    for (int i = 0; i < 4; ++i) {
+      Key facet;
+      for (int k = 0; k < 3; ++k) facet[k] = mesh.cells((i + 1 + k) % 4, c);
+      const Vec<3> a = mesh.vertices.col(facet[1]) - mesh.vertices.col(facet[0]),
+                   b = mesh.vertices.col(facet[2]) - mesh.vertices.col(facet[0]);
+      longest = std::max({longest, a.norm(), b.norm()});
+      largest_area = std::max(largest_area, a.cross(b).norm());
+      (patch_of.contains(key(facet)) ? outer : inner).push_back(key(facet));
+    }
+    Mat<3> edges;
+    for (int k = 0; k < 3; ++k)
+      edges.col(k) = mesh.vertices.col(mesh.cells(k + 1, c)) - mesh.vertices.col(mesh.cells(0, c));
+    kept.push_back(c);
+    if (std::abs(edges.determinant()) > flat * longest * largest_area || outer.size() != 2) continue;
+    const auto first = patch_of.at(outer[0]), second = patch_of.at(outer[1]);
+    if (first.first != second.first) continue;
+    std::vector<Index>
+        ridge;  // the edge that comes to lie on the boundary: if it does already, the body would be pinched
+    std::set_intersection(inner[0].begin(), inner[0].end(), inner[1].begin(), inner[1].end(),
+                          std::back_inserter(ridge));
+    if (boundary_edges.contains({ridge[0], ridge[1]})) continue;
+    kept.pop_back();
+    for (int k = 0; k < 2; ++k) {
+      const auto place = k == 0 ? first : second;
+      mesh.groups[place.first].facets[place.second] = inner[k];
+      patch_of.erase(outer[k]);
+      patch_of[inner[k]] = place;
+      add_edges(inner[k]);
+    }
+  }
+  mesh.cells = Cells<3>(mesh.cells(Eigen::all, kept));
+}
+
 }  // namespace
 
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options) {
   const double size = options.size;
   if (!(size > 0.0)) throw InputError(fmt::format("surface: size is {}, expected a positive length", size));
   if (!(options.feature_angle > 0.0 && options.feature_angle <= 180.0))
-    throw InputError(
-        fmt::format("surface: the feature angle is {}, expected 0 to 180 degrees", options.feature_angle));
+    throw InputError(fmt::format("surface: the feature angle is {}, expected 0 to 180 degrees", options.feature_angle));
   if (!(options.distance >= 0.0))
     throw InputError(
         fmt::format("surface: the distance is {}, expected a positive length, or 0 for size / 20", options.distance));
@@ -139,7 +197,9 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
                       par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
   if (complex.number_of_cells_in_complex() == 0)
     throw NumericalError(fmt::format("surface: no tetrahedron at size {:g}; try a smaller one", size));
-  return split_long_edges<3>(mesh_data(complex), size);
+  MeshData<3> mesh = mesh_data(complex);
+  peel_flat_cells(mesh);
+  return split_long_edges<3>(std::move(mesh), size);
 }
 
 }  // namespace efree

@@ -41,9 +41,10 @@ SurfaceWrap wrap_surface(const SurfaceSoup& soup, const WrapOptions& options) {
   wrap.alpha = options.alpha > 0.0 ? options.alpha : diagonal / 50.0;
   wrap.offset = options.offset > 0.0 ? options.offset : wrap.alpha / 30.0;
   if (constexpr double finest = 5e-4; wrap.alpha < finest * diagonal || wrap.offset < 1e-2 * finest * diagonal)
-    throw InputError(fmt::format("wrap: alpha {:g} and offset {:g} are too small for a box of diagonal {:g}; expected "
-                                 "at least {:g} and {:g}",
-                                 wrap.alpha, wrap.offset, diagonal, finest * diagonal, 1e-2 * finest * diagonal));
+    throw InputError(
+        fmt::format("wrap: alpha {:g} and offset {:g} are too small for a box of diagonal {:g}; expected "
+                    "at least {:g} and {:g}",
+                    wrap.alpha, wrap.offset, diagonal, finest * diagonal, 1e-2 * finest * diagonal));
 
   internal::Surface closed;
   CGAL::alpha_wrap_3(points, faces, wrap.alpha, wrap.offset, closed);
