@@ -32,7 +32,8 @@ struct SurfaceMeshOptions {
 /// cavities; there may be several bodies, which make one region. Triangles may be in any order and orientation. The
 /// boundary between sharp edges becomes the groups "surface 1", "surface 2", ..., the largest first. Single thread,
 /// deterministic. Throws InputError if the surface is open, meets itself, has three triangles at an edge or encloses no
-/// volume (each with the place of the first fault), or an option is out of range.
+/// volume (each with the place of the first fault), or an option is out of range. Known limit: where sharp edges meet in
+/// angles near zero their protection may take minutes; a larger feature_angle, or 180 for none, helps.
 MeshData<3> mesh_surface(const SurfaceSoup& surface, const SurfaceMeshOptions& options);
 
 struct WrapOptions {
@@ -41,8 +42,8 @@ struct WrapOptions {
 };
 struct SurfaceWrap {
   SurfaceSoup surface;               ///< closed, oriented, free of self-intersections
-  double max_distance = 0.0;         ///< of the wrap's vertices to the given triangles [length]
-  double mean_distance = 0.0;        ///< mean of the same
+  double max_distance = 0.0;         ///< of the wrap's vertices and middles of triangles to the given ones [length]
+  double mean_distance = 0.0;        ///< over the area of the wrap
   double volume = 0.0;               ///< enclosed by the wrap
   double alpha = 0.0, offset = 0.0;  ///< as used
 };

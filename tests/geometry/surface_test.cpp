@@ -141,7 +141,7 @@ TEST(Surface, WrapClosesHolesAndSaysHowFarItIs) {
   EXPECT_NEAR(wrap.volume, 1.125, 0.1);
   EXPECT_GT(wrap.volume, 1.125);
   EXPECT_GT(wrap.max_distance, 0.005);
-  EXPECT_LT(wrap.max_distance, 0.05);
+  EXPECT_LT(wrap.max_distance, 0.1);  // alpha: where the two boxes meet
   EXPECT_LE(wrap.mean_distance, wrap.max_distance);
   const auto summary = summarize<3>(mesh_surface(wrap.surface, {.size = 0.3, .feature_angle = 180.0}));
   EXPECT_NEAR(summary.volume, wrap.volume, 0.02);
