@@ -123,6 +123,168 @@ TEST(Solids, RefuseLengthsThatMakeNoShape) {
   EXPECT_INPUT_ERROR(solids::cylinder(1.0, 0.0, 0.1), "expected positive ones");
 }
 
+/// Writes a file for the running test and returns its path.
+std::string file(const std::string& name, const std::string& text) {
+  const std::string path =
+      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
+  std::ofstream(path) << text;
+  return path;
+}
+
+double volume(const FineMesh<3>& mesh, const std::string& region) {
+  double sum = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (mesh.region(c) == mesh.region(region)) sum += mesh.volume(c);
+  return sum;
+}
+
+const char* const two_boxes = R"(SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {1, 0.25, 0.25, 1, 0.5, 0.5};
+)";
+const char* const joined = R"(BooleanFragments{ Volume{1}; Delete; }{ Volume{2}; Delete; }
+)";
+
+TEST(GmshSolid, PhysicalVolumesAreRegionsAndMeetInTheirFacets) {
+  const std::string path = file("two.geo", std::string(two_boxes) + joined + R"(
+Physical Volume("cube") = {1}; Physical Volume("arm") = {2};
+Physical Surface("base") = Surface In BoundingBox{-0.1, -0.1, -0.1, 0.1, 1.1, 1.1};
+Physical Surface("joint") = Surface In BoundingBox{0.9, 0.2, 0.2, 1.1, 0.8, 0.8};
+)");
+  EXPECT_EQ(gmsh_dimension(path), 3);
+  const MeshData<3> data = read_gmsh<3>(path, {.size = 0.3});
+  const FineMesh<3> mesh(data);
+  EXPECT_LE(mesh.size(), 0.3);
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"arm", "cube"}));
+  EXPECT_NEAR(volume(mesh, "cube"), 1.0, 1e-12);
+  EXPECT_NEAR(volume(mesh, "arm"), 0.25, 1e-12);
+  EXPECT_NEAR(area(mesh, "base"), 1.0, 1e-12);
+  const FineMesh<3> parted(cut_regions<3>(data));
+  EXPECT_EQ(parted.num_components(), 2);
+  double between = 0.0;
+  for (const auto& [a, b] : tied_facets<3>(parted)) between += parted.facet_measure(a);
+  EXPECT_NEAR(between, 0.25, 1e-12);
+  EXPECT_NEAR(area(parted, "joint"), 0.5, 1e-12);
+  const FineMesh<3> slit(read_gmsh<3>(path, {.size = 0.3, .slits = {"joint"}}));
+  EXPECT_EQ(slit.num_components(), 2);
+  EXPECT_NEAR(area(slit, "joint"), 0.5, 1e-12);
+  EXPECT_INPUT_ERROR(read_gmsh<3>(path, {.size = 0.3, .slits = {"crack"}}), "slit \"crack\" is no physical surface");
+}
+
+TEST(GmshSolid, WithoutPhysicalGroupsVolumesAndSurfacesGoByTheirNumbers) {
+  const FineMesh<3> mesh(read_gmsh<3>(file("two.geo", std::string(two_boxes) + joined), {.size = 0.4}));
+  EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"volume 1", "volume 2"}));
+  double sum = 0.0, boundary = 0.0;
+  for (const auto& group : mesh.groups()) sum += area(mesh, group.name);
+  for (Index f = 0; f < mesh.num_facets(); ++f) boundary += mesh.facet_measure(f);
+  EXPECT_NEAR(sum, boundary, 1e-11);
+  EXPECT_NEAR(sum, 6.0 + 4.0 * 0.5, 1e-11);
+}
+
+TEST(GmshSolid, CutsOpenAlongACrackInside) {
+  const std::string path = file("crack.geo", R"(SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1}; Disk(20) = {0.5, 0.5, 0.5, 0.3};
+BooleanFragments{ Volume{1}; Delete; }{ Surface{20}; Delete; }
+Physical Volume("body") = {1};
+Physical Surface("crack") = Surface In BoundingBox{0.1, 0.1, 0.4, 0.9, 0.9, 0.6};
+)");
+  const FineMesh<3> mesh(read_gmsh<3>(path, {.size = 0.2, .slits = {"crack"}}));
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_NEAR(mesh.volumes().sum(), 1.0, 1e-12);
+  EXPECT_NEAR(area(mesh, "crack"), 2.0 * pi * 0.09, 0.03 * 2.0 * pi * 0.09);
+  Index up = 0;
+  for (const Index f : mesh.group("crack")) up += mesh.facet_normal(f).z() > 0.0;
+  EXPECT_EQ(2 * up, static_cast<Index>(mesh.group("crack").size()));
+}
+
+TEST(GmshSolid, StepBodiesThatTouchShareTheirFacetsInTheUnitOfTheFile) {
+  const std::string step = file("two.step", "");
+  read_gmsh<3>(file("write.geo", std::string(two_boxes) + "Save \"" + step + "\";\n"), {.size = 1.0});
+  const MeshData<3> data = read_gmsh<3>(step, {.size = 0.3});
+  const FineMesh<3> mesh(data);
+  EXPECT_EQ(mesh.num_regions(), 2);
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_NEAR(mesh.volumes().sum(), 1.25, 1e-9);
+  double between = 0.0;
+  const FineMesh<3> parted(cut_regions<3>(data));
+  for (const auto& [a, b] : tied_facets<3>(parted)) between += parted.facet_measure(a);
+  EXPECT_NEAR(between, 0.25, 1e-9);
+
+  // The same numbers in metres.
+  std::ifstream in(step);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  int units = 0;
+  for (std::size_t at = text.find(".MILLI."); at != std::string::npos; at = text.find(".MILLI."), ++units)
+    text.replace(at, 7, "$");
+  ASSERT_GT(units, 0);
+  const FineMesh<3> metres(read_gmsh<3>(file("metre.stp", text), {.size = 0.3}));
+  EXPECT_NEAR(metres.volumes().sum(), 1.25, 1e-9);
+  EXPECT_LE(metres.size(), 0.3 * (1.0 + 1e-12));
+  EXPECT_INPUT_ERROR(read_gmsh<3>(file("half.step", text.substr(0, text.size() / 2)), {.size = 0.3}),
+                     "half.step: Could not read file");
+}
+
+TEST(GmshSolid, WhatTwoBodiesShareIsARegionOfItsOwn) {
+  const std::string brep = file("overlap.brep", "");
+  read_gmsh<3>(file("write.geo",
+                    "SetFactory(\"OpenCASCADE\"); Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {0.75, 0, 0, 1, 1, "
+                    "1};\nSave \"" +
+                        brep + "\";\n"),
+               {.size = 1.0});
+  const FineMesh<3> mesh(read_gmsh<3>(brep, {.size = 0.5}));
+  EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"body 1", "body 1 & body 2", "body 2"}));
+  EXPECT_NEAR(volume(mesh, "body 1 & body 2"), 0.25, 1e-9);
+  EXPECT_NEAR(mesh.volumes().sum(), 1.75, 1e-9);
+}
+
+TEST(GmshSolid, RefusesWrongInput) {
+  const std::string flat = file("flat.geo", "SetFactory(\"OpenCASCADE\"); Rectangle(1) = {0, 0, 0, 1, 1};\n");
+  EXPECT_EQ(gmsh_dimension(flat), 2);
+  EXPECT_INPUT_ERROR(read_gmsh<3>(flat, {.size = 0.3}), "there is no volume in it");
+  EXPECT_INPUT_ERROR(read_gmsh<3>(file("letter.step", "Dear reader\n"), {.size = 0.3}), "Could not read file");
+  EXPECT_INPUT_ERROR(read_gmsh<3>(file("letter.brep", "Dear reader\n"), {.size = 0.3}), "letter.brep: ");
+  EXPECT_INPUT_ERROR(read_gmsh<3>(file("empty.step", ""), {.size = 0.3}), "the file is empty");
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("letter.step", "Dear reader\n"), {.size = 0.3}), "a CAD file holds solids");
+  EXPECT_INPUT_ERROR(gmsh_dimension("nowhere/a.step"), "nowhere/a.step: cannot read the file");
+  const std::string twice = file("twice.geo",
+                                 "SetFactory(\"OpenCASCADE\"); Box(1) = {0, 0, 0, 1, 1, 1};\n"
+                                 "Physical Volume(\"a\") = {1}; Physical Volume(\"b\") = {1};\n");
+  EXPECT_INPUT_ERROR(read_gmsh<3>(twice, {.size = 0.3}), "volume 1 belongs to the physical groups \"a\" and \"b\"");
+  const std::string msh =
+      file("hex.msh",
+           "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n"
+           "5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n$EndNodes\n$Elements\n1\n1 5 2 0 1 1 2 3 4 5 6 7 8\n"
+           "$EndElements\n");
+  EXPECT_EQ(gmsh_dimension(msh), 3);
+  EXPECT_INPUT_ERROR(read_gmsh<3>(msh), "expected 4-node tetrahedra only");
+}
+
+TEST(GmshPlane, PhysicalSurfacesAreRegionsWithAndWithoutASize) {
+  const std::string path = file("two.geo", R"(
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0}; Point(5) = {3, 0, 0}; Point(6) = {3, 1, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 3};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
+Physical Surface("soft") = {1}; Physical Surface("hard") = {2}; Physical Curve("seam") = {2};
+MeshSize{:} = 0.2;
+)");
+  for (const double size : {0.2, 0.0}) {
+    const MeshData<2> data = read_gmsh<2>(path, {.size = size});
+    const FineMesh<2> mesh(data);
+    ASSERT_EQ(mesh.region_names(), (std::vector<std::string>{"hard", "soft"}));
+    double hard = 0.0, seam = 0.0;
+    for (Index c = 0; c < mesh.num_cells(); ++c) {
+      EXPECT_EQ(mesh.region(c), mesh.centroid(c).x() > 1.0 ? 0 : 1);
+      if (mesh.region(c) == 0) hard += mesh.volume(c);
+    }
+    EXPECT_NEAR(hard, 2.0, 1e-12);
+    const FineMesh<2> parted(cut_regions<2>(data));
+    EXPECT_EQ(parted.num_components(), 2);
+    for (const auto& [a, b] : tied_facets<2>(parted)) seam += parted.facet_measure(a);
+    EXPECT_NEAR(seam, 1.0, 1e-12);
+    EXPECT_NEAR(test::length(parted, "seam"), 2.0, 1e-12);
+  }
+}
+
 TEST(Refine, SplitsLongEdgesAndKeepsVolumeGroupsAndRegions) {
   MeshData<3> mesh;
   mesh.vertices.resize(3, 5);

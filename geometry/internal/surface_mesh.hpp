@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Triangle soups as CGAL's surfaces.
+#pragma once
+
+#include "efree/geometry/surface.hpp"
+
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Surface_mesh.h>
+
+#include <vector>
+
+namespace efree::internal {
+
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
+
+std::vector<Kernel::Point_3> cgal_points(const SurfaceSoup& soup);
+SurfaceSoup soup_of(const Surface& surface);
+
+/// The oriented boundary of a body. Throws InputError as mesh_surface does.
+Surface closed_surface(const SurfaceSoup& soup);
+
+}  // namespace efree::internal

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// CGAL Mesh_3, in a file of its own because it is slow to compile.
+#include "efree/core/error.hpp"
+#include "efree/geometry/internal/surface_mesh.hpp"
+#include "efree/geometry/refine.hpp"
+#include "efree/geometry/surface.hpp"
+
+#include <CGAL/Mesh_complex_3_in_triangulation_3.h>
+#include <CGAL/Mesh_criteria_3.h>
+#include <CGAL/Mesh_triangulation_3.h>
+#include <CGAL/Polygon_mesh_processing/connected_components.h>
+#include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
+#include <CGAL/make_mesh_3.h>
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <set>
+#include <unordered_map>
+
+namespace efree {
+namespace {
+
+using internal::Kernel, internal::Surface;
+using Domain = CGAL::Polyhedral_mesh_domain_with_features_3<Kernel, Surface>;
+using Triangulation = CGAL::Mesh_triangulation_3<Domain, CGAL::Default, CGAL::Sequential_tag>::type;
+using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
+using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
+
+/// Points on every connected part of the surface, so that none is missed: Mesh_3 finds parts without a sharp edge only
+/// by rays from the middle of all.
+void insert_initial_points(const Surface& surface, const Domain& domain, Complex& complex) {
+  constexpr std::size_t most_points = 20;
+  auto part_of = surface.property_map<Surface::Face_index, std::size_t>("f:part").first;
+  std::vector<std::vector<Surface::Face_index>> parts;
+  for (const auto f : surface.faces()) {
+    if (part_of[f] >= parts.size()) parts.resize(part_of[f] + 1);
+    parts[part_of[f]].push_back(f);
+  }
+  const auto intersection = domain.construct_intersection_object();
+  auto& triangulation = complex.triangulation();
+  const auto weighted = triangulation.geom_traits().construct_weighted_point_3_object();
+  for (const auto& faces : parts) {
+    const std::size_t count = std::min(most_points, faces.size());
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto h = surface.halfedge(faces[k * faces.size() / count]);
+      const auto &a = surface.point(surface.source(h)), &b = surface.point(surface.target(h)),
+                 &c = surface.point(surface.target(surface.next(h)));
+      const Kernel::Point_3 middle = CGAL::centroid(a, b, c);
+      const Kernel::Vector_3 normal = CGAL::cross_product(b - a, c - a);
+      const double length = std::sqrt(normal.squared_length());
+      if (!(length > 0.0)) continue;
+      const Kernel::Vector_3 step = 1e-3 / std::sqrt(length) * normal;  // 1e-3 of the triangle's own size
+      const auto found = intersection(Kernel::Segment_3(middle - step, middle + step));
+      if (std::get<2>(found) == 0) continue;
+      const auto vertex = triangulation.insert(weighted(std::get<0>(found)));
+      if (vertex == Complex::Vertex_handle()) continue;  // within the ball of a sharp edge
+      if (complex.in_dimension(vertex) < 2 && complex.in_dimension(vertex) >= 0) continue;
+      complex.set_dimension(vertex, 2);
+      complex.set_index(vertex, std::get<1>(found));
+    }
+  }
+}
+
+MeshData<3> mesh_data(const Complex& complex) {
+  MeshData<3> mesh;
+  const auto& triangulation = complex.triangulation();
+  std::unordered_map<Complex::Vertex_handle, Index> number;
+  std::vector<Vec<3>> points;
+  mesh.cells.resize(4, static_cast<Eigen::Index>(complex.number_of_cells_in_complex()));
+  Index count = 0;
+  for (auto c = complex.cells_in_complex_begin(); c != complex.cells_in_complex_end(); ++c, ++count)
+    for (int i = 0; i < 4; ++i) {
+      const auto [at, is_new] = number.emplace(c->vertex(i), static_cast<Index>(points.size()));
+      if (is_new) {
+        const auto& p = triangulation.point(c->vertex(i)).point();
+        points.emplace_back(p.x(), p.y(), p.z());
+      }
+      mesh.cells(i, count) = at->second;
+    }
+  mesh.vertices.resize(3, static_cast<Eigen::Index>(points.size()));
+  for (std::size_t v = 0; v < points.size(); ++v) mesh.vertices.col(static_cast<Eigen::Index>(v)) = points[v];
+
+  struct Patch {
+    double area = 0.0;
+    std::vector<std::array<Index, 3>> facets;
+  };
+  std::map<Domain::Surface_patch_index, Patch> patches;
+  for (auto f = complex.facets_in_complex_begin(); f != complex.facets_in_complex_end(); ++f) {
+    // Where the body is thinner than the mesh resolves, facets may have no cell on either side.
+    if (!complex.is_in_complex(f->first) && !complex.is_in_complex(f->first->neighbor(f->second))) continue;
+    std::array<Index, 3> facet;
+    for (int k = 0; k < 3; ++k) facet[k] = number.at(f->first->vertex((f->second + 1 + k) % 4));
+    Patch& patch = patches[complex.surface_patch_index(*f)];
+    patch.area += 0.5 * (points[facet[1]] - points[facet[0]]).cross(points[facet[2]] - points[facet[0]]).norm();
+    patch.facets.push_back(facet);
+  }
+  std::vector<Patch> by_area;
+  for (auto& [index, patch] : patches) by_area.push_back(std::move(patch));
+  std::ranges::stable_sort(by_area, std::ranges::greater{}, &Patch::area);
+  for (auto& patch : by_area)
+    mesh.groups.push_back({fmt::format("surface {}", mesh.groups.size() + 1), std::move(patch.facets)});
+  return mesh;
+}
+
+/// Takes away cells as good as flat that lie on the boundary with two facets of one patch: their other two facets take
+/// the place of those. Mesh_3 makes them of four points of a flat side, and no exudation moves such points.
+void peel_flat_cells(MeshData<3>& mesh) {
+  constexpr double flat = 1e-4;  // height over longest edge
+  using Key = std::array<Index, 3>;
+  const auto key = [](Key facet) {
+    std::sort(facet.begin(), facet.end());
+    return facet;
+  };
+  std::map<Key, std::pair<std::size_t, std::size_t>> patch_of;  // group, position in it
+  std::set<std::pair<Index, Index>> boundary_edges;
+  const auto add_edges = [&](const Key& facet) {
+    for (int k = 0; k < 3; ++k) boundary_edges.insert(std::minmax({facet[k], facet[(k + 1) % 3]}));
+  };
+  for (std::size_t g = 0; g < mesh.groups.size(); ++g)
+    for (std::size_t f = 0; f < mesh.groups[g].facets.size(); ++f) {
+      patch_of[key(mesh.groups[g].facets[f])] = {g, f};
+      add_edges(mesh.groups[g].facets[f]);
+    }
+  std::vector<Index> kept;
+  for (Index c = 0; c < mesh.cells.cols(); ++c) {
+    std::vector<Key> outer, inner;
+    double longest = 0.0, largest_area = 0.0;
+    for (int i = 0; i < 4; ++i) {
+      Key facet;
+      for (int k = 0; k < 3; ++k) facet[k] = mesh.cells((i + 1 + k) % 4, c);
+      const Vec<3> a = mesh.vertices.col(facet[1]) - mesh.vertices.col(facet[0]),
+                   b = mesh.vertices.col(facet[2]) - mesh.vertices.col(facet[0]);
+      longest = std::max({longest, a.norm(), b.norm()});
+      largest_area = std::max(largest_area, a.cross(b).norm());
+      (patch_of.contains(key(facet)) ? outer : inner).push_back(key(facet));
+    }
+    Mat<3> edges;
+    for (int k = 0; k < 3; ++k)
+      edges.col(k) = mesh.vertices.col(mesh.cells(k + 1, c)) - mesh.vertices.col(mesh.cells(0, c));
+    kept.push_back(c);
+    if (std::abs(edges.determinant()) > flat * longest * largest_area || outer.size() != 2) continue;
+    const auto first = patch_of.at(outer[0]), second = patch_of.at(outer[1]);
+    if (first.first != second.first) continue;
+    std::vector<Index>
+        ridge;  // the edge that comes to lie on the boundary: if it does already, the body would be pinched
+    std::set_intersection(inner[0].begin(), inner[0].end(), inner[1].begin(), inner[1].end(),
+                          std::back_inserter(ridge));
+    if (boundary_edges.contains({ridge[0], ridge[1]})) continue;
+    kept.pop_back();
+    for (int k = 0; k < 2; ++k) {
+      const auto place = k == 0 ? first : second;
+      mesh.groups[place.first].facets[place.second] = inner[k];
+      patch_of.erase(outer[k]);
+      patch_of[inner[k]] = place;
+      add_edges(inner[k]);
+    }
+  }
+  mesh.cells = Cells<3>(mesh.cells(Eigen::all, kept));
+}
+
+}  // namespace
+
+MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options) {
+  const double size = options.size;
+  if (!(size > 0.0)) throw InputError(fmt::format("surface: size is {}, expected a positive length", size));
+  if (!(options.feature_angle > 0.0 && options.feature_angle <= 180.0))
+    throw InputError(fmt::format("surface: the feature angle is {}, expected 0 to 180 degrees", options.feature_angle));
+  if (!(options.distance >= 0.0))
+    throw InputError(
+        fmt::format("surface: the distance is {}, expected a positive length, or 0 for size / 20", options.distance));
+  Surface surface = internal::closed_surface(soup);
+  const Vec<3> extent = soup.points.rowwise().maxCoeff() - soup.points.rowwise().minCoeff();
+  if (constexpr double most = 2e3; extent.maxCoeff() > most * size)
+    throw InputError(fmt::format("surface: mesh size {:g} is too small for a body {:g} wide; expected at least {:g}",
+                                 size, extent.maxCoeff(), extent.maxCoeff() / most));
+  auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
+  CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
+
+  CGAL::Random random(0);
+  Domain domain(surface, &random);
+  domain.detect_features(options.feature_angle);
+  // Radii of the circumscribed circles and balls, of which an edge of an equilateral triangle is 1.73 and of a regular
+  // tetrahedron 1.63 times longer.
+  const Criteria criteria(CGAL::parameters::edge_size = size, CGAL::parameters::facet_angle = 20.0,
+                          CGAL::parameters::facet_size = 0.6 * size,
+                          CGAL::parameters::facet_distance = options.distance > 0.0 ? options.distance : size / 20.0,
+                          CGAL::parameters::cell_radius_edge_ratio = 3.0, CGAL::parameters::cell_size = 0.65 * size);
+  Complex complex;
+  CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);
+  insert_initial_points(surface, domain, complex);
+  namespace par = CGAL::parameters;
+  CGAL::refine_mesh_3(complex, domain, criteria, par::no_lloyd(), par::no_odt(), par::no_perturb(),
+                      par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
+  if (complex.number_of_cells_in_complex() == 0)
+    throw NumericalError(fmt::format("surface: no tetrahedron at size {:g}; try a smaller one", size));
+  MeshData<3> mesh = mesh_data(complex);
+  peel_flat_cells(mesh);
+  return split_long_edges<3>(std::move(mesh), size);
+}
+
+}  // namespace efree

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/surface.hpp"
+#include "efree/geometry/summary.hpp"
+#include "meshes.hpp"
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+
+namespace efree {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+std::string file(const std::string& name, const std::string& text) {
+  const std::string path =
+      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
+  std::ofstream(path, std::ios::binary) << text;
+  return path;
+}
+
+/// Surface of the box [low, high], every triangle with three points of its own as in an STL file.
+SurfaceSoup box_surface(const Vec<3>& low, const Vec<3>& high) {
+  SurfaceSoup soup;
+  std::vector<Vec<3>> points;
+  const auto corner = [&](int bits) {
+    return Vec<3>(bits & 1 ? high.x() : low.x(), bits & 2 ? high.y() : low.y(), bits & 4 ? high.z() : low.z());
+  };
+  const int quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  for (const auto& q : quads)
+    for (const auto& t : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
+      const Index first = static_cast<Index>(points.size());
+      for (const int k : t) points.push_back(corner(k));
+      soup.triangles.push_back({first, first + 1, first + 2});
+    }
+  soup.points.resize(3, static_cast<Index>(points.size()));
+  for (std::size_t v = 0; v < points.size(); ++v) soup.points.col(static_cast<Index>(v)) = points[v];
+  return soup;
+}
+
+/// Sphere of `n` rings with 2n points each.
+SurfaceSoup sphere_surface(const Vec<3>& centre, double radius, int n) {
+  SurfaceSoup soup;
+  soup.points.resize(3, 2 + (n - 1) * 2 * n);
+  soup.points.col(0) = centre + Vec<3>(0, 0, radius);
+  soup.points.col(1) = centre - Vec<3>(0, 0, radius);
+  const auto at = [&](int ring, int k) { return ring == 0 ? 0 : ring == n ? 1 : 2 + (ring - 1) * 2 * n + k % (2 * n); };
+  for (int ring = 1; ring < n; ++ring)
+    for (int k = 0; k < 2 * n; ++k) {
+      const double theta = pi * ring / n, phi = pi * k / n;
+      soup.points.col(at(ring, k)) =
+          centre + radius * Vec<3>(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
+    }
+  for (int ring = 0; ring < n; ++ring)
+    for (int k = 0; k < 2 * n; ++k) {
+      if (ring > 0) soup.triangles.push_back({at(ring, k), at(ring + 1, k), at(ring, k + 1)});
+      if (ring < n - 1) soup.triangles.push_back({at(ring, k + 1), at(ring + 1, k), at(ring + 1, k + 1)});
+    }
+  return soup;
+}
+
+SurfaceSoup together(const SurfaceSoup& a, const SurfaceSoup& b) {
+  SurfaceSoup soup = a;
+  const Index shift = static_cast<Index>(a.points.cols());
+  soup.points.conservativeResize(3, shift + b.points.cols());
+  soup.points.rightCols(b.points.cols()) = b.points;
+  for (const auto& t : b.triangles) soup.triangles.push_back({t[0] + shift, t[1] + shift, t[2] + shift});
+  return soup;
+}
+
+TEST(Surface, BoxKeepsItsEdgesAndItsSixSides) {
+  SurfaceSoup soup = box_surface({0, 0, 0}, {1, 2, 0.5});
+  std::swap(soup.triangles[3][0], soup.triangles[3][1]);  // orientation is nobody's duty
+  const MeshData<3> mesh = mesh_surface(soup, {.size = 0.3});
+  const auto summary = summarize<3>(mesh);
+  EXPECT_NEAR(summary.volume, 1.0, 1e-9);
+  EXPECT_LE(summary.largest_edge, 0.3);
+  EXPECT_EQ(summary.num_components, 1);
+  EXPECT_GT(summary.smallest_angle, 0.5);
+  ASSERT_EQ(summary.groups.size(), 6u);
+  const double areas[] = {2.0, 2.0, 1.0, 1.0, 0.5, 0.5};
+  Vec<3> sum = Vec<3>::Zero();
+  for (int g = 0; g < 6; ++g) {
+    EXPECT_EQ(summary.groups[g].name, "surface " + std::to_string(g + 1));
+    EXPECT_NEAR(summary.groups[g].measure, areas[g], 1e-9);
+    ASSERT_TRUE(summary.groups[g].normal.has_value());
+    sum += *summary.groups[g].normal;
+  }
+  EXPECT_LT(sum.norm(), 1e-6);
+}
+
+TEST(Surface, ShellsInsideAreCavitiesHoweverSmall) {
+  // The pore is a twentieth of the box and none of its edges is sharp.
+  const SurfaceSoup soup = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.31, 0.7, 0.6}, 0.05, 8));
+  const auto summary = summarize<3>(mesh_surface(soup, {.size = 0.25, .distance = 0.005}));
+  const double pore = 4.0 / 3.0 * pi * std::pow(0.05, 3);
+  EXPECT_NEAR(summary.volume, 1.0 - pore, 0.25 * pore);
+  ASSERT_EQ(summary.groups.size(), 7u);
+  EXPECT_NEAR(summary.groups[6].measure, 4.0 * pi * 0.05 * 0.05, 0.15 * 4.0 * pi * 0.05 * 0.05);
+  EXPECT_FALSE(summary.groups[6].normal.has_value());
+}
+
+TEST(Surface, SphereHasItsVolumeAndDisjointBodiesAreAllMeshed) {
+  const SurfaceSoup soup = together(sphere_surface({0, 0, 0}, 1.0, 16), sphere_surface({3, 0, 0}, 0.5, 16));
+  const auto summary = summarize<3>(mesh_surface(soup, {.size = 0.3}));
+  EXPECT_EQ(summary.num_components, 2);
+  EXPECT_NEAR(summary.volume, 4.0 / 3.0 * pi * 1.125, 0.04 * 4.0 / 3.0 * pi * 1.125);
+  EXPECT_NEAR(summary.boundary, 4.0 * pi * 1.25, 0.03 * 4.0 * pi * 1.25);
+  ASSERT_EQ(summary.groups.size(), 2u);
+}
+
+TEST(Surface, SameInputGivesTheSameMeshBitForBit) {
+  const SurfaceSoup soup = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.5, 0.5, 0.5}, 0.2, 8));
+  const MeshData<3> first = mesh_surface(soup, {.size = 0.3});
+  const std::vector<double> stir(100000, 1.0);
+  const MeshData<3> second = mesh_surface(soup, {.size = 0.3});
+  EXPECT_EQ(first.vertices, second.vertices);
+  EXPECT_EQ(first.cells, second.cells);
+}
+
+TEST(Surface, RefusesWhatBoundsNoBody) {
+  SurfaceSoup open = box_surface({0, 0, 0}, {1, 1, 1});
+  open.triangles.resize(10);
+  EXPECT_INPUT_ERROR(mesh_surface(open, {.size = 0.2}),
+                     "open surface given as closed: 4 boundary edges, first at (1, ");
+  const SurfaceSoup crossing =
+      together(box_surface({0, 0, 0}, {1, 1, 1}), box_surface({0.5, 0.25, 0.25}, {2, 0.75, 0.75}));
+  EXPECT_INPUT_ERROR(mesh_surface(crossing, {.size = 0.2}), "the surface meets itself: ");
+  EXPECT_INPUT_ERROR(mesh_surface({}, {.size = 0.2}), "there is no triangle in it");
+  EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {1, 1, 1}), {}), "size is 0, expected a positive length");
+  EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {1, 1, 1}), {.size = 1e-6}), "mesh size 1e-06 is too small");
+  SurfaceSoup flat = box_surface({0, 0, 0}, {1, 1, 0});
+  EXPECT_THROW(mesh_surface(flat, {.size = 0.2}), InputError);
+}
+
+TEST(Surface, WrapClosesHolesAndSaysHowFarItIs) {
+  SurfaceSoup dirty = box_surface({0, 0, 0}, {1, 1, 1});
+  dirty = together(dirty, box_surface({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));  // runs through a side
+  dirty.triangles.push_back(dirty.triangles[0]);
+  const SurfaceWrap wrap = wrap_surface(dirty, {.alpha = 0.1, .offset = 0.01});
+  EXPECT_NEAR(wrap.volume, 1.125, 0.1);
+  EXPECT_GT(wrap.volume, 1.125);
+  EXPECT_GT(wrap.max_distance, 0.005);
+  EXPECT_LT(wrap.max_distance, 0.1);  // alpha: where the two boxes meet
+  EXPECT_LE(wrap.mean_distance, wrap.max_distance);
+  const auto summary = summarize<3>(mesh_surface(wrap.surface, {.size = 0.3, .feature_angle = 180.0}));
+  EXPECT_NEAR(summary.volume, wrap.volume, 0.02);
+  EXPECT_INPUT_ERROR(wrap_surface({}), "there is no triangle");
+  EXPECT_INPUT_ERROR(wrap_surface(dirty, {.alpha = -1.0}), "alpha is -1");
+  EXPECT_INPUT_ERROR(wrap_surface(dirty, {.alpha = 1e-6}), "too small for a box");
+}
+
+const char* const tetrahedron_off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+
+TEST(Surface, ReadsEveryFormat) {
+  EXPECT_EQ(read_surface(file("t.off", tetrahedron_off)).triangles.size(), 4u);
+  const SurfaceSoup obj = read_surface(
+      file("t.OBJ", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nf 1 4 3 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"));
+  EXPECT_EQ(obj.points.cols(), 5);
+  EXPECT_EQ(obj.triangles.size(), 6u);  // the square is cut in two
+  const SurfaceSoup stl = read_surface(file(
+      "t.stl",
+      "solid t\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+      "facet normal 0 0 0\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid t\n"));
+  EXPECT_EQ(stl.points.cols(), 4);
+  EXPECT_EQ(stl.triangles.size(), 2u);
+  const SurfaceSoup ply = read_surface(
+      file("t.ply",
+           "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+           "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"));
+  EXPECT_EQ(ply.triangles.size(), 1u);
+}
+
+TEST(Surface, RefusesFilesThatAreNotWhatTheySay) {
+  EXPECT_INPUT_ERROR(read_surface("nowhere/t.stl"), "nowhere/t.stl: cannot read the file");
+  EXPECT_INPUT_ERROR(read_surface("t.xyz"), "expected a surface as .stl, .off, .obj or .ply");
+  EXPECT_INPUT_ERROR(read_surface(file("empty.stl", "")), "the file is empty");
+  EXPECT_INPUT_ERROR(read_surface(file("text.stl",
+                                       "Dear reader,\nthis is a letter and no surface at all. It goes on for "
+                                       "a while, longer than the head of a binary file is.\n")),
+                     "");
+  EXPECT_INPUT_ERROR(read_surface(file("text.off", "Dear reader\n")), "the file is truncated or no off file");
+  EXPECT_INPUT_ERROR(read_surface(file("text.ply", "Dear reader\n")), "the file is truncated or no ply file");
+  EXPECT_INPUT_ERROR(read_surface(file("text.obj", "Dear reader\n")), "text.obj: ");
+  EXPECT_INPUT_ERROR(read_surface(file("cut.off", std::string(tetrahedron_off).substr(0, 50))), "truncated");
+  EXPECT_INPUT_ERROR(read_surface(file("cut.stl", "solid t\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0")),
+                     "");
+  EXPECT_INPUT_ERROR(read_surface(file("cut2.stl", std::string(80, 'x') + std::string("\x05\x00\x00\x00", 4) + "abc")),
+                     "truncated");
+  EXPECT_INPUT_ERROR(read_surface(file("nan.off", "OFF\n3 1 0\n0 0 0\n1 0 0\nnan 1 0\n3 0 1 2\n")), "nan.off: ");
+  EXPECT_INPUT_ERROR(read_surface(file("index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")), "index.off: ");
+}
+
+TEST(Summary, PlanarMeshesToo) {
+  MeshData<2> mesh;
+  mesh.vertices.resize(2, 5);
+  mesh.vertices << 0, 9, 1, 1, 0, 0, 9, 0, 1, 1;  // vertex 1 has no cell
+  mesh.cells.resize(3, 2);
+  mesh.cells << 0, 0, 2, 4, 3, 3;
+  mesh.groups = {{"left", {{0, 4}}}, {"diagonal", {{3, 0}}}, {"corner", {{0, 2}, {2, 3}}}};
+  mesh.regions = {0, 1};
+  mesh.region_names = {"low", "high"};
+  const auto summary = summarize<2>(mesh);
+  EXPECT_DOUBLE_EQ(summary.volume, 1.0);
+  EXPECT_DOUBLE_EQ(summary.boundary, 4.0);
+  EXPECT_DOUBLE_EQ(summary.smallest_edge, 1.0);
+  EXPECT_DOUBLE_EQ(summary.largest_edge, std::sqrt(2.0));
+  EXPECT_NEAR(summary.smallest_angle, 45.0, 1e-10);
+  ASSERT_EQ(summary.bodies.size(), 2u);
+  EXPECT_EQ(summary.bodies[1].name, "high");
+  EXPECT_DOUBLE_EQ(summary.bodies[1].volume, 0.5);
+  EXPECT_EQ(summary.box.high, Vec<2>(1.0, 1.0));
+  ASSERT_EQ(summary.groups.size(), 3u);
+  EXPECT_LT((*summary.groups[0].normal - Vec<2>(-1.0, 0.0)).norm(), 1e-15);
+  EXPECT_DOUBLE_EQ(summary.groups[1].measure, std::sqrt(2.0));
+  EXPECT_NEAR(std::abs(summary.groups[1].normal->dot(Vec<2>(1.0, -1.0).normalized())), 1.0, 1e-15);
+  EXPECT_FALSE(summary.groups[2].normal.has_value());
+  EXPECT_EQ(summary.groups[2].box.low, Vec<2>(0.0, 0.0));
+}
+
+}  // namespace
+}  // namespace efree
