@@ -196,7 +196,10 @@ template <int Dim> class PatchGeodesics {
     const Patch<Dim>& patch = scratch.finder->around(source, radius);
     if (!patch.obstructed && !options_.always_solve) return straight_distances(patch);
     if (is(Weight::heat_geodesic)) return std::nullopt;
-    scratch.marching->march({&source, 1}, radius);
+    if constexpr (Dim == 2)
+      scratch.marching->march({&source, 1}, radius);
+    else
+      scratch.marching->march(patch);
     return reached_by(*scratch.marching);
   }
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/heatgeo/marching_3d.hpp"
 
-#include "efree/heatgeo/patch.hpp"
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
@@ -89,15 +87,138 @@ bool SpatialSight::reaches(Start from, Index target) const {
   return false;
 }
 
+Horizon::Horizon() : bounds_(6 * resolution * resolution) {
+  for (int side = 0; side < 6; ++side)
+    for (int j = 0; j < resolution; ++j)
+      for (int i = 0; i < resolution; ++i) {
+        Vec<3> middle;
+        middle[side / 2] = side % 2 ? 1.0 : -1.0;
+        middle[(side / 2 + 1) % 3] = (2.0 * i + 1.0) / resolution - 1.0;
+        middle[(side / 2 + 2) % 3] = (2.0 * j + 1.0) / resolution - 1.0;
+        directions_.push_back(middle.normalized());
+      }
+}
+
+namespace {
+
+/// Side of the cube around the origin that x projects to, and where on it, in [-1, 1]^2.
+struct OnCube {
+  int side;
+  double u, v;
+
+  explicit OnCube(const Vec<3>& x) {
+    int axis = 0;
+    const double longest = x.cwiseAbs().maxCoeff(&axis);
+    side = 2 * axis + (x[axis] > 0.0);
+    u = x[(axis + 1) % 3] / longest;
+    v = x[(axis + 2) % 3] / longest;
+  }
+};
+
+int square_of(double at, int resolution) {
+  return std::clamp(static_cast<int>(0.5 * (at + 1.0) * resolution), 0, resolution - 1);
+}
+
+}  // namespace
+
+void Horizon::look(const FineMesh<3>& mesh, const Patch<3>& patch) {
+  const Vec<3> source = mesh.vertex(patch.source);
+  const double tolerance = length_tolerance(mesh);
+  std::fill(bounds_.begin(), bounds_.end(), infinity);
+  blind_ = false;
+  for (Index f : patch.facets) {
+    const auto facet = mesh.facets().col(f);
+    for (Index v : facet)
+      blind_ = blind_ || (v != patch.source && (mesh.vertex(v) - source).cwiseAbs().maxCoeff() <= tolerance);
+    if (shows_outer_side<3>(mesh, f, source, tolerance))
+      lower(mesh.vertex(facet[0]) - source, mesh.vertex(facet[1]) - source, mesh.vertex(facet[2]) - source);
+  }
+}
+
+/// Lowers the bounds in all directions of the triangle to a little less than its distance.
+void Horizon::lower(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c) {
+  const Vec<3> normal = (b - a).cross(c - a).normalized();
+  const double nearest_corner = std::min({a.norm(), b.norm(), c.norm()});
+  const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+  const double distance = (1.0 - 1e-9) * std::max(std::abs(normal.dot(a)), nearest_corner - longest);
+  const OnCube pa(a), pb(b), pc(c);
+  if (pa.side == pb.side && pa.side == pc.side) {
+    // Seen from the centre a triangle on one side of the cube is a triangle.
+    const double slack = 1e-9;
+    const int i0 = square_of(std::min({pa.u, pb.u, pc.u}) - slack, resolution),
+              i1 = square_of(std::max({pa.u, pb.u, pc.u}) + slack, resolution),
+              j0 = square_of(std::min({pa.v, pb.v, pc.v}) - slack, resolution),
+              j1 = square_of(std::max({pa.v, pb.v, pc.v}) + slack, resolution);
+    for (int j = j0; j <= j1; ++j)
+      for (int i = i0; i <= i1; ++i) {
+        double& bound = bounds_[(pa.side * resolution + j) * resolution + i];
+        bound = std::min(bound, distance);
+      }
+    return;
+  }
+  // A cone around the triangle, wider by half the diagonal of a square.
+  const Vec<3> axis = (a.normalized() + b.normalized() + c.normalized()).normalized();
+  const double angle =
+      std::acos(std::clamp(std::min({axis.dot(a.normalized()), axis.dot(b.normalized()), axis.dot(c.normalized())}),
+                           -1.0, 1.0)) +
+      std::sqrt(2.0) / resolution + 1e-9;
+  // Wider than a half space, or through the source: in every direction.
+  const double cosine = angle < 1.5 && axis.allFinite() ? std::cos(angle) : -2.0;
+  for (std::size_t k = 0; k < bounds_.size(); ++k)
+    if (cosine < -1.0 || directions_[k].dot(axis) >= cosine) bounds_[k] = std::min(bounds_[k], distance);
+}
+
+bool Horizon::in_sight(const Vec<3>& line, double distance) const {
+  if (blind_) return false;
+  const OnCube at(line);
+  return distance <= bounds_[(at.side * resolution + square_of(at.v, resolution)) * resolution +
+                             square_of(at.u, resolution)];
+}
+
 SpatialMarching::SpatialMarching(const SpatialSight& sight)
     : sight_(sight), distance_(sight.mesh().num_vertices(), infinity), origin_(sight.mesh().num_vertices(), -1) {}
 
-void SpatialMarching::march(std::span<const Index> sources, double radius) {
-  const FineMesh<3>& mesh = sight_.mesh();
+void SpatialMarching::clear(double radius) {
   for (Index v : reached_) distance_[v] = infinity;
   reached_.clear();
   radius_ = radius;
+}
+
+void SpatialMarching::march(const Patch<3>& patch) {
+  const FineMesh<3>& mesh = sight_.mesh();
+  clear(patch.radius);
+  horizon_.look(mesh, patch);
+  hidden_.clear();
+  const Vec<3> source = mesh.vertex(patch.source);
+  reach(patch.source, 0.0, patch.source);
+  for (std::size_t k = 1; k < patch.vertices.size(); ++k) {
+    const Index v = patch.vertices[k];
+    const double distance = patch.distances[k];
+    if (distance >= radius_) continue;
+    if (horizon_.in_sight(mesh.vertex(v) - source, distance))
+      reach(v, distance, patch.source);
+    else
+      hidden_.push_back(v);
+  }
+  // The march begins where what is in sight ends.
+  for (Index v : hidden_)
+    for (Index w : sight_.neighbours(v))
+      if (distance_[w] < infinity && origin_[w] == patch.source) front_.push_back({distance_[w], w});
+  std::ranges::sort(front_, [](const Front& a, const Front& b) { return b < a; });
+  const auto same = std::ranges::unique(front_, {}, &Front::vertex);
+  front_.erase(same.begin(), same.end());
+  std::ranges::make_heap(front_);
+  spread();
+}
+
+void SpatialMarching::march(std::span<const Index> sources, double radius) {
+  clear(radius);
   for (Index s : sources) offer(s, 0.0, s);
+  spread();
+}
+
+void SpatialMarching::spread() {
+  const FineMesh<3>& mesh = sight_.mesh();
   while (!front_.empty()) {
     std::pop_heap(front_.begin(), front_.end());
     const auto [distance, a] = front_.back();
@@ -133,12 +254,16 @@ bool SpatialMarching::sees(Index v, Index origin) const {
   return facet_in_sight || sight_.reaches(start, origin);
 }
 
-void SpatialMarching::offer(Index v, double distance, Index origin) {
-  // Differences of rounding size would only send the same front around again.
-  if (distance >= radius_ || distance >= distance_[v] - sight_.tolerance()) return;
+void SpatialMarching::reach(Index v, double distance, Index origin) {
   if (distance_[v] == infinity) reached_.push_back(v);
   distance_[v] = distance;
   origin_[v] = origin;
+}
+
+void SpatialMarching::offer(Index v, double distance, Index origin) {
+  // Differences of rounding size would only send the same front around again.
+  if (distance >= radius_ || distance >= distance_[v] - sight_.tolerance()) return;
+  reach(v, distance, origin);
   front_.push_back({distance, v});
   std::push_heap(front_.begin(), front_.end());
 }

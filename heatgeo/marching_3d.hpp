@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/geometry/fine_mesh.hpp"
+#include "efree/heatgeo/patch.hpp"
 
 namespace efree {
 
@@ -37,6 +38,25 @@ class SpatialSight {
   Ragged<Index> neighbours_;
 };
 
+/// Lower bounds, by direction, on the distance from a point to the facets that show it their outer side: a cube map.
+/// What is nearer than the bound of its direction is in sight. Keeps its memory: use one per thread.
+class Horizon {
+ public:
+  Horizon();
+  /// Looks around from the patch's source.
+  void look(const FineMesh<3>& mesh, const Patch<3>& patch);
+  /// `line` leads from the source to a point at `distance`.
+  bool in_sight(const Vec<3>& line, double distance) const;
+
+ private:
+  static constexpr int resolution = 12;  ///< squares along an edge of the cube
+  void lower(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c);
+
+  std::vector<double> bounds_;       ///< 6 x resolution^2
+  std::vector<Vec<3>> directions_;   ///< of the squares' middles
+  bool blind_ = false;               ///< the source lies on a slit: nothing is known
+};
+
 /// Fast marching with virtual sources (Sethian 1996; Novotni & Klein 2002) in space: Dijkstra's order, but a vertex
 /// inherits the origin of its neighbour (a source, or the boundary vertex where the path bent last) and takes the
 /// straight distance to it wherever the line of sight is free. Exact where a source is in sight; behind an edge the path
@@ -46,6 +66,8 @@ class SpatialMarching {
   /// Keeps a reference.
   explicit SpatialMarching(const SpatialSight& sight);
 
+  /// Spreads from the patch's source to its radius. What the horizon shows to be in sight is not marched to.
+  void march(const Patch<3>& patch);
   /// Spreads from all `sources` at once through the body, to vertices nearer than `radius`.
   void march(std::span<const Index> sources, double radius);
 
@@ -56,6 +78,9 @@ class SpatialMarching {
   Index origin(Index v) const { return origin_[v]; }
 
  private:
+  void clear(double radius);
+  void reach(Index v, double distance, Index origin);
+  void spread();
   bool sees(Index v, Index origin) const;
   void offer(Index v, double distance, Index origin);
 
@@ -72,6 +97,8 @@ class SpatialMarching {
   std::vector<double> distance_;
   std::vector<Index> origin_, reached_;
   std::vector<Front> front_;
+  Horizon horizon_;
+  std::vector<Index> hidden_;
 };
 
 }  // namespace efree

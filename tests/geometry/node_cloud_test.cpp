@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/tests/solids.hpp"
 #include "meshes.hpp"
 
 #include <algorithm>
@@ -150,6 +151,39 @@ TEST(NodeCloud, RefusesSpacingsThatAreNotPositive) {
   spacing[0] = -1.0;
   EXPECT_INPUT_ERROR(sample_cloud<2>(mesh, spacing, 1), "is -1, expected a positive length");
   EXPECT_INPUT_ERROR(sample_cloud<2>(mesh, Vector::Ones(2), 1), "2 spacings for");
+}
+
+TEST(SolidCloud, CoversTheBodyAndKeepsItsDistances) {
+  const FineMesh<3> mesh = testing::slit_box(10);
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const auto cloud = sample_cloud(mesh, CloudOptions{0.3, seed});
+    ASSERT_TRUE(std::is_sorted(cloud.vertices.begin(), cloud.vertices.end()));
+    for (Index v = 0; v < mesh.num_vertices(); ++v) {
+      double nearest = 1e300;
+      for (Index I = 0; I < cloud.size(); ++I)
+        nearest = std::min(nearest, (cloud.positions.col(I) - mesh.vertex(v)).norm());
+      EXPECT_LT(nearest, 0.3);
+    }
+    // Closer pairs look at each other through the slit.
+    const auto beside = [&](Index I) { return cloud.positions(0, I) - 0.5; };
+    for (Index I = 0; I < cloud.size(); ++I)
+      for (Index J = 0; J < I; ++J)
+        if ((cloud.positions.col(I) - cloud.positions.col(J)).norm() < 0.3)
+          EXPECT_LE(beside(I) * beside(J), 0.0) << "nodes " << I << " and " << J;
+    for (const double x : {0.0, 1.0})
+      for (const double y : {0.0, 1.0})
+        for (const double z : {0.0, 1.0})
+          EXPECT_EQ((cloud.positions.colwise() - Vec<3>(x, y, z)).colwise().norm().minCoeff(), 0.0) << "corner";
+  }
+}
+
+TEST(SolidCloud, SpacingMayVary) {
+  const FineMesh<3> mesh = testing::with_sides(testing::box(12));
+  Vector spacing(mesh.num_vertices());
+  for (Index v = 0; v < mesh.num_vertices(); ++v) spacing[v] = mesh.vertex(v).x() < 0.5 ? 0.15 : 0.4;
+  const auto cloud = sample_cloud<3>(mesh, spacing, 1);
+  const Index left = static_cast<Index>((cloud.positions.row(0).array() < 0.5).count());
+  EXPECT_GT(left, 4 * (cloud.size() - left));
 }
 
 }  // namespace
