@@ -21,6 +21,7 @@
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/refine.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/spacing.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/heat.hpp"
