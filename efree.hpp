@@ -22,6 +22,7 @@
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/refine.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/spacing.hpp"
 #include "efree/geometry/summary.hpp"
 #include "efree/geometry/surface.hpp"
 #include "efree/heatgeo/fast_marching.hpp"

@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace efree {
@@ -88,17 +89,17 @@ template <int Dim, int Order> RowQuality solve_row(const Vec<Dim>& X, const Poin
   return sum > largest_sum ? RowQuality::badly_placed : RowQuality::good;
 }
 
-template <int Dim> std::vector<RowQuality> solve_rows(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+template <int Dim> std::vector<RowQuality> solve_rows(const Points<Dim>& points, const NodeCloud<Dim>& cloud,
                                                       const MlsOptions& options, const SparseRows& weights,
                                                       std::vector<double>& N, Vector& sums) {
-  std::vector<RowQuality> quality(mesh.num_vertices());
+  std::vector<RowQuality> quality(points.cols());
   N.resize(weights.nonZeros());
-  sums.resize(mesh.num_vertices());
+  sums.resize(points.cols());
   const auto solve = options.order == 1 ? &solve_row<Dim, 1> : &solve_row<Dim, 2>;
-  parallel_for(mesh.num_vertices(), [&](Index v) {
+  parallel_for(static_cast<Index>(points.cols()), [&](Index v) {
     const auto begin = static_cast<std::size_t>(weights.outerIndexPtr()[v]);
     const auto count = static_cast<std::size_t>(weights.outerIndexPtr()[v + 1]) - begin;
-    quality[v] = solve(mesh.vertex(v), cloud.positions, {weights.innerIndexPtr() + begin, count},
+    quality[v] = solve(points.col(v), cloud.positions, {weights.innerIndexPtr() + begin, count},
                        {weights.valuePtr() + begin, count}, options.largest_sum, {N.data() + begin, count}, sums[v]);
   });
   return quality;
@@ -132,24 +133,103 @@ SparseRows replace_columns(const SparseRows& matrix, const std::vector<Index>& c
                                       columns.data(), values.data());
 }
 
+/// Ends of the edge that each degree of freedom of the space beyond the vertices is the middle of.
+template <int Dim> std::vector<std::array<Index, 2>> edges_of(const FineSpace<Dim>& space) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  std::vector<std::array<Index, 2>> edges(space.size() - mesh.num_vertices());
+  if (edges.empty()) return edges;
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const auto dofs = space.cell(c);
+    std::size_t k = Dim + 1;
+    for (int i = 0; i <= Dim; ++i)
+      for (int j = i + 1; j <= Dim; ++j) edges[dofs[k++] - mesh.num_vertices()] = {dofs[i], dofs[j]};
+  }
+  return edges;
+}
+
+/// Distance to the middle of an edge of the given length from those to its ends.
+double median(double a, double b, double length) {
+  return std::sqrt(std::max(0.0, 0.5 * (a * a + b * b) - 0.25 * length * length));
+}
+
+/// Distances at the vertices (rows) with rows for the middles of edges added. Where one end is out of reach its
+/// distance is at least the radius, unless the other end sees the node, and then so does the middle.
+template <int Dim> SparseRows with_midpoints(const SparseRows& distances, const FineSpace<Dim>& space,
+                                             const std::vector<std::array<Index, 2>>& edges,
+                                             const NodeCloud<Dim>& cloud, const Vector& radii) {
+  struct Part {
+    std::vector<Index> sizes, nodes;
+    std::vector<double> values;
+  };
+  const Index vertices = space.mesh().num_vertices(), count = static_cast<Index>(edges.size());
+  const Index chunk = std::max<Index>(1024, (count + 31) / 32);
+  std::vector<Part> parts((count + chunk - 1) / chunk);
+  parallel_chunks(count, chunk, [&](Index begin, Index end) {
+    Part& part = parts[begin / chunk];
+    for (Index e = begin; e < end; ++e) {
+      const std::size_t before = part.nodes.size();
+      const auto [a, b] = edges[e];
+      const Vec<Dim> xa = space.points().col(a), xb = space.points().col(b), middle = space.points().col(vertices + e);
+      const double length = (xb - xa).norm();
+      SparseRows::InnerIterator at_a(distances, a), at_b(distances, b);
+      while (at_a || at_b) {
+        const Index I = !at_b ? at_a.col() : !at_a ? at_b.col() : std::min(at_a.col(), at_b.col());
+        const bool has_a = at_a && at_a.col() == I, has_b = at_b && at_b.col() == I;
+        const Vec<Dim> node = cloud.positions.col(I);
+        double d = (middle - node).norm();
+        if (has_a && has_b) {
+          d = std::max(d, median(at_a.value(), at_b.value(), length));
+        } else {
+          const double near = has_a ? at_a.value() : at_b.value();
+          const double straight = ((has_a ? xa : xb) - node).norm();
+          if (near > straight * (1.0 + 1e-9)) d = std::max(d, median(near, radii[I], length));
+        }
+        if (d < radii[I]) part.nodes.push_back(I), part.values.push_back(d);
+        if (has_a) ++at_a;
+        if (has_b) ++at_b;
+      }
+      part.sizes.push_back(static_cast<Index>(part.nodes.size() - before));
+    }
+  });
+  std::vector<Index> offsets(distances.outerIndexPtr(), distances.outerIndexPtr() + vertices + 1);
+  std::vector<Index> columns(distances.innerIndexPtr(), distances.innerIndexPtr() + distances.nonZeros());
+  std::vector<double> values(distances.valuePtr(), distances.valuePtr() + distances.nonZeros());
+  for (const Part& part : parts) {
+    for (const Index size : part.sizes) offsets.push_back(offsets.back() + size);
+    columns.insert(columns.end(), part.nodes.begin(), part.nodes.end());
+    values.insert(values.end(), part.values.begin(), part.values.end());
+  }
+  return Eigen::Map<const SparseRows>(space.size(), distances.cols(), static_cast<Index>(columns.size()),
+                                      offsets.data(), columns.data(), values.data());
+}
+
 /// Scales the weights of nodes off a boundary part by a ramp that is zero on it and one at the node's spacing away.
-template <int Dim> SparseRows vanish(SparseRows weights, const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+template <int Dim> SparseRows vanish(SparseRows weights, const FineSpace<Dim>& space,
+                                     const std::vector<std::array<Index, 2>>& edges, const NodeCloud<Dim>& cloud,
                                      const std::vector<std::string>& parts) {
+  const FineMesh<Dim>& mesh = space.mesh();
   for (const std::string& part : parts) {
-    std::vector<char> on_part(mesh.num_vertices(), 0);
+    std::vector<char> on_part(space.size(), 0);
     for (Index f : mesh.group(part))
-      for (int k = 0; k < Dim; ++k) on_part[mesh.facets()(k, f)] = 1;
+      for (const Index dof : space.facet(f)) on_part[dof] = 1;
     std::vector<Index> sources;
     for (Index v = 0; v < mesh.num_vertices(); ++v)
       if (on_part[v]) sources.push_back(v);
     if (sources.empty()) throw InputError(fmt::format("boundary part \"{}\" is empty", part));
     const Vector distance = nearest_source(mesh, sources, cloud.spacing.maxCoeff()).distance;
-    for (Index v = 0; v < mesh.num_vertices(); ++v)
-      for (SparseRows::InnerIterator entry(weights, v); entry; ++entry)
+    for (Index dof = 0; dof < space.size(); ++dof) {
+      double away = dof < mesh.num_vertices() ? distance[dof] : 0.0;
+      if (dof >= mesh.num_vertices()) {
+        const auto [a, b] = edges[dof - mesh.num_vertices()];
+        // An edge through the body from one place on the part to another is off it in the middle.
+        away = std::max(0.5 * (distance[a] + distance[b]), 0.25 * (mesh.vertex(a) - mesh.vertex(b)).norm());
+      }
+      for (SparseRows::InnerIterator entry(weights, dof); entry; ++entry)
         if (!on_part[cloud.vertices[entry.col()]]) {
-          const double q = std::min(1.0, distance[v] / cloud.spacing[entry.col()]);
-          entry.valueRef() *= on_part[v] ? 0.0 : q * (2.0 - q);
+          const double q = std::min(1.0, away / cloud.spacing[entry.col()]);
+          entry.valueRef() *= on_part[dof] ? 0.0 : q * (2.0 - q);
         }
+    }
   }
   if (!parts.empty()) weights.prune([](Index, Index, double value) { return value > 0.0; });
   return weights;
@@ -212,7 +292,7 @@ template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, c
 
 }  // namespace
 
-template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                  const MlsOptions& options, StageTimes* times,
                                                  const Progress& progress) {
   if (options.order != 1 && options.order != 2)
@@ -220,26 +300,45 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
   if (!(options.support > 0.5 && options.support < 100.0))
     throw InputError(
         fmt::format("support = {} (in units of the spacing), expected a number in (0.5, 100)", options.support));
+  const FineMesh<Dim>& mesh = space.mesh();
+  const bool by_distance = space.degree() == 2;
+  if (by_distance && options.weights.weight == Weight::heat_flow)
+    throw InputError("moving least squares: heat_flow weights have no distances, which degree 2 needs; use degree 1");
+  const auto edges = edges_of(space);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   Mls<Dim> result;
   result.radii = options.support * cloud.spacing;
 
+  // Of vertices: weights, or distances where those of midpoints are made of them.
+  const auto measure = [&](const std::vector<Index>& sources, const Vector& radii) {
+    return by_distance ? node_distances(mesh, sources, radii, options.weights.weight)
+                       : node_weights(mesh, sources, radii, options.weights);
+  };
+  const auto all_weights = [&](const SparseRows& at_vertices) {
+    if (!by_distance) return vanish(at_vertices, space, edges, cloud, options.vanish_on);
+    SparseRows all = with_midpoints(at_vertices, space, edges, cloud, result.radii);
+    parallel_for(all.rows(), [&](Index row) {
+      for (SparseRows::InnerIterator entry(all, row); entry; ++entry)
+        entry.valueRef() = kernel_value(options.weights.kernel, entry.value() / result.radii[entry.col()]);
+    });
+    return vanish(std::move(all), space, edges, cloud, options.vanish_on);
+  };
   SparseRows plain, weights;
   {
     Stage stage("weights", clock, progress);
-    plain = node_weights(mesh, cloud.vertices, result.radii, options.weights);
-    weights = vanish(plain, mesh, cloud, options.vanish_on);
+    plain = measure(cloud.vertices, result.radii);
+    weights = all_weights(plain);
   }
   Stage stage("basis", clock, progress);
   std::vector<double> N;
   Vector sums;
-  std::vector<char> asked(mesh.num_vertices(), 0);
+  std::vector<char> asked(space.size(), 0);
   constexpr int max_rounds = 12;
   for (int round = 0;; ++round) {
-    const auto quality = solve_rows(mesh, cloud, options, weights, N, sums);
+    const auto quality = solve_rows(space.points(), cloud, options, weights, N, sums);
     std::vector<Index> bad;
-    for (Index v = 0; v < mesh.num_vertices(); ++v)
+    for (Index v = 0; v < space.size(); ++v)
       if (quality[v] == RowQuality::singular || (quality[v] == RowQuality::badly_placed && round < max_rounds))
         bad.push_back(v);
     if (bad.empty()) break;
@@ -248,11 +347,13 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
       throw NumericalError(fmt::format(
           "moving least squares: no basis at ({:.6g}), which sees {} nodes, after {} enlargements of their supports; "
           "use a smaller spacing there",
-          fmt::join(mesh.vertex(bad[0]), ", "), weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]],
-          round));
+          fmt::join(space.points().col(bad[0]), ", "),
+          weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]], round));
     };
     if (round == max_rounds) give_up();
-    const auto changed = grow_supports(mesh, cloud, options, bad, result.radii);
+    std::vector<Index> places;  // a bad midpoint counts as one end of its edge
+    for (Index v : bad) places.push_back(v < mesh.num_vertices() ? v : edges[v - mesh.num_vertices()][0]);
+    const auto changed = grow_supports(mesh, cloud, options, places, result.radii);
     if (changed.empty()) {
       if (std::any_of(bad.begin(), bad.end(), [&](Index v) { return quality[v] == RowQuality::singular; })) give_up();
       break;  // every node in the body takes part already; the rows reproduce polynomials, report::largest_sum tells
@@ -264,8 +365,8 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
       sources.push_back(cloud.vertices[changed[k]]);
       radii[static_cast<Index>(k)] = result.radii[changed[k]];
     }
-    plain = replace_columns(plain, changed, node_weights(mesh, sources, radii, options.weights));
-    weights = vanish(plain, mesh, cloud, options.vanish_on);
+    plain = replace_columns(plain, changed, measure(sources, radii));
+    weights = all_weights(plain);
   }
 
   result.report.grown_vertices = static_cast<Index>(std::count(asked.begin(), asked.end(), 1));
@@ -278,6 +379,16 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
   return result;
 }
 
+template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                 const MlsOptions& options, StageTimes* times,
+                                                 const Progress& progress) {
+  return moving_least_squares(FineSpace<Dim>(mesh, 1), cloud, options, times, progress);
+}
+
+template Mls<2> moving_least_squares<2>(const FineSpace<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
+                                        const Progress&);
+template Mls<3> moving_least_squares<3>(const FineSpace<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,
+                                        const Progress&);
 template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
                                         const Progress&);
 template Mls<3> moving_least_squares<3>(const FineMesh<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,

@@ -2,6 +2,7 @@
 /// Moving-least-squares functions at the fine vertices (Lancaster & Salkauskas 1981; Belytschko, Lu, Gu 1994).
 #pragma once
 
+#include "efree/basis/fine_space.hpp"
 #include "efree/basis/shape_table.hpp"
 #include "efree/core/progress.hpp"
 #include "efree/geometry/node_cloud.hpp"
@@ -37,6 +38,13 @@ template <int Dim> struct Mls {
 /// the geodesically nearest nodes grow to 1.25 times their distance until it can. Throws InputError for options out of
 /// range, NumericalError naming the vertex if growing does not help (fewer nodes in a body than polynomials).
 template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                 const MlsOptions& options, StageTimes* times = nullptr,
+                                                 const Progress& progress = {});
+
+/// The same at the degrees of freedom of a fine space: space.size() rows. The distance from a node to the middle of an
+/// edge follows from those to its ends as the median of a triangle does from its sides (Apollonius): exact where all
+/// are straight. Throws InputError for heat_flow on a space of degree 2 (no distance).
+template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                  const MlsOptions& options, StageTimes* times = nullptr,
                                                  const Progress& progress = {});
 

@@ -314,6 +314,13 @@ template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std:
   }));
 }
 
+template <int Dim> SparseRows node_distances(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                             const Vector& radii, Weight engine) {
+  if (engine == Weight::heat_flow) throw InputError("geodesics: heat_flow gives weights, no distance");
+  const PatchGeodesics<Dim> geodesics(mesh, {.engine = engine});
+  return transposed(mesh.num_vertices(), geodesics.solve(sources, radii, [](Index, LocalField&) {}));
+}
+
 template <int Dim>
 NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, double reach) {
   check_sources(mesh, sources, Vector::Ones(static_cast<Index>(sources.size())));
@@ -340,6 +347,8 @@ template std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>&, const 
 template std::vector<LocalField> heat_flow_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, int);
 template SparseRows node_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
 template SparseRows node_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
+template SparseRows node_distances<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, Weight);
+template SparseRows node_distances<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, Weight);
 template NearestSource nearest_source<2>(const FineMesh<2>&, const std::vector<Index>&, double);
 template NearestSource nearest_source<3>(const FineMesh<3>&, const std::vector<Index>&, double);
 

@@ -70,6 +70,11 @@ struct WeightOptions {
 template <int Dim> SparseRows node_weights(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
                                            const Vector& radii, const WeightOptions& options);
 
+/// The distances behind them: entries d < radius, num_vertices x sources (0, stored, at a source). Throws InputError
+/// for heat_flow, which has none.
+template <int Dim> SparseRows node_distances(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
+                                             const Vector& radii, Weight engine);
+
 /// For each fine vertex, the source that is geodesically nearest and the distance to it (fast marching from all sources
 /// at once; where three of their regions meet inside one cell the second nearest may be taken). num_vertices
 /// entries; -1 and infinity where no source of the same body is nearer than `reach`.

@@ -137,11 +137,11 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
 
   const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
   Approximation<Dim> result;
-  result.space = FineSpace<Dim>(mesh, 1);
+  result.space = FineSpace<Dim>(mesh, options.interpolation);
   NodeCloud<Dim> cloud;
   {
     Stage stage("cloud", clock, progress);
-    cloud = sample_cloud(mesh, CloudOptions{options.spacing, options.seed});
+    cloud = sample_cloud(mesh, graded_spacing(mesh, options.spacing, options.grading), options.seed);
   }
   const MlsOptions mls_options{.order = options.order,
                                .support = options.support > 0.0 ? options.support
@@ -149,7 +149,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                                                                 : 3.0,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
-  auto mls = moving_least_squares(mesh, cloud, mls_options, &clock, progress);
+  auto mls = moving_least_squares(result.space, cloud, mls_options, &clock, progress);
   result.shape = std::move(mls.shape);
   result.mls = mls.report;
   result.nodes = cloud.positions;

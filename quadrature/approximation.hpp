@@ -6,6 +6,7 @@
 #include "efree/basis/mls.hpp"
 #include "efree/core/progress.hpp"
 #include "efree/geometry/node_cloud.hpp"
+#include "efree/geometry/spacing.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/discretization.hpp"
 
@@ -29,7 +30,9 @@ enum class SecondaryKind {
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
   int order = 1;           ///< polynomials MLS reproduces: 1 or 2
+  int interpolation = 1;   ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow)
   double spacing = 0.0;    ///< H [length]; required for MLS
+  Grading grading{};       ///< where the cloud is denser than that
   std::uint64_t seed = 1;  ///< of the clouds
   double support = 0.0;    ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
   Weight weight = Weight::automatic;

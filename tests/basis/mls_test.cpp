@@ -13,7 +13,7 @@ using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
 /// Largest error at any fine vertex with which the table reproduces the monomials up to the order (body of size 1).
-double reproduction_error(const FineMesh<2>& mesh, const Points<2>& nodes, const ShapeTable<2>& shape, int order) {
+double reproduction_error(const Points<2>& points, const Points<2>& nodes, const ShapeTable<2>& shape, int order) {
   const auto monomials = [&](const Points<2>& x) {
     Matrix g(order == 1 ? 3 : 6, x.cols());
     g.row(0).setOnes();
@@ -21,7 +21,10 @@ double reproduction_error(const FineMesh<2>& mesh, const Points<2>& nodes, const
     if (order == 2) g.bottomRows(3) << x.row(0).cwiseAbs2(), x.row(0).cwiseProduct(x.row(1)), x.row(1).cwiseAbs2();
     return g;
   };
-  return (interpolate(shape, monomials(nodes)) - monomials(mesh.vertices())).cwiseAbs().maxCoeff();
+  return (interpolate(shape, monomials(nodes)) - monomials(points)).cwiseAbs().maxCoeff();
+}
+double reproduction_error(const FineMesh<2>& mesh, const Points<2>& nodes, const ShapeTable<2>& shape, int order) {
+  return reproduction_error(mesh.vertices(), nodes, shape, order);
 }
 
 class MlsOn : public ::testing::TestWithParam<std::tuple<std::string, int>> {};
@@ -55,6 +58,18 @@ TEST_P(MlsOn, ReproducesPolynomialsWhereItVanishesOnTheOuterBoundary) {
   }
 }
 
+TEST_P(MlsOn, ReproducesPolynomialsAtEdgeMidpointsToo) {
+  const auto [name, order] = GetParam();
+  const auto body = testing::body(name);
+  const FineSpace<2> space(body.mesh, 2);
+  const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, 1});
+  for (const auto& parts : {std::vector<std::string>{}, body.outer}) {
+    const auto mls = moving_least_squares(space, cloud, {.order = order, .support = order + 1.0, .vanish_on = parts});
+    ASSERT_EQ(mls.shape.num_points(), space.size());
+    EXPECT_LT(reproduction_error(space.points(), cloud.positions, mls.shape, order), 1e-12);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Bodies, MlsOn,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
                                                               "random_holes"),
@@ -63,6 +78,36 @@ INSTANTIATE_TEST_SUITE_P(Bodies, MlsOn,
                            return std::string(std::get<0>(test.param)) + "_order_" +
                                   std::to_string(std::get<1>(test.param));
                          });
+
+TEST(Mls, AtMidpointsIsWhatAMeshWithVerticesThereGives) {
+  // Every triangle cut in four: the midpoints of the coarse mesh are vertices of the fine one.
+  const auto mesh = triangulate(shapes::slit_rectangle(0, 0, 1, 1, {0.4, 0.0}, {0.6, 0.6}), {.size = 0.1});
+  const FineSpace<2> space(mesh, 2);
+  MeshData<2> data{space.points(), {}, {}};
+  data.cells.resize(3, 4 * mesh.num_cells());
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const auto dofs = space.cell(c);  // vertices 0 1 2, midpoints of 01 02 12
+    const int parts[4][3] = {{0, 3, 4}, {1, 5, 3}, {2, 4, 5}, {3, 5, 4}};
+    for (int k = 0; k < 4; ++k)
+      for (int i = 0; i < 3; ++i) data.cells(i, 4 * c + k) = dofs[parts[k][i]];
+  }
+  const FineMesh<2> cut(data);
+  const auto cloud = sample_cloud(mesh, CloudOptions{0.25, 1});
+  const auto at_midpoints = moving_least_squares(space, cloud, {}), at_vertices = moving_least_squares(cut, cloud, {});
+  const Matrix difference = Matrix(at_midpoints.shape.matrix()) - Matrix(at_vertices.shape.matrix());
+  EXPECT_LT(difference.topRows(mesh.num_vertices()).cwiseAbs().maxCoeff(), 1e-12);
+  // Exact where paths are straight; where they bend around the tip the median formula is off by O(h^2).
+  EXPECT_LT(difference.cwiseAbs().maxCoeff(), 0.05);
+  EXPECT_LT(difference.norm() / at_vertices.shape.matrix().norm(), 0.003);
+}
+
+TEST(Mls, HeatFlowHasNoDistancesForMidpoints) {
+  const auto body = testing::body("square");
+  const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, 1});
+  EXPECT_THAT([&] {
+    moving_least_squares(FineSpace<2>(body.mesh, 2), cloud, {.weights = {.weight = Weight::heat_flow}});
+  }, ThrowsMessage<InputError>(HasSubstr("use degree 1")));
+}
 
 TEST(Mls, EveryWeightGivesABasis) {
   const auto body = testing::body("slit");

@@ -52,6 +52,14 @@ TEST_P(PatchTest, LinearFieldsAreExactWithUnionsAndStabilisation) {
   expect_exact(body, {.secondary = secondary, .dilatation = true, .fine = true}, stabilised, 1);
 }
 
+TEST_P(PatchTest, LinearFieldsAreExactOnGradedCloudsAndQuadraticCells) {
+  const auto [name, secondary, essential] = GetParam();
+  const auto body = testing::body(name);
+  const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
+  expect_exact(body, {.grading = {.features = true}, .secondary = secondary}, model, 1);
+  expect_exact(body, {.interpolation = 2, .grading = {.features = true}, .secondary = secondary}, model, 1);
+}
+
 INSTANTIATE_TEST_SUITE_P(Bodies, PatchTest,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape",
                                                               "slit"),

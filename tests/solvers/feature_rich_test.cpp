@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Plates with random holes smaller than the spacing: stiffness against converged P2 finite elements.
+#include "efree/tests/bodies.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+struct Answer {
+  double stiffness;
+  Index nodes;
+};
+
+/// Effective stiffness of a plate under unit tension, held by symmetry on the left and below.
+Answer stretch(const FineMesh<2>& mesh, const ApproximationOptions& options) {
+  const auto approximation = approximate(mesh, options);
+  const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
+  const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}},
+                                {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}});
+  const auto solution = solver.solve({{{"right", [](const Vec<2>&, const Vec<2>&) -> Vec<2> { return {1, 0}; }}}, {}});
+  return {0.5 / solution.strain_energy, approximation.shape.num_nodes()};
+}
+
+class RandomHoles : public ::testing::TestWithParam<std::uint64_t> {
+ protected:
+  static PlanarDomain plate(double size) {
+    return shapes::plate_with_random_holes(2.0, 16, 0.03, 0.3, 0.03, GetParam(), size);
+  }
+};
+
+TEST_P(RandomHoles, GradedCloudsComeWithinThreePercentOfTheTruthWithTwentyTimesFewerUnknowns) {
+  const double truth = stretch(triangulate(plate(0.01), {.size = 0.05}), {.kind = BasisKind::p2}).stiffness;
+  const auto mesh = triangulate(plate(0.025), {.size = 0.025});
+  const Answer graded = stretch(mesh, {.interpolation = 2, .spacing = 0.2, .grading = {.features = true}});
+  EXPECT_NEAR(graded.stiffness / truth, 1.0, 0.03);
+  EXPECT_GT(mesh.num_vertices(), 20 * graded.nodes);
+}
+
+TEST_P(RandomHoles, QuadraticCellsMakeUpForACoarseFineMesh) {
+  const double truth = stretch(triangulate(plate(0.01), {.size = 0.05}), {.kind = BasisKind::p2}).stiffness;
+  const auto mesh = triangulate(plate(0.05), {.size = 0.1});
+  const ApproximationOptions linear{.spacing = 0.2, .grading = {.features = true}};
+  ApproximationOptions quadratic = linear;
+  quadratic.interpolation = 2;
+  const double error = std::abs(stretch(mesh, quadratic).stiffness / truth - 1.0);
+  EXPECT_LT(error, 0.08);
+  EXPECT_LT(error, 0.7 * std::abs(stretch(mesh, linear).stiffness / truth - 1.0));
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomHoles, ::testing::Values(1, 2, 3));
+
+}  // namespace
+}  // namespace efree
