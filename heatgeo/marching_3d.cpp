@@ -207,7 +207,7 @@ void SpatialMarching::march(const Patch<3>& patch) {
   std::ranges::sort(front_, [](const Front& a, const Front& b) { return b < a; });
   const auto same = std::ranges::unique(front_, {}, &Front::vertex);
   front_.erase(same.begin(), same.end());
-  std::ranges::make_heap(front_);
+  std::make_heap(front_.begin(), front_.end());
   spread();
 }
 

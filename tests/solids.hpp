@@ -121,11 +121,12 @@ inline std::vector<std::array<Index, 3>> facets_where(const MeshData<3>& data,
 inline FineMesh<3> slit_box(Index n) {
   MeshData<3> data = box(n, 0.2);
   const Index side = n + 1;
-  for (Index v = 0; v < data.vertices.cols(); ++v)
-    if (v % side == n / 2) data.vertices(0, v) = 0.5;
-  const double tip = data.vertices.row(2).maxCoeff() * 0.5 + 0.3 / n;  // vertices of the row in the middle are below
-  const auto slit =
-      facets_where(data, [&](const Vec<3>& x) { return x.x() == 0.5 && x.z() <= tip; });
+  for (Index v = 0; v < data.vertices.cols(); ++v) {
+    if (v % side != n / 2) continue;
+    data.vertices(0, v) = 0.5;
+    if (v / (side * side) == n / 2) data.vertices(2, v) = 0.5;
+  }
+  const auto slit = facets_where(data, [](const Vec<3>& x) { return x.x() == 0.5 && x.z() <= 0.5; });
   data.groups.push_back({"slit", slit});
   return with_sides(cut_open<3>(data, slit));
 }

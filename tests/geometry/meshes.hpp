@@ -10,7 +10,7 @@
 
 /// Expects InputError whose message contains `text`.
 #define EXPECT_INPUT_ERROR(statement, text) \
-  EXPECT_THAT([&] { statement; }, testing::ThrowsMessage<efree::InputError>(testing::HasSubstr(text)))
+  EXPECT_THAT([&] { statement; }, ::testing::ThrowsMessage<efree::InputError>(::testing::HasSubstr(text)))
 
 namespace efree::test {
 

@@ -168,8 +168,9 @@ TEST(SolidCloud, CoversTheBodyAndKeepsItsDistances) {
     const auto beside = [&](Index I) { return cloud.positions(0, I) - 0.5; };
     for (Index I = 0; I < cloud.size(); ++I)
       for (Index J = 0; J < I; ++J)
-        if ((cloud.positions.col(I) - cloud.positions.col(J)).norm() < 0.3)
+        if ((cloud.positions.col(I) - cloud.positions.col(J)).norm() < 0.3) {
           EXPECT_LE(beside(I) * beside(J), 0.0) << "nodes " << I << " and " << J;
+        }
     for (const double x : {0.0, 1.0})
       for (const double y : {0.0, 1.0})
         for (const double z : {0.0, 1.0})

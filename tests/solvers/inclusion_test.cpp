@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Regions of different moduli, tied to each other by Nitsche.
 #include "efree/bench/inclusion.hpp"
+#include "efree/core/error.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>
