@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Effective stiffness of plates full of holes against the truth (P2 on converged meshes): P1, P2, P2 with the smaller
-/// holes dropped, and efree on uniform and graded clouds, all through the same code. Two kinds of plate:
+/// holes dropped, and efree on uniform and graded clouds, all through the same code. Three kinds of plate:
 ///
 ///   holes   10 x 10, 160 holes of radius 0.04 to 0.4, gaps at least 0.03
 ///   porous  5 x 5, 500 holes of radius 0.02 to 0.1, gaps at least 0.01
+///   image   1024 x 1024 pixels, a quarter of them in some 3000 pores of radius 3 to 8 that may overlap; smooth contours
 ///
 /// Unit tension on the right edge, symmetry on the left and below; stiffness = tension^2 area / (2 strain energy).
-/// Prints CSV. Times run from the outline to the solution: mesh, clouds, weights, basis, quadrature, assembly,
+/// Prints CSV. Times run from the outline or image to the solution: mesh, clouds, weights, basis, quadrature, assembly,
 /// factorisation; wall-clock and CPU (all threads) seconds, the least of `repeats` runs.
 ///
-///   bench_feature_rich [holes | porous = holes] [seeds = 3] [repeats = 3]
+///   bench_feature_rich [holes | porous | image = holes] [seeds = 3] [repeats = 3] [only methods that begin so]
+#include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
@@ -18,21 +20,23 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <functional>
+#include <numbers>
 #include <string>
 
 using namespace efree;
 
 namespace {
 
-struct Kind {
-  double width;
-  int count;
-  double r_min, r_max, gap;
-  double unit;  ///< sizes below are in units of this
+struct Mesh {
+  double detail;  ///< chords of the sampled circles; in an image what contours may move by when they are simplified
+  double size;    ///< of the triangles
 };
 
-struct Mesh {
-  double chord, size;  ///< of the sampled circles, of the triangles; in units
+/// A kind of plate: of each seed, with all pores but those of radius below `dropped`, ready to be meshed.
+struct Kind {
+  double width;
+  std::function<std::function<FineMesh<2>(const Mesh&)>(std::uint64_t seed, double dropped)> plate;
 };
 
 struct Result {
@@ -44,27 +48,67 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Without the holes of radius below `dropped`.
-PlanarDomain plate(const Kind& kind, std::uint64_t seed, double chord, double dropped) {
-  PlanarDomain domain =
-      shapes::plate_with_random_holes(kind.width, kind.count, kind.r_min, kind.r_max, kind.gap, seed, chord);
-  std::erase_if(domain.boundary, [&](const Polyline& line) {
-    if (line.name != "holes") return false;
-    double low = 1e30, high = -1e30;
-    for (const Vec<2>& x : line.points) low = std::min(low, x.x()), high = std::max(high, x.x());
-    return 0.5 * (high - low) < dropped;
-  });
-  return domain;
+Kind discs(double width, int count, double r_min, double r_max, double gap) {
+  return {width, [=](std::uint64_t seed, double dropped) {
+            return [=](const Mesh& sizes) {
+              PlanarDomain domain =
+                  shapes::plate_with_random_holes(width, count, r_min, r_max, gap, seed, sizes.detail);
+              std::erase_if(domain.boundary, [&](const Polyline& line) {
+                if (line.name != "holes") return false;
+                double low = 1e30, high = -1e30;
+                for (const Vec<2>& x : line.points) low = std::min(low, x.x()), high = std::max(high, x.x());
+                return 0.5 * (high - low) < dropped;
+              });
+              return triangulate(domain, {.size = sizes.size});
+            };
+          }};
 }
 
-Result solve(const Kind& kind, std::uint64_t seed, const Mesh& sizes, double dropped,
+/// Fills pores (pixels that hang together by edges) of no more than `most` pixels.
+LabelImage<2> without_small_pores(LabelImage<2> image, double most) {
+  const auto [nx, ny] = image.size;
+  std::vector<Index> pore;
+  std::vector<char> seen(image.labels.size(), 0);
+  for (Index start = 0; start < nx * ny; ++start) {
+    if (seen[start] || image.labels[start] != 0) continue;
+    pore.assign(1, start);
+    seen[start] = 1;
+    for (std::size_t k = 0; k < pore.size(); ++k) {
+      const Index i = pore[k] % nx, j = pore[k] / nx;
+      const auto visit = [&](bool inside, Index next) {
+        if (!inside || seen[next] || image.labels[next] != 0) return;
+        seen[next] = 1;
+        pore.push_back(next);
+      };
+      visit(i > 0, pore[k] - 1), visit(i + 1 < nx, pore[k] + 1);
+      visit(j > 0, pore[k] - nx), visit(j + 1 < ny, pore[k] + nx);
+    }
+    if (static_cast<double>(pore.size()) <= most)
+      for (const Index pixel : pore) image.labels[pixel] = 1;
+  }
+  return image;
+}
+
+Kind porous_image(Index pixels, const RandomSpheres& pores) {
+  return {static_cast<double>(pixels), [=](std::uint64_t seed, double dropped) {
+            RandomSpheres seeded = pores;
+            seeded.seed = seed;
+            const LabelImage<2> image = without_small_pores(keep_largest(random_spheres<2>(pixels, seeded)).image,
+                                                            std::numbers::pi * dropped * dropped);
+            return [image](const Mesh& sizes) {
+              return FineMesh<2>(mesh_image<2>(
+                  image, {.size = sizes.size, .contour = Contour::smooth, .simplify = sizes.detail}));
+            };
+          }};
+}
+
+Result solve(const Kind& kind, const std::function<FineMesh<2>(const Mesh&)>& make, const Mesh& sizes,
              const ApproximationOptions& options, int repeats) {
   Result result;
   for (int repeat = 0; repeat < repeats; ++repeat) {
-    const PlanarDomain domain = plate(kind, seed, sizes.chord * kind.unit, dropped);
     const auto start = std::chrono::steady_clock::now();
     const std::clock_t cpu_start = std::clock();
-    const auto mesh = triangulate(domain, {.size = sizes.size * kind.unit});
+    const FineMesh<2> mesh = make(sizes);
     const auto approximation = approximate(mesh, options);
     const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
     const Essential essential = options.kind == BasisKind::mls ? Essential::nitsche : Essential::strong;
@@ -84,53 +128,105 @@ Result solve(const Kind& kind, std::uint64_t seed, const Mesh& sizes, double dro
   return result;
 }
 
+/// What is run on a kind of plate. Lengths are in units of the plate.
+struct Plan {
+  Mesh truth, truth_check;
+  std::vector<Mesh> p1, p2;
+  double smaller, larger;  ///< radii below which pores are dropped
+  struct Family {
+    std::string name;
+    Mesh mesh;
+    int degree;
+  };
+  std::vector<Family> families;  ///< of clouds
+  std::vector<double> uniform, graded;
+};
+
+Plan plan_of_discs(double r_max, double unit) {
+  // A fine mesh that resolves everything, and two about as coarse as the geometry allows.
+  Plan plan{{0.007, 0.07},
+            {0.014, 0.1},
+            {{0.4, 0.4}, {0.2, 0.2}, {0.1, 0.1}, {0.05, 0.05}},
+            {{0.2, 0.4}, {0.1, 0.25}, {0.07, 0.25}, {0.05, 0.25}, {0.03, 0.2}},
+            0.25 * r_max,
+            0.5 * r_max,
+            {{"fine P1", {0.035, 0.035}, 1},
+             {"fine P2", {0.035, 0.035}, 2},
+             {"coarse P1", {0.05, 0.1}, 1},
+             {"coarse P2", {0.05, 0.1}, 2},
+             {"coarsest P2", {0.07, 0.15}, 2}},
+            {0.3, 0.2, 0.15, 0.12},
+            {0.6, 0.4, 0.3, 0.2, 0.15}};
+  const auto scale = [&](Mesh& mesh) { mesh.detail *= unit, mesh.size *= unit; };
+  scale(plan.truth), scale(plan.truth_check);
+  std::ranges::for_each(plan.p1, scale), std::ranges::for_each(plan.p2, scale);
+  for (auto& family : plan.families) scale(family.mesh);
+  for (auto* spacings : {&plan.uniform, &plan.graded})
+    for (double& H : *spacings) H *= unit;
+  return plan;
+}
+
+Plan plan_of_image() {
+  return {{0.0, 1.5},
+          {0.0, 3.0},
+          {{1.0, 8.0}, {0.5, 4.0}, {0.0, 2.0}, {0.0, 1.0}},
+          {{1.5, 12.0}, {1.0, 8.0}, {0.7, 8.0}, {0.5, 8.0}, {0.35, 8.0}, {0.0, 8.0}},
+          4.0,
+          6.0,
+          {{"fine P1", {0.0, 1.5}, 1},
+           {"fine P2", {0.0, 1.5}, 2},
+           {"coarse P2", {0.5, 3.0}, 2},
+           {"coarsest P2", {0.7, 4.0}, 2}},
+          {8.0, 6.0, 5.0},
+          {12.0, 8.0, 6.0, 5.0}};
+}
+
+int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, int repeats,
+        const std::string& only) {
+  std::printf("plate,seed,method,detail,size,spacing,vertices,unknowns,fewer,seconds,cpu_seconds,stiffness,error\n");
+  for (int s = 1; s <= seeds; ++s) {
+    const auto seed = static_cast<std::uint64_t>(s);
+    const auto all = kind.plate(seed, 0.0);
+    const ApproximationOptions quadratic{.kind = BasisKind::p2};
+    const double truth = solve(kind, all, plan.truth, quadratic, 1).stiffness;
+    const auto report = [&](const std::string& method, const auto& plate, const Mesh& sizes,
+                            const ApproximationOptions& options) {
+      if (!method.starts_with(only)) return;
+      const Result r = solve(kind, plate, sizes, options, repeats);
+      std::printf("%s,%d,%s,%g,%g,%g,%d,%d,%.2f,%.4f,%.4f,%.6f,%+.5f\n", name.c_str(), s, method.c_str(), sizes.detail,
+                  sizes.size, options.spacing, r.vertices, r.unknowns, 2.0 * r.vertices / r.unknowns, r.seconds,
+                  r.cpu_seconds, r.stiffness, r.stiffness / truth - 1.0);
+      std::fflush(stdout);
+    };
+    report("truth check", all, plan.truth_check, quadratic);
+    for (const Mesh& sizes : plan.p1) report("P1", all, sizes, {.kind = BasisKind::p1});
+    for (const Mesh& sizes : plan.p2) report("P2", all, sizes, quadratic);
+    const auto some = kind.plate(seed, plan.smaller), few = kind.plate(seed, plan.larger);
+    for (const Mesh& sizes : plan.p2) {
+      report("P2 without small pores", some, sizes, quadratic);
+      report("P2 without more of them", few, sizes, quadratic);
+    }
+    for (const auto& family : plan.families) {
+      for (const double H : plan.uniform)
+        report("uniform on " + family.name, all, family.mesh, {.interpolation = family.degree, .spacing = H});
+      for (const double H : plan.graded)
+        report("graded on " + family.name, all, family.mesh,
+               {.interpolation = family.degree, .spacing = H, .grading = {.features = true}});
+    }
+  }
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string name = argc > 1 ? argv[1] : "holes";
+  const std::string name = argc > 1 ? argv[1] : "holes", only = argc > 4 ? argv[4] : "";
   const int seeds = argc > 2 ? std::atoi(argv[2]) : 3, repeats = argc > 3 ? std::atoi(argv[3]) : 3;
-  if (name != "holes" && name != "porous") {
-    std::fprintf(stderr, "bench_feature_rich: no plate '%s', expected holes or porous\n", name.c_str());
-    return 2;
-  }
-  const bool holes = name == "holes";
-  const Kind kind = holes ? Kind{10.0, 160, 0.04, 0.4, 0.03, 1.0} : Kind{5.0, 500, 0.02, 0.1, 0.01, 0.3};
-  std::printf("plate,seed,method,chord,size,spacing,vertices,unknowns,fewer,seconds,cpu_seconds,stiffness,error\n");
-  for (int s = 1; s <= seeds; ++s) {
-    const auto seed = static_cast<std::uint64_t>(s);
-    const ApproximationOptions quadratic{.kind = BasisKind::p2};
-    const double truth = solve(kind, seed, {0.007, 0.07}, 0.0, quadratic, 1).stiffness;
-    const auto report = [&](const char* method, const Mesh& sizes, double dropped,
-                            const ApproximationOptions& options) {
-      const Result r = solve(kind, seed, sizes, dropped, options, repeats);
-      std::printf("%s,%d,%s,%g,%g,%g,%d,%d,%.2f,%.4f,%.4f,%.6f,%+.5f\n", name.c_str(), s, method,
-                  sizes.chord * kind.unit, sizes.size * kind.unit, options.spacing, r.vertices, r.unknowns,
-                  2.0 * r.vertices / r.unknowns, r.seconds, r.cpu_seconds, r.stiffness, r.stiffness / truth - 1.0);
-      std::fflush(stdout);
-    };
-    report("truth check", {0.014, 0.1}, 0.0, quadratic);
-    for (const double h : {0.4, 0.2, 0.1, 0.05}) report("P1", {h, h}, 0.0, {.kind = BasisKind::p1});
-    const Mesh coarse[] = {{0.2, 0.4}, {0.1, 0.25}, {0.07, 0.25}, {0.05, 0.25}, {0.03, 0.2}};
-    for (const Mesh& sizes : coarse) report("P2", sizes, 0.0, quadratic);
-    for (const Mesh& sizes : coarse) {
-      report("P2 without r < r_max/4", sizes, 0.25 * kind.r_max, quadratic);
-      report("P2 without r < r_max/2", sizes, 0.5 * kind.r_max, quadratic);
-    }
-    // A fine mesh that resolves everything, and two about as coarse as the geometry allows.
-    struct Family {
-      std::string name;
-      Mesh mesh;
-      int degree;
-    };
-    for (const Family& family : {Family{"fine P1", {0.035, 0.035}, 1}, Family{"fine P2", {0.035, 0.035}, 2},
-                                 Family{"coarse P1", {0.05, 0.1}, 1}, Family{"coarse P2", {0.05, 0.1}, 2},
-                                 Family{"coarsest P2", {0.07, 0.15}, 2}}) {
-      for (const double H : {0.3, 0.2, 0.15, 0.12})
-        report(("uniform on " + family.name).c_str(), family.mesh, 0.0,
-               {.interpolation = family.degree, .spacing = H * kind.unit});
-      for (const double H : {0.6, 0.4, 0.3, 0.2, 0.15})
-        report(("graded on " + family.name).c_str(), family.mesh, 0.0,
-               {.interpolation = family.degree, .spacing = H * kind.unit, .grading = {.features = true}});
-    }
-  }
+  if (name == "holes") return run(name, discs(10.0, 160, 0.04, 0.4, 0.03), plan_of_discs(0.4, 1.0), seeds, repeats, only);
+  if (name == "porous") return run(name, discs(5.0, 500, 0.02, 0.1, 0.01), plan_of_discs(0.1, 0.3), seeds, repeats, only);
+  if (name == "image")
+    return run(name, porous_image(1024, {.porosity = 0.25, .r_min = 3.0, .r_max = 8.0}), plan_of_image(), seeds, repeats,
+               only);
+  std::fprintf(stderr, "bench_feature_rich: no plate '%s', expected holes, porous or image\n", name.c_str());
+  return 2;
 }

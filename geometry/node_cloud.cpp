@@ -18,7 +18,8 @@ namespace {
 /// Boundary facets in the order in which one walks along them, with the body to the left.
 struct BoundaryWalk {
   std::vector<Index> next;   // facet that follows facet f
-  std::vector<char> corner;  // whether a corner lies between facet f and the next
+  std::vector<char> breaks;  // whether named parts end or loops meet between facet f and the next
+  std::vector<char> turns;   // whether the boundary turns by more than 30 degrees there
 };
 
 /// The facet that follows f: turn around its end through the cells. Right also where a vertex joins several loops.
@@ -65,10 +66,79 @@ BoundaryWalk walk_boundary(const FineMesh<2>& mesh) {
     const bool joins_loops = mesh.facets_of(mesh.facets()(1, f)).size() != 2;
     const bool changes_group = !std::ranges::equal(groups[f], groups[next]);
     walk.next.push_back(next);
-    walk.corner.push_back(turns || joins_loops || changes_group);
+    walk.breaks.push_back(joins_loops || changes_group);
+    walk.turns.push_back(turns);
   }
   return walk;
 }
+
+/// Which vertices of a loop are corners on the scale of the cloud: the ends of parts, and the turns that a polygon
+/// through corners needs to stay within an eighth of the spacing of all turns (Ramer 1972). A staircase of pixels is
+/// straight; so is the notch no cloud of this spacing sees. Positions in the loop of the facets that end there,
+/// ascending.
+class CornerFinder {
+ public:
+  CornerFinder(const FineMesh<2>& mesh, const Vector& spacing, const BoundaryWalk& walk, std::span<const Index> loop)
+      : mesh_(mesh), spacing_(spacing), walk_(walk), loop_(loop) {}
+
+  std::vector<Index> corners() {
+    const Index count = static_cast<Index>(loop_.size());
+    for (Index k = 0; k < count; ++k)
+      if (walk_.breaks[loop_[k]]) corners_.push_back(k);
+    if (corners_.empty()) {
+      // The turn farthest from the first one is an extreme point: if there are corners, it is one of them.
+      Index first = 0;
+      while (first < count && !walk_.turns[loop_[first]]) ++first;
+      if (first == count) return {};
+      corners_.push_back(farthest(first, first + count).position % count);
+    }
+    const std::size_t known = corners_.size();
+    for (std::size_t i = 0; i < known; ++i)
+      refine(corners_[i], i + 1 < known ? corners_[i + 1] : corners_[0] + count);
+    for (Index& k : corners_) k %= count;
+    std::sort(corners_.begin(), corners_.end());
+    return corners_;
+  }
+
+ private:
+  struct Farthest {
+    Index position;
+    double distance = 0.0;
+  };
+  Index vertex(Index k) const { return mesh_.facets()(1, loop_[k % static_cast<Index>(loop_.size())]); }
+
+  /// The turn strictly between two positions that is farthest from the segment through both; `begin` if there is none.
+  Farthest farthest(Index begin, Index end) const {
+    Farthest result{begin};
+    const Vec<2> from = mesh_.vertex(vertex(begin)), along = mesh_.vertex(vertex(end)) - from;
+    const double length2 = along.squaredNorm();
+    for (Index k = begin + 1; k < end; ++k) {
+      if (!walk_.turns[loop_[k % static_cast<Index>(loop_.size())]]) continue;
+      const Vec<2> x = mesh_.vertex(vertex(k)) - from;
+      const double t = length2 > 0.0 ? std::clamp(x.dot(along) / length2, 0.0, 1.0) : 0.0;
+      if (const double distance = (x - t * along).norm(); distance > result.distance) result = {k, distance};
+    }
+    return result;
+  }
+  void refine(Index begin, Index end) {
+    std::vector<std::pair<Index, Index>> stack{{begin, end}};
+    while (!stack.empty()) {
+      const auto [from, to] = stack.back();
+      stack.pop_back();
+      const Farthest found = farthest(from, to);
+      if (found.distance <= 0.125 * spacing_[vertex(found.position)]) continue;
+      corners_.push_back(found.position);
+      stack.push_back({from, found.position});
+      stack.push_back({found.position, to});
+    }
+  }
+
+  const FineMesh<2>& mesh_;
+  const Vector& spacing_;
+  const BoundaryWalk& walk_;
+  std::span<const Index> loop_;
+  std::vector<Index> corners_;
+};
 
 /// Puts nodes on a chain of facets that runs between two corners (or all around a loop): both ends, and in between the
 /// vertices nearest to equal steps of the integral of ds/spacing, at least `intervals` of them as far as vertices go.
@@ -99,9 +169,7 @@ void place_on_loop(const FineMesh<2>& mesh, const Vector& spacing, const Boundar
   Index f = start;
   do loop.push_back(f);
   while ((f = walk.next[f]) != start);
-  std::vector<Index> ends;  // positions in the loop after which a corner lies
-  for (std::size_t k = 0; k < loop.size(); ++k)
-    if (walk.corner[loop[k]]) ends.push_back(static_cast<Index>(k));
+  const std::vector<Index> ends = CornerFinder(mesh, spacing, walk, loop).corners();
   // Three nodes on every loop: chains between two corners are halved, a chain with none or one has three intervals.
   const Index least = ends.size() < 2 ? 3 : ends.size() == 2 ? 2 : 1;
   if (ends.empty()) return place_on_chain(mesh, spacing, loop, least, is_node);
