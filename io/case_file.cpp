@@ -40,6 +40,7 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.kind = basis.choice<BasisKind>(
       "kind", {{"mls", BasisKind::mls}, {"p1", BasisKind::p1}, {"p2", BasisKind::p2}}, options.kind);
   options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
+  options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 
   options.spacing = cloud.number("spacing", positive, 0.0);
   if (options.spacing == 0.0 && options.kind == BasisKind::mls)
@@ -50,7 +51,8 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
       cloud.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), static_cast<std::int64_t>(options.seed)));
   options.support = cloud.number("support", {1.0, 10.0, true, true}, options.support);
   options.weight = cloud.choice<Weight>("weight",
-                                        {{"heat_geodesic", Weight::heat_geodesic},
+                                        {{"automatic", Weight::automatic},
+                                         {"heat_geodesic", Weight::heat_geodesic},
                                          {"heat_flow", Weight::heat_flow},
                                          {"fast_marching", Weight::fast_marching},
                                          {"visibility", Weight::visibility},
@@ -68,6 +70,25 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
   result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
   options.fine = result.model.stabilisation > 0.0;
+}
+
+template <int Dim> Grading read_grading(const Section& cloud) {
+  Grading grading;
+  grading.features = cloud.boolean("features", grading.features);
+  grading.growth = cloud.number("growth", positive, grading.growth);
+  grading.least = cloud.number("least", positive, grading.least);
+  for (const Section& entry : cloud.sections("boxes", {"box", "spacing"})) {
+    const auto [a, b] = entry.corners<Dim>("box");
+    SpacingBox box{.spacing = entry.number("spacing", positive)};
+    for (int d = 0; d < Dim; ++d) {
+      box.low[d] = std::min(a[d], b[d]);
+      box.high[d] = std::max(a[d], b[d]);
+    }
+    grading.boxes.push_back(box);
+  }
+  for (const Section& entry : cloud.sections("regions", {"region", "spacing"}))
+    grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
+  return grading;
 }
 
 std::vector<CaseSettings::Material> read_materials(const Section& root) {
@@ -256,9 +277,10 @@ template <int Dim> Plane read_plane(const Section& analysis) {
 }
 
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry) {
-  const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel"});
+  const Section cloud = root.section(
+      "cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth", "least", "boxes", "regions"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
-  const Section basis = root.section("basis", {"kind", "order"});
+  const Section basis = root.section("basis", {"kind", "order", "interpolation"});
   const Section::Keys analysis_keys{"plane", "essential", "body_force"};
   const Section analysis =
       Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
@@ -272,6 +294,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   const Expressions<Dim> expressions = read_definitions<Dim>(root);
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path());
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
+  result.approximation.grading = read_grading<Dim>(cloud);
 
   result.model.plane = read_plane<Dim>(analysis);
   if (analysis.has("body_force"))
@@ -315,7 +338,8 @@ AnyCase read_case(const std::filesystem::path& file) {
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "exact", "probe"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
-  if (internal::geometry_dimension(geometry, file.parent_path()) == 2) return read<2>(file, root, geometry);
+  const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
+  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane) == 2) return read<2>(file, root, geometry);
   return read<3>(file, root, geometry);
 }
 

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/core/error.hpp"
 #include "efree/geometry/gmsh_reader.hpp"
+#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/image_reader.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/surface.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <span>
 
 namespace efree::internal {
@@ -16,11 +22,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What endings of names stand for.
-enum class FileKind { gmsh, cad };
+/// What endings of names stand for. Some images say only inside how many dimensions they have.
+enum class FileKind { gmsh, cad, planar_image, image, raw_image, surface };
 constexpr std::pair<std::string_view, FileKind> file_kinds[] = {
-    {".geo", FileKind::gmsh}, {".msh", FileKind::gmsh}, {".step", FileKind::cad}, {".stp", FileKind::cad},
-    {".iges", FileKind::cad}, {".igs", FileKind::cad},  {".brep", FileKind::cad}};
+    {".geo", FileKind::gmsh},         {".msh", FileKind::gmsh},         {".step", FileKind::cad},
+    {".stp", FileKind::cad},          {".iges", FileKind::cad},         {".igs", FileKind::cad},
+    {".brep", FileKind::cad},         {".png", FileKind::planar_image}, {".pgm", FileKind::planar_image},
+    {".pbm", FileKind::planar_image}, {".ppm", FileKind::planar_image}, {".pnm", FileKind::planar_image},
+    {".tif", FileKind::image},        {".tiff", FileKind::image},       {".nrrd", FileKind::image},
+    {".nhdr", FileKind::image},       {".mha", FileKind::image},        {".mhd", FileKind::image},
+    {".inr", FileKind::image},        {".inr.gz", FileKind::image},     {".raw", FileKind::raw_image},
+    {".stl", FileKind::surface},      {".off", FileKind::surface},      {".obj", FileKind::surface},
+    {".ply", FileKind::surface}};
 
 FileKind kind_of(const Section& geometry, const fs::path& file) {
   std::string name = file.filename().string();
@@ -135,7 +148,7 @@ void require_size(const Section& geometry, std::string_view kind) {
 
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
-  refuse(geometry, {"slits"}, "a built-in shape");
+  refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
   require_size(geometry, "a built-in shape");
   const auto shapes = all_shapes<Dim>();
   const Shape<Dim>& shape = *find_shape(shapes, name);
@@ -159,6 +172,7 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
 }
 
 template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file) {
+  refuse(geometry, {"image", "surface"}, "a gmsh or CAD file");
   GmshOptions options{.slits = geometry.texts("slits")};
   const Section parameters = geometry.section("parameters", {});
   for (const auto& [key, node] : parameters.table())
@@ -170,13 +184,148 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file)
   };
 }
 
+constexpr std::int64_t largest_label = std::numeric_limits<Label>::max();
+
+Section image_section(const Section& geometry) {
+  return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour", "simplify",
+                                    "facet_distance", "regions", "raw"});
+}
+
+template <int Dim> RawImage<Dim> read_raw(const Section& image) {
+  const Section raw = image.section("raw", {"size", "type", "big_endian", "header"});
+  RawImage<Dim> result;
+  const Vec<Dim> size = raw.template point<Dim>("size");
+  for (int d = 0; d < Dim; ++d) {
+    if (!(size[d] >= 1.0 && size[d] <= std::numeric_limits<Index>::max() && size[d] == std::floor(size[d])))
+      raw.fail("size", fmt::format("size holds {}, expected numbers of pixels", size[d]));
+    result.size[d] = static_cast<Index>(size[d]);
+  }
+  result.type = raw.text("type", result.type);
+  result.big_endian = raw.boolean("big_endian", result.big_endian);
+  result.header = raw.integer("header", 0, std::numeric_limits<std::int64_t>::max(), result.header);
+  return result;
+}
+
+/// { 1 = "matrix", 2 = "grain" }
+std::map<Label, std::string> region_names(const Section& image) {
+  const Section section = image.section("regions", {});
+  std::map<Label, std::string> names;
+  for (const auto& [key, node] : section.table()) {
+    const std::string text(key.str());
+    int label = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), label);
+    if (error != std::errc{} || end != text.data() + text.size() || label < 1 || label > largest_label)
+      section.fail(text, fmt::format("\"{}\" is no label, expected an integer from 1 to {}", text, largest_label));
+    names[static_cast<Label>(label)] = section.text(text);
+  }
+  return names;
+}
+
+template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
+  refuse(geometry, {"slits", "parameters", "surface"}, "an image");
+  require_size(geometry, "an image");
+  const Section image = image_section(geometry);
+  ImageOptions<Dim> reading;
+  if (image.has("spacing")) {
+    reading.spacing = image.numbers("spacing", positive);
+    if (reading.spacing.size() != 1 && reading.spacing.size() != Dim)
+      image.fail("spacing", fmt::format("spacing has {} numbers, expected one or {}", reading.spacing.size(), Dim));
+  }
+  if (image.has("threshold")) reading.threshold = image.number("threshold", any_number);
+  if (!reading.threshold) refuse(image, {"below"}, "an image without a threshold");
+  reading.below = image.boolean("below", false);
+  if (image.has("background")) {
+    if (reading.threshold) refuse(image, {"background"}, "an image with a threshold");
+    reading.background.clear();
+    for (const double label : image.numbers("background", {0.0, static_cast<double>(largest_label), true, true}))
+      reading.background.push_back(static_cast<Label>(label));
+  }
+  if (!is_raw) refuse(image, {"raw"}, "a file with a header");
+  if (is_raw) reading.raw = read_raw<Dim>(image);
+  ImageMeshOptions meshing{.names = region_names(image)};
+  if (Dim == 3) refuse(image, {"contour", "simplify"}, "an image in three dimensions, where boundaries are smooth");
+  if (Dim == 2) refuse(image, {"facet_distance"}, "an image in the plane");
+  meshing.contour =
+      image.choice<Contour>("contour", {{"pixel", Contour::pixel}, {"smooth", Contour::smooth}}, meshing.contour);
+  meshing.simplify = image.number("simplify", not_negative, meshing.simplify);
+  meshing.facet_distance = image.number("facet_distance", positive, meshing.facet_distance);
+  const bool largest_only = image.boolean("largest_only", false);
+  return [path = file.string(), reading, meshing, largest_only](double size) {
+    MadeMesh<Dim> made;
+    LabelImage<Dim> labels = read_image<Dim>(path, reading);
+    if (largest_only) {
+      LargestBody<Dim> body = keep_largest(labels);
+      labels = std::move(body.image);
+      made.reports = {{"islands_left_out", body.islands}, {"islands_fraction", body.fraction}};
+      made.remarks.push_back(fmt::format("image: {} islands left out, {:.3g} % of the material", body.islands,
+                                         100.0 * body.fraction));
+    }
+    ImageMeshOptions sized = meshing;
+    sized.size = size;
+    made.mesh = mesh_image<Dim>(labels, sized);
+    return made;
+  };
+}
+
+std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const fs::path& file) {
+  refuse(geometry, {"slits", "parameters", "image"}, "a surface");
+  require_size(geometry, "a surface");
+  const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle"});
+  const bool wrap = section.boolean("wrap", false);
+  if (!wrap) refuse(section, {"alpha", "offset"}, "a surface that is not wrapped (wrap = true)");
+  const WrapOptions wrapping{.alpha = section.number("alpha", positive, 0.0),
+                             .offset = section.number("offset", positive, 0.0)};
+  SurfaceMeshOptions meshing;
+  meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
+  return [path = file.string(), wrap, wrapping, meshing](double size) {
+    MadeMesh<3> made;
+    SurfaceSoup soup = read_surface(path);
+    if (wrap) {
+      SurfaceWrap wrapped = wrap_surface(soup, wrapping);
+      soup = std::move(wrapped.surface);
+      made.reports = {{"wrap_alpha", wrapped.alpha},
+                      {"wrap_offset", wrapped.offset},
+                      {"wrap_max_distance", wrapped.max_distance},
+                      {"wrap_mean_distance", wrapped.mean_distance},
+                      {"wrap_volume", wrapped.volume}};
+      made.remarks.push_back(fmt::format(
+          "wrap: alpha {:.4g}, offset {:.4g}; up to {:.4g} (mean {:.4g}) from the given triangles; encloses {:.6g}",
+          wrapped.alpha, wrapped.offset, wrapped.max_distance, wrapped.mean_distance, wrapped.volume));
+    }
+    SurfaceMeshOptions sized = meshing;
+    sized.size = size;
+    made.mesh = mesh_surface(soup, sized);
+    return made;
+  };
+}
+
+/// The function that makes the mesh of a file.
+template <int Dim> std::function<MadeMesh<Dim>(double)> file_mesh(const Section& geometry, const fs::path& file) {
+  const FileKind kind = kind_of(geometry, file);
+  switch (kind) {
+    case FileKind::gmsh:
+    case FileKind::cad:
+      return gmsh_mesh<Dim>(geometry, file);
+    case FileKind::planar_image:
+    case FileKind::image:
+    case FileKind::raw_image:
+      return image_mesh<Dim>(geometry, file, kind == FileKind::raw_image);
+    case FileKind::surface:
+      break;
+  }
+  if constexpr (Dim == 3)
+    return surface_mesh(geometry, file);
+  else
+    geometry.fail("file", fmt::format("{}: a surface bounds a solid, there is nothing planar in it", file.string()));
+}
+
 }  // namespace
 
 Section::Keys geometry_keys() {
-  return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters"};
+  return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters", "image", "surface"};
 }
 
-int geometry_dimension(const Section& geometry, const fs::path& folder) {
+int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane) {
   if (geometry.has("file") == geometry.has("shape"))
     geometry.fail("shape", fmt::format("[geometry] has {}, expected exactly one of file and shape",
                                        geometry.has("file") ? "both file and shape" : "neither file nor shape"));
@@ -184,7 +333,20 @@ int geometry_dimension(const Section& geometry, const fs::path& folder) {
   const fs::path file = file_of(geometry, folder);
   switch (kind_of(geometry, file)) {
     case FileKind::cad:
+    case FileKind::surface:
       return 3;
+    case FileKind::planar_image:
+      return 2;
+    case FileKind::image:
+      return has_plane ? 2 : 3;
+    case FileKind::raw_image: {
+      const Section raw = image_section(geometry).section("raw", {});
+      const std::size_t dimension = raw.has("size") ? raw.numbers("size", positive).size() : 0;
+      if (dimension != 2 && dimension != 3)
+        geometry.fail("file", "a .raw file needs [geometry.image] raw = { size = [...], type = \"...\" }, two or three "
+                              "numbers in size");
+      return static_cast<int>(dimension);
+    }
     case FileKind::gmsh:
       break;
   }
@@ -206,7 +368,7 @@ template <int Dim> CaseGeometry<Dim> read_geometry(const Section& geometry, cons
   if (geometry.has("shape"))
     result.mesh = shape_mesh<Dim>(geometry);
   else
-    result.mesh = gmsh_mesh<Dim>(geometry, file_of(geometry, folder));
+    result.mesh = file_mesh<Dim>(geometry, file_of(geometry, folder));
   return result;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Where the fine mesh of a case comes from: gmsh and CAD files, or built-in shapes.
+/// Where the fine mesh of a case comes from: gmsh and CAD files, label images, surfaces, or built-in
+/// shapes.
 #pragma once
 
 #include "efree/geometry/fine_mesh.hpp"
