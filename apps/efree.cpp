@@ -7,6 +7,7 @@
 #include "efree/io/convergence.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/writers.hpp"
+#include "on_interrupt.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -41,6 +42,7 @@ void draw_picture(OutputDirectory& out, Display& display) {
 
 template <int Dim> void solve(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
+  const OnInterrupt clean_up([&out] { out.discard(); });
   try {
     const Progress progress =
         display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"});
@@ -68,6 +70,7 @@ template <int Dim> void solve(const Case<Dim>& analysis, const Options& options,
 
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
+  const OnInterrupt clean_up([&out] { out.discard(); });
   const Study study = run_study(analysis, options.study, display.runs());
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis, study);

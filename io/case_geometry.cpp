@@ -187,8 +187,8 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file)
 constexpr std::int64_t largest_label = std::numeric_limits<Label>::max();
 
 Section image_section(const Section& geometry) {
-  return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour", "simplify",
-                                    "facet_distance", "regions", "raw"});
+  return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour",
+                                    "simplify", "facet_distance", "regions", "raw"});
 }
 
 template <int Dim> RawImage<Dim> read_raw(const Section& image) {
@@ -257,8 +257,8 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
       LargestBody<Dim> body = keep_largest(labels);
       labels = std::move(body.image);
       made.reports = {{"islands_left_out", body.islands}, {"islands_fraction", body.fraction}};
-      made.remarks.push_back(fmt::format("image: {} islands left out, {:.3g} % of the material", body.islands,
-                                         100.0 * body.fraction));
+      made.remarks.push_back(
+          fmt::format("image: {} islands left out, {:.3g} % of the material", body.islands, 100.0 * body.fraction));
     }
     ImageMeshOptions sized = meshing;
     sized.size = size;
@@ -343,8 +343,9 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
       const Section raw = image_section(geometry).section("raw", {});
       const std::size_t dimension = raw.has("size") ? raw.numbers("size", positive).size() : 0;
       if (dimension != 2 && dimension != 3)
-        geometry.fail("file", "a .raw file needs [geometry.image] raw = { size = [...], type = \"...\" }, two or three "
-                              "numbers in size");
+        geometry.fail("file",
+                      "a .raw file needs [geometry.image] raw = { size = [...], type = \"...\" }, two or three "
+                      "numbers in size");
       return static_cast<int>(dimension);
     }
     case FileKind::gmsh:

@@ -2,11 +2,13 @@
 #include "efree/io/run_case.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <algorithm>
+#include <cmath>
 #include <ctime>
 #include <limits>
 
@@ -109,6 +111,28 @@ std::vector<std::string> doubts(const ApproximationOptions& options, const Appro
       std::min(asked, reached))};
 }
 
+/// Bytes that an analysis takes at least: shape functions at the fine vertices, the stiffness and what is gathered for
+/// them, for nodes as far apart as they may be.
+template <int Dim> double least_memory(const ApproximationOptions& options, const FineMesh<Dim>& mesh) {
+  constexpr double entry = sizeof(double) + sizeof(Index);
+  const double vertices = mesh.num_vertices(), cells = mesh.num_cells();
+  const double edges = Dim == 2 ? 1.5 * cells : 1.2 * cells;
+  if (options.kind != BasisKind::mls) {
+    const bool linear = options.kind == BasisKind::p1;
+    const double nodes = linear ? vertices : vertices + edges;
+    const double coupled = Dim == 2 ? (linear ? 7.0 : 11.5) : (linear ? 15.0 : 28.0);
+    return 0.5 * Dim * Dim * coupled * nodes * entry;
+  }
+  // Volume to a node, and nodes in a support, of a random packing; see sample_cloud.
+  const double support = options.support > 0.0 ? options.support : options.order == 1 ? 2.5 : 3.0;
+  const double packing = Dim == 2 ? 1.436 : 1.363, ball = Dim == 2 ? 3.14 : 4.19;
+  const double nodes = mesh.volumes().sum() / (packing * std::pow(options.spacing, Dim));
+  const double seen = std::min(nodes, ball / packing * std::pow(support, Dim));
+  const double coupled = std::min(nodes, std::pow(2.0, Dim) * seen);
+  const double points = options.interpolation == 2 ? vertices + edges : vertices;
+  return entry * (points * seen + 0.5 * Dim * Dim * nodes * coupled);
+}
+
 double process_cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -166,6 +190,9 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   located(analysis, analysis.file.string(), [&] {
+    require_memory(least_memory(analysis.approximation, *mesh.mesh),
+                   fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
+                   "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);
     const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
     const Stage stage("solve", result.times, progress);
