@@ -7,6 +7,7 @@
 #include "efree/io/convergence.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/writers.hpp"
+#include "on_interrupt.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -39,13 +40,16 @@ void draw_picture(OutputDirectory& out, Display& display) {
   }
 }
 
-void solve(const Options& options, Display& display) {
-  const Case analysis = read_case(options.case_file);
+template <int Dim> void solve(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
+  const OnInterrupt clean_up([&out] { out.discard(); });
   try {
     const Progress progress =
         display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"});
-    CaseResult result = solve_case(analysis, progress);
+    const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
+    if (!options.quiet)
+      for (const std::string& remark : mesh.remarks) display.say(remark);
+    CaseResult<Dim> result = solve_case(analysis, mesh, progress);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
@@ -64,9 +68,9 @@ void solve(const Options& options, Display& display) {
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
 }
 
-void convergence(const Options& options, Display& display) {
-  const Case analysis = read_case(options.case_file);
+template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
+  const OnInterrupt clean_up([&out] { out.discard(); });
   const Study study = run_study(analysis, options.study, display.runs());
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis, study);
@@ -131,10 +135,14 @@ int run(int argc, char** argv) {
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.quiet);
   try {
-    if (solve_command.parsed())
-      solve(options, display);
-    else
-      convergence(options, display);
+    std::visit(
+        [&](const auto& analysis) {
+          if (solve_command.parsed())
+            solve(analysis, options, display);
+          else
+            convergence(analysis, options, display);
+        },
+        read_case(options.case_file));
     return 0;
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", error.what()));

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <optional>
 
 namespace efree {
 namespace {
@@ -88,8 +89,8 @@ template <int Dim> struct Constraint {
   };
   std::vector<Side> sides;
   Vec<Dim> n;             ///< outward normal of the first side
-  Mat<Dim> directions;    ///< sum of d d^T over the directions held
-  Vec<Dim> value;         ///< sum of g d
+  Mat<Dim> directions;    ///< sum of d d^T over an orthonormal set of directions held
+  Vec<Dim> value;         ///< displacement along them
   double weight() const { return sides.front().point.weight; }
 };
 
@@ -109,15 +110,92 @@ template <int Dim> std::vector<Eigen::Matrix<double, Dim, 1>> points_on_twin(con
   return points;
 }
 
+/// The restraints on each restrained facet: (facet, number of the restraint), ascending.
+template <int Dim> std::vector<std::pair<Index, std::size_t>> by_facet(const FineMesh<Dim>& mesh,
+                                                                       const std::vector<Restraint<Dim>>& restraints) {
+  std::vector<std::pair<Index, std::size_t>> pairs;
+  for (std::size_t r = 0; r < restraints.size(); ++r)
+    for (const Index f : mesh.group(restraints[r].on)) pairs.emplace_back(f, r);
+  std::ranges::sort(pairs);
+  return pairs;
+}
+
+/// The displacement that conditions d_k . u = g_k prescribe: a frame whose first `rank` columns span the directions,
+/// and u in that span.
+template <int Dim> struct Held {
+  Mat<Dim> frame;
+  int rank;
+  Vec<Dim> value;
+};
+/// Nothing if the conditions contradict each other.
+template <int Dim> std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>& directions,
+                                                    const std::vector<double>& values) {
+  const Index count = static_cast<Index>(values.size());
+  Eigen::Matrix<double, Dim, Eigen::Dynamic> d(Dim, count);
+  for (Index k = 0; k < count; ++k) d.col(k) = directions[k];
+  const Vector g = Eigen::Map<const Vector>(values.data(), count);
+  const Eigen::SelfAdjointEigenSolver<Mat<Dim>> eigen(d * d.transpose());
+  Held<Dim> held{eigen.eigenvectors().rowwise().reverse(), 0, Vec<Dim>::Zero()};
+  const Vec<Dim> strength = eigen.eigenvalues().reverse();
+  held.rank = static_cast<int>((strength.array() > 1e-12 * strength[0]).count());
+  Vec<Dim> fixed = held.frame.transpose() * (d * g);
+  for (int i = 0; i < Dim; ++i) fixed[i] = i < held.rank ? fixed[i] / strength[i] : 0.0;
+  held.value = held.frame * fixed;
+  if ((d.transpose() * held.value - g).norm() > 1e-9 * (g.norm() + 1e-300)) return std::nullopt;
+  return held;
+}
+
+[[noreturn]] void contradict(const std::vector<std::string>& parts, const std::string& place) {
+  std::vector<std::string> once;
+  for (const std::string& part : parts)
+    if (std::ranges::find(once, part) == once.end()) once.push_back(part);
+  throw InputError(fmt::format("displacements prescribed on \"{}\" contradict each other at {}",
+                               fmt::join(once, "\" and \""), place));
+}
+
+/// What all restraints on a facet hold at one of its points, every direction once however many prescribe it.
+template <int Dim> Constraint<Dim> constraint_at(const BoundaryPoint<Dim>& point,
+                                                 const std::vector<const Restraint<Dim>*>& restraints) {
+  Constraint<Dim> result{{{point, 1.0}}, point.n, Mat<Dim>::Zero(), Vec<Dim>::Zero()};
+  std::vector<Vec<Dim>> directions;
+  std::vector<double> values;
+  bool orthogonal = true;
+  for (const Restraint<Dim>* restraint : restraints) {
+    const Vec<Dim> d = restraint->direction(point.n);
+    for (const Vec<Dim>& other : directions) orthogonal = orthogonal && d.dot(other) == 0.0;
+    directions.push_back(d);
+    values.push_back(prescribed(*restraint, point.x));
+  }
+  if (orthogonal) {
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      result.directions += directions[k] * directions[k].transpose();
+      result.value += values[k] * directions[k];
+    }
+    return result;
+  }
+  const auto held = held_by<Dim>(directions, values);
+  if (!held) {
+    std::vector<std::string> parts;
+    for (const Restraint<Dim>* restraint : restraints) parts.push_back(restraint->on);
+    contradict(parts, at<Dim>(point.x));
+  }
+  const auto span = held->frame.leftCols(held->rank);
+  result.directions = span * span.transpose();
+  result.value = held->value;
+  return result;
+}
+
 /// Visits the constraints of all restraints, then those of the ties, always in the same order.
 template <int Dim, class Visit>
 void for_each_constraint(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
                          const std::vector<TiedFacets>& ties, const Visit& visit) {
-  for (const auto& restraint : restraints)
-    for_each_point<Dim>(space, space.mesh().group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
-      const Vec<Dim> d = restraint.direction(point.n);
-      visit(Constraint<Dim>{{{point, 1.0}}, point.n, d * d.transpose(), prescribed(restraint, point.x) * d});
-    });
+  const auto pairs = by_facet(space.mesh(), restraints);
+  for (std::size_t s = 0; s < pairs.size();) {
+    const Index f = pairs[s].first;
+    std::vector<const Restraint<Dim>*> on_facet;
+    for (; s < pairs.size() && pairs[s].first == f; ++s) on_facet.push_back(&restraints[pairs[s].second]);
+    for_each_point<Dim>(space, {f}, [&](const BoundaryPoint<Dim>& point) { visit(constraint_at(point, on_facet)); });
+  }
   for (const auto& [f, other] : ties) {
     const auto twins = points_on_twin(space, f, other);
     const Index per_facet = static_cast<Index>(twins.size());
@@ -149,9 +227,11 @@ template <int Dim> std::vector<double> penalties(const FineSpace<Dim>& space, co
   const auto& discretization = *term.discretization;
   std::vector<double> measure(discretization.size(), 0.0);
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
+    // Once for every direction held: more than the inequality asks for where all are.
+    const double times = constraint.sides.size() == 1 ? std::round(constraint.directions.trace()) : 1.0;
     for (const auto& [point, sign] : constraint.sides)
       for (SparseRows::InnerIterator phi(discretization.on_facets, point.row); phi; ++phi)
-        measure[phi.col()] += std::abs(point.weight * phi.value());
+        measure[phi.col()] += times * std::abs(point.weight * phi.value());
   });
   for (std::size_t K = 0; K < measure.size(); ++K) {
     // Largest (sigma n . d)^2 / (sigma : eps) of the term: lambda + 2 mu, at least what shear alone needs.
@@ -507,6 +587,7 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
   struct Condition {
     std::vector<Vec<Dim>> directions;
     std::vector<double> values;
+    std::vector<std::string> parts;
   };
   std::map<Index, Condition> by_node;
   std::vector<Index> node_at(space.size(), -1);
@@ -535,31 +616,19 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
       Condition& condition = by_node[node_at[dof]];
       condition.directions.push_back(restraint.direction(n));
       condition.values.push_back(prescribed(restraint, Vec<Dim>(space.points().col(dof))));
+      condition.parts.push_back(restraint.on);
     }
   }
 
   NodalConditions<Dim> result;
   for (const auto& [I, condition] : by_node) {
-    const Index count = static_cast<Index>(condition.values.size());
-    Eigen::Matrix<double, Dim, Eigen::Dynamic> directions(Dim, count);
-    for (Index k = 0; k < count; ++k) directions.col(k) = condition.directions[k];
-    const Vector values = Eigen::Map<const Vector>(condition.values.data(), count);
-    // directions^T u = values: the first `rank` columns of the frame span the directions.
-    const Eigen::SelfAdjointEigenSolver<Mat<Dim>> eigen(directions * directions.transpose());
-    Mat<Dim> frame = eigen.eigenvectors().rowwise().reverse();
-    const Vec<Dim> strength = eigen.eigenvalues().reverse();
-    const int rank = static_cast<int>((strength.array() > 1e-12 * strength[0]).count());
-    Vec<Dim> fixed = frame.transpose() * (directions * values);
-    for (int i = 0; i < Dim; ++i) fixed[i] = i < rank ? fixed[i] / strength[i] : 0.0;
-    const Vec<Dim> u = frame * fixed;
-    if ((directions.transpose() * u - values).norm() > 1e-9 * (values.norm() + 1e-300))
-      throw InputError(fmt::format("displacements prescribed at {} contradict each other",
-                                   at<Dim>(space.points().col(node_dofs[I]))));
-    if (rank == Dim) frame.setIdentity();
+    auto held = held_by<Dim>(condition.directions, condition.values);
+    if (!held) contradict(condition.parts, at<Dim>(space.points().col(node_dofs[I])));
+    if (held->rank == Dim) held->frame.setIdentity();
     result.nodes.push_back(I);
-    result.frames.push_back(frame);
-    result.fixed.push_back(rank);
-    result.values.push_back(frame.transpose() * u);
+    result.frames.push_back(held->frame);
+    result.fixed.push_back(held->rank);
+    result.values.push_back(held->frame.transpose() * held->value);
   }
   return result;
 }

@@ -47,7 +47,9 @@ template <int Dim> struct NitscheSystem {
 /// beta = beta_1 beta_2 / (beta_1 + beta_2); gamma_1 = beta_2 / (beta_1 + beta_2) leaves the flux to the softer side,
 /// so that no ratio of moduli harms (Annavarapu, Hautefeuille & Dolbow 2012).
 /// The penalty follows from the trace inequality of the piecewise field: beta_K = 4 c |Gamma_K| / w_K, c the normal
-/// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose.
+/// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose. Where parts
+/// overlap a direction that several restraints prescribe counts once; throws InputError naming them if they contradict
+/// each other.
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                               const std::vector<StiffnessTerm<Dim>>& terms,
                                               const std::vector<Restraint<Dim>>& restraints,
@@ -61,7 +63,7 @@ template <int Dim> struct NodalConditions {
   std::vector<Vec<Dim>> values;  ///< prescribed components in the frame
 };
 /// Throws InputError if functions of nodes off a restrained part do not vanish on it, if normal conditions are asked
-/// for on a part that is not flat around a node, or if conditions on one node contradict each other.
+/// for on a part that is not flat around a node, or if conditions on one node contradict each other (naming the parts).
 template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                          const std::vector<Index>& node_dofs,
                                                          const std::vector<Restraint<Dim>>& restraints);

@@ -18,10 +18,10 @@ double available_memory() {
   return std::numeric_limits<double>::infinity();
 }
 
-void require_memory(double bytes, std::string_view what) {
+void require_memory(double bytes, std::string_view what, std::string_view advice) {
   if (const double available = available_memory(); !(bytes <= available))
-    throw InputError(fmt::format("{} takes about {:.3g} GiB of memory, {:.3g} GiB are available", what, bytes / 0x1p30,
-                                 available / 0x1p30));
+    throw InputError(fmt::format("{} takes about {:.3g} GiB of memory, {:.3g} GiB are available{}{}", what,
+                                 bytes / 0x1p30, available / 0x1p30, advice.empty() ? "" : "; ", advice));
 }
 
 }  // namespace efree

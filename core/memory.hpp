@@ -9,7 +9,8 @@ namespace efree {
 /// Bytes that can still be allocated without swapping (Linux: MemAvailable); infinite where the system does not say.
 double available_memory();
 
-/// Throws InputError "`what` takes about ... of memory, ... are available" if `bytes` are more than there are.
-void require_memory(double bytes, std::string_view what);
+/// Throws InputError "`what` takes about ... of memory, ... are available; `advice`" if `bytes` are more than there
+/// are.
+void require_memory(double bytes, std::string_view what, std::string_view advice = {});
 
 }  // namespace efree

@@ -281,6 +281,18 @@ template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_vi
                                quoted(names, "no named parts")));
 }
 
+template <int Dim> FineMesh<Dim> FineMesh<Dim>::with_groups(std::vector<Group> groups) && {
+  for (Group& group : groups) {
+    std::ranges::sort(group.facets);
+    if (!group.facets.empty() && (group.facets.front() < 0 || group.facets.back() >= num_facets()))
+      throw InputError(fmt::format("mesh: group \"{}\" names a facet that is not one of {}", group.name, num_facets()));
+    if (std::ranges::count(groups, group.name, &Group::name) > 1)
+      throw InputError(fmt::format("mesh: two parts of the boundary are named \"{}\"", group.name));
+  }
+  groups_ = std::move(groups);
+  return std::move(*this);
+}
+
 template <int Dim> Index FineMesh<Dim>::region(std::string_view name) const {
   const auto found = std::ranges::find(region_names_, name);
   if (found == region_names_.end())

@@ -97,6 +97,8 @@ template <int Dim> class FineMesh {
   const std::vector<Group>& groups() const { return groups_; }
   /// Facets of the group of that name. Throws InputError that lists the names there are.
   const std::vector<Index>& group(std::string_view name) const;
+  /// The same mesh with other named parts. Throws InputError for a facet that does not exist or two parts of one name.
+  FineMesh with_groups(std::vector<Group> groups) &&;
 
   /// Connected bodies: component of each vertex, numbered from 0 in the order of their first vertices.
   const std::vector<Index>& component() const { return components_; }

@@ -2,6 +2,7 @@
 #include "efree/geometry/planar_domain.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/geometry/internal/planar_regions.hpp"
 
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
@@ -429,6 +430,9 @@ void insert_inside(std::vector<Kernel::Point_2> points, Cdt& cdt) {
 void refine(const Segments& segments, const Edges& edges, const TriangulateOptions& options, Cdt& cdt) {
   const double area = domain_area(cdt), expected = 4.0 * area / (options.size * options.size);
   if (!(area > 0.0)) throw InputError("domain: it is empty, no point has an odd number of boundary segments around it");
+  // About 300 bytes to a triangle of CGAL's and of the mesh together.
+  require_memory(300.0 * expected, fmt::format("domain: a mesh of size {} on an area of {:.4g}", options.size, area),
+                 "use a larger size");
   if (expected > 1e8)
     throw InputError(
         fmt::format("domain: a size of {} on an area of {} takes about {:.1e} triangles, expected at most 1e8",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // CGAL Mesh_3, in a file of its own because it is slow to compile.
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/geometry/internal/surface_mesh.hpp"
 #include "efree/geometry/refine.hpp"
 #include "efree/geometry/surface.hpp"
@@ -9,6 +10,7 @@
 #include <CGAL/Mesh_criteria_3.h>
 #include <CGAL/Mesh_triangulation_3.h>
 #include <CGAL/Polygon_mesh_processing/connected_components.h>
+#include <CGAL/Polygon_mesh_processing/measure.h>
 #include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
 #include <CGAL/make_mesh_3.h>
 #include <fmt/format.h>
@@ -177,6 +179,9 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   if (constexpr double most = 2e3; extent.maxCoeff() > most * size)
     throw InputError(fmt::format("surface: mesh size {:g} is too small for a body {:g} wide; expected at least {:g}",
                                  size, extent.maxCoeff(), extent.maxCoeff() / most));
+  // About 12 tetrahedra of 1000 bytes, of CGAL's and of the mesh together, to a cube of that size.
+  require_memory(12e3 * std::abs(CGAL::to_double(CGAL::Polygon_mesh_processing::volume(surface))) / std::pow(size, 3),
+                 fmt::format("surface: a mesh of size {:g}", size), "use a larger size");
   auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
   CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
 

@@ -125,9 +125,10 @@ std::string log_axis(char axis, const Range& range) {
   return fmt::format("set {0}range [{1}:{2}]; set {0}tics ({3})\n", axis, range.low, range.high, tics);
 }
 
-/// A triangle in the lower left corner whose side falls like H^order, H = nodes^(-1/2).
-std::string slope_triangle(const Box& box, int order) {
-  const double width = std::pow(box.x.high / box.x.low, 0.2), height = std::pow(width, 0.5 * order);
+/// A triangle in the lower left corner whose side falls like H^order, H = nodes^(-1/dimension).
+std::string slope_triangle(const Box& box, int order, int dimension) {
+  const double width = std::pow(box.x.high / box.x.low, 0.2),
+               height = std::pow(width, static_cast<double>(order) / dimension);
   const double x0 = box.x.at(0.06), y0 = box.y.at(0.06), x1 = x0 * width, y1 = y0 * height;
   std::string text = "unset arrow; unset label\n";
   const auto side = [&](double ax, double ay, double bx, double by) {
@@ -183,7 +184,7 @@ std::string panels(const Study& study, const std::string& name, Against against)
                               x0 + width + 20.0 * pixel)
                 : std::string("unset key\n");
     if (against == Against::nodes)
-      text += slope_triangle(box, kinds[slot] == 0 ? 2 : 1);
+      text += slope_triangle(box, kinds[slot] == 0 ? 2 : 1, study.dimension);
     else if (slot + 1 == kinds.size())
       text += fmt::format(
           "set label \"medians; bars from\\nsmallest to largest\" at screen {:.4f},0.19 left font ',12' tc rgb "

@@ -21,7 +21,7 @@ namespace {
 constexpr std::array<const char*, 7> study_stages{"mesh",       "cloud",    "weights", "basis",
                                                   "quadrature", "assembly", "solve"};
 /// Elements of this size have about as many vertices as a cloud of spacing 1 has nodes.
-constexpr double element_size_per_spacing = 0.85;
+template <int Dim> constexpr double element_size_per_spacing = Dim == 2 ? 0.85 : 1.5;
 
 Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   if (kind == BasisKind::p1) return {"p1", "P1 finite elements", kind, SecondaryKind::full, 0.0};
@@ -36,7 +36,7 @@ Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   return method;
 }
 
-std::vector<Method> methods_for(const Case& analysis, bool compare) {
+std::vector<Method> methods_for(const CaseSettings& analysis, bool compare) {
   if (!compare)
     return {method_of(analysis.approximation.kind, analysis.approximation.secondary, analysis.approximation.ratio)};
   std::vector<Method> methods;
@@ -50,31 +50,32 @@ std::vector<Method> methods_for(const Case& analysis, bool compare) {
 }
 
 /// H/h of the case; 0 if the file's own mesh holds.
-double mesh_ratio(const Case& analysis) {
-  if (analysis.mesh_ratio > 0.0) return analysis.mesh_ratio;
-  return analysis.mesh.size > 0.0 ? analysis.approximation.spacing / analysis.mesh.size : 0.0;
+template <int Dim> double mesh_ratio(const Case<Dim>& analysis) {
+  if (analysis.geometry.ratio > 0.0) return analysis.geometry.ratio;
+  return analysis.geometry.size > 0.0 ? analysis.approximation.spacing / analysis.geometry.size : 0.0;
 }
 
 /// Spacings (element sizes) to run a method on, coarse to fine.
-std::vector<double> sizes_for(const Case& analysis, const Method& method, const StudyOptions& options) {
+template <int Dim>
+std::vector<double> sizes_for(const Case<Dim>& analysis, const Method& method, const StudyOptions& options) {
   std::vector<double> sizes = options.spacings;
   std::ranges::sort(sizes, std::greater{});
   if (!options.compare || method.kind == BasisKind::mls) return sizes;
   const double finest = mesh_ratio(analysis) > 0.0 ? sizes.back() / mesh_ratio(analysis) : sizes.back();
-  for (double& size : sizes) size *= element_size_per_spacing;
+  for (double& size : sizes) size *= element_size_per_spacing<Dim>;
   const double last = method.kind == BasisKind::p1 ? finest : 2.0 * finest;
   while (sizes.back() / 2.0 > 0.9 * last) sizes.push_back(sizes.back() / 2.0);
   return sizes;
 }
 
-Case configured(Case analysis, const Method& method, double size) {
+template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method, double size) {
   ApproximationOptions& options = analysis.approximation;
   if (method.kind != BasisKind::mls) {
-    analysis.mesh_ratio = 0.0;
-    analysis.mesh.size = size;
+    analysis.geometry.ratio = 0.0;
+    analysis.geometry.size = size;
     options.dilatation = false;
   } else {
-    analysis.mesh_ratio = mesh_ratio(analysis);
+    analysis.geometry.ratio = mesh_ratio(analysis);
   }
   const bool same_kind = options.kind == method.kind;
   options.kind = method.kind;
@@ -87,7 +88,7 @@ Case configured(Case analysis, const Method& method, double size) {
   return analysis;
 }
 
-StudyRow row_of(std::size_t method, double size, std::uint64_t seed, const CaseResult& result) {
+template <int Dim> StudyRow row_of(std::size_t method, double size, std::uint64_t seed, const CaseResult<Dim>& result) {
   StudyRow row{.method = method,
                .spacing = size,
                .seed = seed,
@@ -157,17 +158,17 @@ std::optional<double> Study::order(std::size_t method, std::size_t error_kind) c
   std::vector<std::pair<double, double>> logs;
   for (const StudyPoint& point : points(method))
     if (const auto& error = point.errors[error_kind])
-      logs.emplace_back(cloud ? std::log(point.spacing) : -0.5 * std::log(point.nodes), std::log(error->median));
+      logs.emplace_back(cloud ? std::log(point.spacing) : -std::log(point.nodes) / dimension, std::log(error->median));
   if (logs.size() < 2) return {};
   return slope(logs);
 }
 
-Study run_study(const Case& analysis, const StudyOptions& options, const Progress& progress) {
+template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Progress& progress) {
   const std::set<double> different(options.spacings.begin(), options.spacings.end());
   if (different.size() < 2 || different.size() < options.spacings.size() || *different.begin() <= 0.0)
     throw InputError(fmt::format("spacings {}, expected at least two different positive numbers",
                                  fmt::join(options.spacings, ", ")));
-  Study study{methods_for(analysis, options.compare), {}};
+  Study study{.dimension = Dim, .methods = methods_for(analysis, options.compare)};
   struct Run {
     std::size_t method;
     double size;
@@ -177,11 +178,11 @@ Study run_study(const Case& analysis, const StudyOptions& options, const Progres
   for (std::size_t m = 0; m < study.methods.size(); ++m)
     for (const double size : sizes_for(analysis, study.methods[m], options)) {
       runs.push_back({m, size});
-      work += options.seeds / (size * size);
+      work += options.seeds / std::pow(size, Dim);
     }
   for (const auto& [m, size] : runs) {
     const Method& method = study.methods[m];
-    Case variant = configured(analysis, method, size);
+    Case<Dim> variant = configured(analysis, method, size);
     for (int repetition = 0; repetition < options.seeds; ++repetition) {
       const std::uint64_t seed = analysis.approximation.seed + static_cast<std::uint64_t>(repetition);
       const std::string run = fmt::format("{}, spacing {:.4g}, seed {}", method.name, size, seed);
@@ -192,11 +193,14 @@ Study run_study(const Case& analysis, const StudyOptions& options, const Progres
       } catch (const NumericalError& error) {
         throw NumericalError(fmt::format("{}: {}", run, error.what()));
       }
-      done += 1.0 / (size * size);
+      done += 1.0 / std::pow(size, Dim);
     }
   }
   return study;
 }
+
+template Study run_study<2>(const Case<2>&, const StudyOptions&, const Progress&);
+template Study run_study<3>(const Case<3>&, const StudyOptions&, const Progress&);
 
 void write_study_csv(const std::filesystem::path& file, const Study& study) {
   std::ofstream csv(file);
@@ -217,7 +221,7 @@ void write_study_csv(const std::filesystem::path& file, const Study& study) {
   if (!csv.flush()) throw InputError(fmt::format("cannot write {}", file.string()));
 }
 
-void write_study_json(const std::filesystem::path& file, const Case& analysis, const Study& study) {
+void write_study_json(const std::filesystem::path& file, const CaseSettings& analysis, const Study& study) {
   nlohmann::ordered_json json;
   json["title"] = analysis.title;
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
@@ -245,8 +249,8 @@ std::string order_table(const Study& study) {
     return value ? fmt::format("{:.2f}", *value) : std::string("-");
   };
   std::string table =
-      fmt::format("{:<10}{:>10}{:>10}{:>10}   observed orders in the spacing (P1, P2: in nodes^(-1/2))\n", "method",
-                  "L2", "energy", "recovered");
+      fmt::format("{:<10}{:>10}{:>10}{:>10}   observed orders in the spacing (P1, P2: in nodes^(-1/{}))\n", "method",
+                  "L2", "energy", "recovered", study.dimension);
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     table += fmt::format("{:<10}", study.methods[m].name);
     for (std::size_t k = 0; k < std::size(error_kinds); ++k) table += fmt::format("{:>10}", cell(study.order(m, k)));

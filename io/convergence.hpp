@@ -68,27 +68,29 @@ struct StudyPoint {
 };
 
 struct Study {
-  std::vector<Method> methods;
-  std::vector<StudyRow> rows;  ///< by method, spacing, seed
+  int dimension = 2;
+  std::vector<Method> methods{};
+  std::vector<StudyRow> rows{};  ///< by method, spacing, seed
 
   /// Medians and spreads of a method, coarse to fine.
   std::vector<StudyPoint> points(std::size_t method) const;
   /// Observed order: least-squares slope of log(median error) against log(spacing), for finite elements against
-  /// log(nodes^(-1/2)), as the element size asked for is only a bound; error_kind an index into error_kinds; nothing
-  /// without an exact solution.
+  /// log(nodes^(-1/dimension)), as the element size asked for is only a bound; error_kind an index into error_kinds;
+  /// nothing without an exact solution.
   std::optional<double> order(std::size_t method, std::size_t error_kind) const;
 };
 
 /// Runs them all. The ratio of spacing to fine mesh size is that of the case (mesh_ratio, or spacing over mesh_size);
-/// without either the file's own mesh serves all spacings. When comparing, finite elements have elements of 0.85 H,
-/// which gives about as many nodes as the cloud, and go on from there to the fine mesh size of the finest cloud (P2:
+/// without either the file's own mesh serves all spacings. When comparing, finite elements start at elements that
+/// give about as many nodes as the cloud and go on from there to the fine mesh size of the finest cloud (P2:
 /// twice that), so that they get as much time as the others. Throws as solve_case, naming the run.
-Study run_study(const Case& analysis, const StudyOptions& options, const Progress& progress = {});
+template <int Dim>
+Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Progress& progress = {});
 
 /// One line per row.
 void write_study_csv(const std::filesystem::path& file, const Study& study);
 /// Observed orders and medians per method.
-void write_study_json(const std::filesystem::path& file, const Case& analysis, const Study& study);
+void write_study_json(const std::filesystem::path& file, const CaseSettings& analysis, const Study& study);
 /// Observed orders as a table for reading.
 std::string order_table(const Study& study);
 

@@ -10,10 +10,10 @@
 
 namespace efree {
 
-/// Turns text into fields (muParser). Variables x, y; constants pi, e; operators + - * / ^ < > <= >= == != && || and
-/// condition ? a : b; functions sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh sqrt exp ln log (both
-/// to base e) log2 log10 abs sign rint min max sum avg; and names given to define(). Fields may be copied and called
-/// from several threads at once.
+/// Turns text into fields (muParser). Variables x, y(, z); constants pi, e; operators + - * / ^ < > <= >= == != && ||
+/// and condition ? a : b; functions sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh sqrt exp ln log
+/// (both to base e) log2 log10 abs sign rint min max sum avg; and names given to define(). Fields may be copied and
+/// called from several threads at once.
 template <int Dim> class Expressions {
  public:
   /// Gives a name to an expression that later ones may use; it may depend on position and on names defined before.
@@ -25,7 +25,7 @@ template <int Dim> class Expressions {
   /// field throws InputError naming expression and point where the value is not finite.
   ScalarField<Dim> field(const std::string& text, const std::string& where = {}) const;
 
-  /// The same for 2 or 3 components, which share what they have in common.
+  /// The same for as many components as a vector or a symmetric tensor has, which share what they have in common.
   template <std::size_t Size> std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> fields(
       const std::array<std::string, Size>& texts, const std::string& where = {}) const;
 

@@ -25,6 +25,11 @@ OutputDirectory::OutputDirectory(fs::path directory) : directory_(std::move(dire
 }
 
 OutputDirectory::~OutputDirectory() {
+  discard();
+}
+
+void OutputDirectory::discard() {
+  const std::lock_guard lock(mutex_);
   std::error_code ignored;  // nothing can be done about it here
   fs::remove_all(staging_, ignored);
   if (created_.empty()) return;
@@ -34,6 +39,7 @@ OutputDirectory::~OutputDirectory() {
 }
 
 void OutputDirectory::commit() {
+  const std::lock_guard lock(mutex_);
   try {
     created_.clear();
     for (const std::string& name : superseded_) fs::remove(directory_ / name);

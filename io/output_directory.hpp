@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -26,11 +27,15 @@ class OutputDirectory {
   void supersede(std::string name) { superseded_.push_back(std::move(name)); }
   /// Moves the files to their places. Throws InputError if that is not possible.
   void commit();
+  /// Removes the temporary folder and whatever else was created, unless all is committed; writing to it fails from then
+  /// on. May be called from another thread.
+  void discard();
 
  private:
   std::filesystem::path directory_, staging_;
   std::filesystem::path created_;  ///< the topmost folder that was not there before; empty once committed
   std::vector<std::string> superseded_;
+  std::mutex mutex_;  ///< commit or discard
 };
 
 }  // namespace efree

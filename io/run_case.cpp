@@ -2,10 +2,13 @@
 #include "efree/io/run_case.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <algorithm>
+#include <cmath>
 #include <ctime>
 #include <limits>
 
@@ -13,7 +16,7 @@ namespace efree {
 namespace {
 
 /// Calls `work`; what is wrong with the input is said with the place in the case file in front, once.
-template <class Work> auto located(const Case& analysis, const std::string& where, const Work& work) {
+template <class Work> auto located(const CaseSettings& analysis, const std::string& where, const Work& work) {
   try {
     return work();
   } catch (const InputError& error) {
@@ -23,17 +26,81 @@ template <class Work> auto located(const Case& analysis, const std::string& wher
 }
 
 /// Whether all probes lie in the body: better known before the analysis than after it.
-void check_probes(const Case& analysis, const FineMesh<2>& mesh) {
-  const FineSpace<2> space(mesh, 1);
-  Fields<2> nothing;
-  nothing.displacement.setZero(2, space.size());
-  nothing.strain.setZero(3, space.size());
-  nothing.stress.setZero(3, space.size());
-  for (const Case::Probe& p : analysis.probes) located(analysis, p.where, [&] { return probe(space, nothing, p.at); });
+template <int Dim> void check_probes(const Case<Dim>& analysis, const FineMesh<Dim>& mesh) {
+  if (analysis.probes.empty()) return;
+  const FineSpace<Dim> space(mesh, 1);
+  Fields<Dim> nothing;
+  nothing.displacement.setZero(Dim, space.size());
+  nothing.strain.setZero(voigt_size<Dim>, space.size());
+  nothing.stress.setZero(voigt_size<Dim>, space.size());
+  for (const auto& p : analysis.probes) located(analysis, p.where, [&] { return probe(space, nothing, p.at); });
+}
+
+/// The material of each region.
+template <int Dim>
+std::vector<LinearElastic> region_materials(const CaseSettings& analysis, const FineMesh<Dim>& mesh) {
+  if (analysis.materials.front().region.empty())
+    return std::vector<LinearElastic>(mesh.num_regions(), analysis.model.material);
+  std::vector<LinearElastic> materials(mesh.num_regions());
+  std::vector<char> given(mesh.num_regions(), 0);
+  for (const auto& material : analysis.materials) {
+    const Index region = located(analysis, material.where, [&] { return mesh.region(material.region); });
+    materials[region] = material.elastic;
+    given[region] = 1;
+  }
+  std::vector<std::string> missing;
+  for (Index r = 0; r < mesh.num_regions(); ++r)
+    if (!given[r]) missing.push_back(mesh.region_names()[r]);
+  if (!missing.empty())
+    throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"; the mesh has \"{}\"",
+                                 analysis.materials.back().where, fmt::join(missing, "\", \""),
+                                 fmt::join(mesh.region_names(), "\", \"")));
+  return materials;
+}
+
+/// The parts of the boundary that have names and do not tie regions to each other, those that the case selects, and one
+/// of all slits if there is more than one region.
+template <int Dim>
+FineMesh<Dim> with_parts(const Case<Dim>& analysis, FineMesh<Dim> mesh, std::string& open_interface) {
+  using Group = typename FineMesh<Dim>::Group;
+  std::vector<Group> groups = mesh.groups();
+  if (mesh.num_regions() > 1) {
+    Group slits{"\x01slits", {}};  // no name in a file
+    for (const Group& group : groups)
+      if (std::ranges::find(analysis.geometry.slits, group.name) != analysis.geometry.slits.end())
+        slits.facets.insert(slits.facets.end(), group.facets.begin(), group.facets.end());
+    if (!slits.facets.empty()) {
+      open_interface = slits.name;
+      groups.push_back(std::move(slits));
+      mesh = std::move(mesh).with_groups(groups);
+    }
+  }
+  const std::vector<TiedFacets> ties = tied_facets(mesh, open_interface);
+  if (!ties.empty()) {
+    std::vector<char> tied(mesh.num_facets(), 0);
+    for (const auto& [first, second] : ties) tied[first] = tied[second] = 1;
+    for (Group& group : groups) std::erase_if(group.facets, [&](Index f) { return tied[f]; });
+    std::erase_if(groups, [](const Group& group) { return group.facets.empty(); });
+  }
+  for (const auto& selected : analysis.selections)
+    located(analysis, selected.where, [&] {
+      if (std::ranges::find(groups, selected.name, &Group::name) != groups.end())
+        throw InputError(
+            fmt::format("the mesh has a part named \"{}\", which this selection would be called", selected.name));
+      groups.push_back({selected.name, select_facets(mesh, selected.how, open_interface)});
+      if (groups.back().facets.empty())
+        throw InputError(
+            fmt::format("the selection \"{}\" is empty: no facet of the boundary, whose vertices lie in "
+                        "({:.6g}) to ({:.6g}), belongs to it",
+                        selected.name, fmt::join(mesh.vertices().rowwise().minCoeff().eval(), ", "),
+                        fmt::join(mesh.vertices().rowwise().maxCoeff().eval(), ", ")));
+    });
+  return std::move(mesh).with_groups(std::move(groups));
 }
 
 /// Doubts about a quadrature with too few points, asked for or reached.
-std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<2>& approximation) {
+template <int Dim>
+std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<Dim>& approximation) {
   if (options.kind != BasisKind::mls || options.secondary == SecondaryKind::full) return {};
   const double reached =
       static_cast<double>(approximation.quadrature.size()) / static_cast<double>(approximation.nodes.cols());
@@ -44,6 +111,28 @@ std::vector<std::string> doubts(const ApproximationOptions& options, const Appro
       std::min(asked, reached))};
 }
 
+/// Bytes that an analysis takes at least: shape functions at the fine vertices, the stiffness and what is gathered for
+/// them, for nodes as far apart as they may be.
+template <int Dim> double least_memory(const ApproximationOptions& options, const FineMesh<Dim>& mesh) {
+  constexpr double entry = sizeof(double) + sizeof(Index);
+  const double vertices = mesh.num_vertices(), cells = mesh.num_cells();
+  const double edges = Dim == 2 ? 1.5 * cells : 1.2 * cells;
+  if (options.kind != BasisKind::mls) {
+    const bool linear = options.kind == BasisKind::p1;
+    const double nodes = linear ? vertices : vertices + edges;
+    const double coupled = Dim == 2 ? (linear ? 7.0 : 11.5) : (linear ? 15.0 : 28.0);
+    return 0.5 * Dim * Dim * coupled * nodes * entry;
+  }
+  // Volume to a node, and nodes in a support, of a random packing; see sample_cloud.
+  const double support = options.support > 0.0 ? options.support : options.order == 1 ? 2.5 : 3.0;
+  const double packing = Dim == 2 ? 1.436 : 1.363, ball = Dim == 2 ? 3.14 : 4.19;
+  const double nodes = mesh.volumes().sum() / (packing * std::pow(options.spacing, Dim));
+  const double seen = std::min(nodes, ball / packing * std::pow(support, Dim));
+  const double coupled = std::min(nodes, std::pow(2.0, Dim) * seen);
+  const double points = options.interpolation == 2 ? vertices + edges : vertices;
+  return entry * (points * seen + 0.5 * Dim * Dim * nodes * coupled);
+}
+
 double process_cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -52,38 +141,60 @@ double process_cpu_seconds() {
 
 }  // namespace
 
-double mesh_size(const Case& analysis) {
-  return analysis.mesh_ratio > 0.0 ? analysis.approximation.spacing / analysis.mesh_ratio : analysis.mesh.size;
+template <int Dim> double mesh_size(const Case<Dim>& analysis) {
+  return analysis.geometry.ratio > 0.0 ? analysis.approximation.spacing / analysis.geometry.ratio
+                                       : analysis.geometry.size;
 }
 
-CaseMesh read_mesh(const Case& analysis, const Progress& progress) {
+template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Progress& progress) {
   StageTimes times;
-  CaseMesh result;
+  CaseMesh<Dim> result;
   const double cpu_start = process_cpu_seconds();
   {
     const Stage stage("mesh", times, progress);
-    GmshOptions options = analysis.mesh;
-    options.size = mesh_size(analysis);
-    result.mesh = located(analysis, analysis.mesh_where, [&] {
-      return std::make_shared<const FineMesh<2>>(read_gmsh<2>(analysis.mesh_file.string(), options));
+    FineMesh<Dim> mesh = located(analysis, analysis.geometry.where, [&] {
+      MadeMesh<Dim> made = analysis.geometry.mesh(mesh_size(analysis));
+      result.reports = std::move(made.reports);
+      result.remarks = std::move(made.remarks);
+      // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.
+      const bool parted = analysis.approximation.kind == BasisKind::mls;
+      return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
     });
+    mesh = with_parts(analysis, std::move(mesh), result.open_interface);
+    result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
   }
   result.seconds = times.total();
   result.cpu_seconds = process_cpu_seconds() - cpu_start;
-  for (const Case::Mention& group : analysis.groups)
-    located(analysis, group.where, [&] { return result.mesh->group(group.name).size(); });
-  if (!analysis.probes.empty()) check_probes(analysis, *result.mesh);
+  for (const auto& group : analysis.groups) {
+    const auto& facets = located(analysis, group.where, [&] { return result.mesh->group(group.name); });
+    typename CaseMesh<Dim>::Part part{group.name, static_cast<Index>(facets.size()), 0.0};
+    for (const Index f : facets) part.measure += result.mesh->facet_measure(f);
+    result.remarks.push_back(fmt::format("boundary \"{}\": {} facets, {} {:.6g}", part.name, part.facets,
+                                         Dim == 2 ? "length" : "area", part.measure));
+    result.parts.push_back(std::move(part));
+  }
+  result.materials = region_materials(analysis, *result.mesh);
+  check_probes(analysis, *result.mesh);
   return result;
 }
 
-CaseResult solve_case(const Case& analysis, const CaseMesh& mesh, const Progress& progress) {
-  CaseResult result;
+template <int Dim>
+CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Progress& progress) {
+  CaseResult<Dim> result;
   result.mesh = mesh.mesh;
+  result.parts = mesh.parts;
+  result.reports = mesh.reports;
+  result.model = analysis.model;
+  result.model.regions = mesh.materials;
+  result.model.open_interface = mesh.open_interface;
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   located(analysis, analysis.file.string(), [&] {
+    require_memory(least_memory(analysis.approximation, *mesh.mesh),
+                   fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
+                   "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);
-    const ElasticSolver<2> solver(result.approximation, analysis.model, analysis.supports, &result.times, progress);
+    const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
     const Stage stage("solve", result.times, progress);
     result.solution = solver.solve(analysis.loads);
   });
@@ -93,15 +204,11 @@ CaseResult solve_case(const Case& analysis, const CaseMesh& mesh, const Progress
   const Stage stage("output", result.times, progress);
   result.fields = recover_fields(result.approximation, result.solution);
   if (analysis.has_exact())
-    result.errors = errors_against(result.approximation, result.fields,
-                                   plane_lame(analysis.model.material, analysis.model.plane), analysis.exact);
-  for (const Case::Probe& p : analysis.probes)
+    result.errors =
+        errors_against(result.approximation, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
+  for (const auto& p : analysis.probes)
     result.probes.emplace_back(p.name, probe(result.approximation.space, result.fields, p.at));
   return result;
-}
-
-CaseResult solve_case(const Case& analysis, const Progress& progress) {
-  return solve_case(analysis, read_mesh(analysis, progress), progress);
 }
 
 double peak_memory_mb() {
@@ -109,5 +216,12 @@ double peak_memory_mb() {
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
+
+template double mesh_size<2>(const Case<2>&);
+template double mesh_size<3>(const Case<3>&);
+template CaseMesh<2> read_mesh<2>(const Case<2>&, const Progress&);
+template CaseMesh<3> read_mesh<3>(const Case<3>&, const Progress&);
+template CaseResult<2> solve_case<2>(const Case<2>&, const CaseMesh<2>&, const Progress&);
+template CaseResult<3> solve_case<3>(const Case<3>&, const CaseMesh<3>&, const Progress&);
 
 }  // namespace efree

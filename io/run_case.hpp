@@ -9,19 +9,34 @@
 
 namespace efree {
 
-/// A mesh, and the time it took.
-struct CaseMesh {
-  std::shared_ptr<const FineMesh<2>> mesh;
+/// A mesh, what was found on it, and the time it took.
+template <int Dim> struct CaseMesh {
+  /// A part of the boundary that the case uses.
+  struct Part {
+    std::string name;
+    Index facets = 0;
+    double measure = 0.0;  ///< area, in 2D length
+  };
+
+  std::shared_ptr<const FineMesh<Dim>> mesh;
+  std::vector<LinearElastic> materials;  ///< by region of the mesh
+  std::string open_interface;            ///< part along which regions are not tied; empty: tied wherever they touch
+  std::vector<Part> parts;               ///< in the order of the case
+  std::vector<std::pair<std::string, double>> reports;  ///< of the geometry
+  std::vector<std::string> remarks;                     ///< what to tell the user: the same in words, the parts
   double seconds = 0.0, cpu_seconds = 0.0;
 };
 
-struct CaseResult {
-  std::shared_ptr<const FineMesh<2>> mesh;
-  Approximation<2> approximation;  ///< refers to *mesh
-  Solution<2> solution;
-  Fields<2> fields;
-  std::optional<Errors> errors;                                ///< if the case knows an exact solution
-  std::vector<std::pair<std::string, ProbeValues<2>>> probes;  ///< in the order of the case
+template <int Dim> struct CaseResult {
+  std::shared_ptr<const FineMesh<Dim>> mesh;
+  ElasticModel model;                ///< with the materials of all regions
+  Approximation<Dim> approximation;  ///< refers to *mesh
+  Solution<Dim> solution;
+  Fields<Dim> fields;
+  std::optional<Errors> errors;                                  ///< if the case knows an exact solution
+  std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the case
+  std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary
+  std::vector<std::pair<std::string, double>> reports;           ///< of the geometry
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
 
@@ -32,16 +47,21 @@ struct CaseResult {
 };
 
 /// Fine mesh size of the case [length]; 0 leaves it to the file.
-double mesh_size(const Case& analysis);
+template <int Dim> double mesh_size(const Case<Dim>& analysis);
 
-/// Reads the mesh of the case (stage "mesh") and checks that every boundary the case names is there and every probe
-/// inside the body. Throws InputError beginning with the place in the case file.
-CaseMesh read_mesh(const Case& analysis, const Progress& progress = {});
+/// Reads or makes the mesh of the case (stage "mesh"), for moving least squares parted along the interfaces between
+/// regions; finds its selections, which become named parts of the boundary; and checks that every boundary and every
+/// region the case names is there, that every region has a material and every probe lies inside the body. Interfaces
+/// between regions belong to no part. Throws InputError beginning with the place in the case file.
+template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Progress& progress = {});
 
 /// Runs a case on its mesh. The driver does not know which basis it runs on. Throws InputError beginning with the place
 /// in the case file (free rigid motion, spacing larger than the body) and NumericalError.
-CaseResult solve_case(const Case& analysis, const CaseMesh& mesh, const Progress& progress = {});
-CaseResult solve_case(const Case& analysis, const Progress& progress = {});
+template <int Dim>
+CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Progress& progress = {});
+template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const Progress& progress = {}) {
+  return solve_case(analysis, read_mesh(analysis, progress), progress);
+}
 
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mb();

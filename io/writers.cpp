@@ -6,18 +6,21 @@
 
 #include <fmt/format.h>
 #include <vtkCellArray.h>
+#include <vtkCellData.h>
 #include <vtkCellType.h>
 #include <vtkDoubleArray.h>
+#include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
+#include <vtkUnsignedCharArray.h>
 #include <vtkUnstructuredGrid.h>
 #include <vtkXMLUnstructuredGridWriter.h>
 #include <algorithm>
 #include <array>
 #include <fstream>
-#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -34,10 +37,10 @@ void write_json(const std::filesystem::path& file, const ordered_json& json) {
   if (!stream.flush()) cannot_write(file);
 }
 
-/// Point data with one tuple per column of `values`; missing components become 0.
-void add_array(vtkUnstructuredGrid* grid, const char* name, const Eigen::Ref<const Matrix>& values,
-               std::initializer_list<const char*> components) {
-  vtkNew<vtkDoubleArray> array;
+/// One tuple per column of `values`; missing components become 0.
+template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name, const Eigen::Ref<const Matrix>& values,
+                                                               const std::vector<const char*>& components) {
+  vtkNew<Array> array;
   array->SetName(name);
   array->SetNumberOfComponents(static_cast<int>(components.size()));
   array->SetNumberOfTuples(values.cols());
@@ -47,17 +50,68 @@ void add_array(vtkUnstructuredGrid* grid, const char* name, const Eigen::Ref<con
     for (Index p = 0; p < values.cols(); ++p) array->SetComponent(p, i, i < values.rows() ? values(i, p) : 0.0);
     ++i;
   }
-  grid->GetPointData()->AddArray(array);
+  return array;
+}
+void add_array(vtkUnstructuredGrid* grid, const char* name, const Eigen::Ref<const Matrix>& values,
+               const std::vector<const char*>& components) {
+  grid->GetPointData()->AddArray(array_of(name, values, components));
 }
 
-vtkNew<vtkUnstructuredGrid> grid_on(const Points<2>& points) {
+template <int Dim> vtkNew<vtkUnstructuredGrid> grid_on(const Points<Dim>& points) {
   vtkNew<vtkPoints> vtk_points;
   vtk_points->SetDataTypeToDouble();
   vtk_points->SetNumberOfPoints(points.cols());
-  for (Index p = 0; p < points.cols(); ++p) vtk_points->SetPoint(p, points(0, p), points(1, p), 0.0);
+  for (Index p = 0; p < points.cols(); ++p)
+    vtk_points->SetPoint(p, points(0, p), points(1, p), Dim == 3 ? points(Dim - 1, p) : 0.0);
   vtkNew<vtkUnstructuredGrid> grid;
   grid->SetPoints(vtk_points);
   return grid;
+}
+
+/// How VTK names a cell of the space and orders its points: it counts the edges around a triangle, then those up to the
+/// apex; FineSpace counts them by their vertices.
+template <int Dim> struct VtkCell;
+template <> struct VtkCell<2> {
+  static constexpr int linear = VTK_TRIANGLE, quadratic = VTK_QUADRATIC_TRIANGLE;
+  static constexpr std::array<std::size_t, 6> order{0, 1, 2, 3, 5, 4};
+};
+template <> struct VtkCell<3> {
+  static constexpr int linear = VTK_TETRA, quadratic = VTK_QUADRATIC_TETRA;
+  static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
+};
+
+template <int Dim> std::vector<const char*> voigt_names() {
+  if constexpr (Dim == 2)
+    return {"xx", "yy", "xy"};
+  else
+    return {"xx", "yy", "zz", "yz", "xz", "xy"};
+}
+
+/// von Mises stress at the degrees of freedom. Where two regions share one, the material is that of the first cell.
+template <int Dim>
+Matrix mises_at_dofs(const FineSpace<Dim>& space, const ElasticModel& model, const VoigtPoints<Dim>& stress) {
+  Matrix mises(1, space.size());
+  if constexpr (Dim == 3) {
+    for (Index p = 0; p < space.size(); ++p) mises(0, p) = von_mises(Voigt<3>(stress.col(p)));
+  } else {
+    std::vector<char> done(space.size(), 0);
+    for (Index c = 0; c < space.mesh().num_cells(); ++c)
+      for (const Index p : space.cell(c)) {
+        if (done[p]) continue;
+        done[p] = 1;
+        mises(0, p) = von_mises(stress.col(p), model.plane, model.regions[space.mesh().region(c)].nu);
+      }
+  }
+  return mises;
+}
+
+/// 1 at degrees of freedom on the parts that the conditions are on, else 0.
+template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
+  Matrix mark = Matrix::Zero(1, space.size());
+  for (const auto& condition : conditions)
+    for (const Index f : space.mesh().group(condition.on))
+      for (const Index dof : space.facet(f)) mark(0, dof) = 1.0;
+  return mark;
 }
 
 void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
@@ -88,33 +142,37 @@ std::string version() {
   return EFREE_VERSION;
 }
 
-void write_fields(const std::filesystem::path& file, const Case& analysis, const CaseResult& result) {
-  const FineSpace<2>& space = result.approximation.space;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_on(space.points());
-  constexpr std::array<int, 6> vtk_order{0, 1, 2, 3, 5, 4};  // VTK counts the edges around, FineSpace by their vertices
-  const std::size_t size = space.degree() == 1 ? 3 : 6;
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+  using Cell = VtkCell<Dim>;
+  const FineSpace<Dim>& space = result.approximation.space;
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.points());
+  const std::size_t size = space.degree() == 1 ? Dim + 1 : Cell::order.size();
   vtkNew<vtkCellArray> cells;
+  Matrix region(1, space.mesh().num_cells());
   for (Index c = 0; c < space.mesh().num_cells(); ++c) {
     const auto dofs = space.cell(c);
     cells->InsertNextCell(static_cast<int>(size));
-    for (std::size_t i = 0; i < size; ++i) cells->InsertCellPoint(dofs[static_cast<std::size_t>(vtk_order[i])]);
+    for (std::size_t i = 0; i < size; ++i) cells->InsertCellPoint(dofs[Cell::order[i]]);
+    region(0, c) = space.mesh().region(c);
   }
-  grid->SetCells(space.degree() == 1 ? VTK_TRIANGLE : VTK_QUADRATIC_TRIANGLE, cells);
+  grid->SetCells(space.degree() == 1 ? Cell::linear : Cell::quadratic, cells);
 
-  const Fields<2>& fields = result.fields;
-  Matrix mises(1, space.size());
-  for (Index p = 0; p < space.size(); ++p)
-    mises(0, p) = von_mises(fields.stress.col(p), analysis.model.plane, analysis.model.material.nu);
+  const Fields<Dim>& fields = result.fields;
   add_array(grid, "displacement", fields.displacement, {"x", "y", "z"});
-  add_array(grid, "strain", fields.strain, {"xx", "yy", "xy"});
-  add_array(grid, "stress", fields.stress, {"xx", "yy", "xy"});
-  add_array(grid, "von_mises", mises, {""});
+  add_array(grid, "strain", fields.strain, voigt_names<Dim>());
+  add_array(grid, "stress", fields.stress, voigt_names<Dim>());
+  add_array(grid, "von_mises", mises_at_dofs<Dim>(space, result.model, fields.stress), {""});
+  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, analysis.supports), {""}));
+  grid->GetPointData()->AddArray(
+      array_of<vtkUnsignedCharArray>("loaded", marked(space, analysis.loads.tractions), {""}));
+  grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
   write_grid(file, grid);
 }
 
-void write_nodes(const std::filesystem::path& file, const CaseResult& result) {
-  const Approximation<2>& approximation = result.approximation;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_on(approximation.nodes);
+template <int Dim> void write_nodes(const std::filesystem::path& file, const CaseResult<Dim>& result) {
+  const Approximation<Dim>& approximation = result.approximation;
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(approximation.nodes);
   vtkNew<vtkCellArray> cells;
   for (Index I = 0; I < approximation.nodes.cols(); ++I) {
     cells->InsertNextCell(1);
@@ -125,14 +183,21 @@ void write_nodes(const std::filesystem::path& file, const CaseResult& result) {
   write_grid(file, grid);
 }
 
-void write_result(const std::filesystem::path& file, const Case& analysis, const CaseResult& result) {
-  const Approximation<2>& approximation = result.approximation;
+template <int Dim>
+void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+  const Approximation<Dim>& approximation = result.approximation;
   ordered_json json;
   json["title"] = analysis.title;
+  json["dimension"] = Dim;
   json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
                     {"fine_cells", result.mesh->num_cells()},
+                    {"regions", result.mesh->num_regions()},
                     {"nodes", approximation.nodes.cols()},
                     {"quadrature_points", approximation.quadrature.size()}};
+  json["regions"] = result.mesh->region_names();
+  json["boundaries"] = ordered_json::object();
+  for (const auto& part : result.parts)
+    json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
   if (result.errors) json["errors"] = errors_json(*result.errors);
   json["strain_energy"] = result.solution.strain_energy;
   json["probes"] = ordered_json::object();
@@ -143,21 +208,30 @@ void write_result(const std::filesystem::path& file, const Case& analysis, const
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
-                     {"quadrature_points_dropped", approximation.dropped_points},
-                     {"warnings", result.warnings}};
+                     {"quadrature_points_dropped", approximation.dropped_points}};
+  for (const auto& [name, value] : result.reports) json["reports"][name] = value;
+  json["reports"]["warnings"] = result.warnings;
   for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = result.times.total();
   json["peak_memory_mb"] = peak_memory_mb();
+  json["bytes_per_fine_vertex"] = 0x1p20 * peak_memory_mb() / result.mesh->num_vertices();
   json["threads"] = num_threads();
   json["version"] = version();
   write_json(file, json);
 }
 
-void write_failure(const std::filesystem::path& file, const Case& analysis, const std::string& reason,
+void write_failure(const std::filesystem::path& file, const CaseSettings& analysis, const std::string& reason,
                    const std::string& stage) {
   write_json(
       file,
       {{"title", analysis.title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
 }
+
+template void write_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
+template void write_nodes<2>(const std::filesystem::path&, const CaseResult<2>&);
+template void write_result<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
+template void write_fields<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
+template void write_nodes<3>(const std::filesystem::path&, const CaseResult<3>&);
+template void write_result<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
 
 }  // namespace efree

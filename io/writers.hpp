@@ -13,18 +13,21 @@ namespace efree {
 std::string version();
 
 /// Fields on the fine mesh for ParaView (VTK, compressed binary): point data displacement (3 components), strain (xx,
-/// yy, xy with engineering shear), stress (xx, yy, xy), von_mises. Quadratic spaces become quadratic triangles. Throws
-/// InputError if the file cannot be written, as all writers do.
-void write_fields(const std::filesystem::path& file, const Case& analysis, const CaseResult& result);
+/// yy, xy | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded (1 on parts of the
+/// boundary with displacement conditions and tractions, else 0); cell data region (counted from 0). Quadratic spaces
+/// become quadratic cells. Throws InputError if the file cannot be written, as all writers do.
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
 
 /// The cloud of nodes with the displacement at each.
-void write_nodes(const std::filesystem::path& file, const CaseResult& result);
+template <int Dim> void write_nodes(const std::filesystem::path& file, const CaseResult<Dim>& result);
 
-/// Counts, errors, energy, probes, seconds: the format is in docs/case-file.md.
-void write_result(const std::filesystem::path& file, const Case& analysis, const CaseResult& result);
+/// Counts, errors, energy, probes, parts of the boundary, seconds: the format is in docs/case-file.md.
+template <int Dim>
+void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
 
 /// What went wrong (a NumericalError's text) and during which stage.
-void write_failure(const std::filesystem::path& file, const Case& analysis, const std::string& reason,
+void write_failure(const std::filesystem::path& file, const CaseSettings& analysis, const std::string& reason,
                    const std::string& stage);
 
 }  // namespace efree

@@ -158,13 +158,12 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   const bool second_cloud = options.secondary != SecondaryKind::full;
   NearestSource nearest;
   NodeCloud<Dim> points;
+  Stage stage("quadrature", clock, progress);
   if (second_cloud || options.dilatation) {
-    Stage stage("cloud", clock, progress);
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
     if (second_cloud) points = sample_points(mesh, cloud, nearest, ratio, options.seed + 0x9e3779b97f4a7c15ull);
   }
-  Stage stage("quadrature", clock, progress);
   const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)
                          : options.secondary == SecondaryKind::mls
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)

@@ -2,6 +2,7 @@
 #include "efree/solvers/cholesky.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 
 #include <cholmod.h>
 #include <fmt/format.h>
@@ -48,7 +49,14 @@ Cholesky::Cholesky(const SymmetricMatrix& lower) : impl_(std::make_unique<Impl>(
   view.dtype = CHOLMOD_DOUBLE;
   view.sorted = view.packed = 1;
   impl_->factor = cholmod_analyze(&view, &impl_->common);
+  if (impl_->common.status == CHOLMOD_TOO_LARGE)
+    throw InputError(
+        fmt::format("Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a "
+                    "coarser mesh",
+                    lower.rows()));
   impl_->check();
+  require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", lower.rows()),
+                 "use a wider cloud spacing or a coarser mesh");
   cholmod_factorize(&view, impl_->factor, &impl_->common);
   impl_->check();
   if (impl_->common.status == CHOLMOD_NOT_POSDEF || impl_->factor->minor < impl_->factor->n) {

@@ -2,12 +2,14 @@
 #include "efree/geometry/internal/gmsh_session.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/refine.hpp"
 
 #include <fmt/format.h>
 #include <gmsh.h>
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 
@@ -133,6 +135,23 @@ void check_gmsh_size(const GmshSession& session, double size) {
                              extent / most_edges_along_a_side));
 }
 
+namespace {
+
+/// Areas (dim 2) or volumes (3) of all that OpenCASCADE made; 0 for what gmsh's own kernel did, which has none.
+double total_measure(int dim) {
+  gmsh::vectorpair entities;
+  gmsh::model::occ::getEntities(entities, dim);
+  double sum = 0.0;
+  for (const auto& [d, tag] : entities) {
+    double mass = 0.0;
+    gmsh::model::occ::getMass(d, tag, mass);
+    sum += std::abs(mass);
+  }
+  return sum;
+}
+
+}  // namespace
+
 void generate_tetrahedra(const GmshSession& session, double size) {
   const auto set = [](const char* name, double value) { gmsh::option::setNumber(name, value); };
   // HXT (10) takes a fraction of Delaunay's (1) time but orders its points by their addresses in memory, so that no two
@@ -146,6 +165,9 @@ void generate_tetrahedra(const GmshSession& session, double size) {
     set(threads, 1);
   if (size > 0.0) {
     check_gmsh_size(session, size);
+    // At least 2 triangles to a square and 6 tetrahedra to a cube of that size, 300 bytes each.
+    require_memory(300.0 * (2.0 * total_measure(2) / (size * size) + 6.0 * total_measure(3) / std::pow(size, 3)),
+                   fmt::format("a mesh of size {:g}", size), "use a larger size");
     const double largest =
         std::min(gmsh_option("Mesh.MeshSizeMax"), size / finer_than_told / gmsh_option("Mesh.MeshSizeFactor"));
     set("Mesh.MeshSizeMax", largest);

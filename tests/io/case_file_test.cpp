@@ -25,6 +25,10 @@ std::string complaint(const std::string& text) {
   return complaint(Workspace(text));
 }
 
+Case<2> planar(const Workspace& work) {
+  return std::get<Case<2>>(read_case(work / "case.toml"));
+}
+
 struct Wrong {
   const char* from;
   const char* to;
@@ -109,9 +113,9 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   const Workspace work;
-  const Case strip = read_case(work / "case.toml");
+  const Case<2> strip = planar(work);
   EXPECT_EQ(strip.title, "strip");
-  EXPECT_EQ(strip.mesh.size, 0.1);
+  EXPECT_EQ(strip.geometry.size, 0.1);
   EXPECT_EQ(strip.approximation.spacing, 0.4);
   EXPECT_EQ(strip.approximation.weight, ApproximationOptions{}.weight);
   EXPECT_EQ(strip.model.essential, Essential::nitsche);
@@ -139,7 +143,7 @@ TEST(CaseFile, SaysThatItIsEmptyOrADirectory) {
 TEST(CaseFile, BothEndsOfTheRangeOfSupportsBelongToIt) {
   for (const double support : {1.0, 10.0}) {
     const Workspace work(replaced(strip_case, "seed = 1", "support = " + std::to_string(support)));
-    EXPECT_EQ(read_case(work / "case.toml").approximation.support, support);
+    EXPECT_EQ(planar(work).approximation.support, support);
   }
 }
 
@@ -157,7 +161,7 @@ nu = 0
 on = "left"
 displacement = [0, 0]
 )");
-  EXPECT_EQ(read_case(work / "case.toml").title, "case");
+  EXPECT_EQ(planar(work).title, "case");
 }
 
 TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
@@ -166,7 +170,7 @@ TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
     text = replaced(text, "nu = 0.3", std::string("nu = ") + nu);
     text = replaced(text, "kind = \"mls\"", std::string("kind = \"") + kind + "\"");
     const Workspace work(replaced(text, "basis = \"cells\"", std::string("dilatation = ") + choice));
-    return read_case(work / "case.toml").approximation.dilatation;
+    return planar(work).approximation.dilatation;
   };
   EXPECT_TRUE(dilatation("strain", "0.49", "mls", "\"auto\""));
   EXPECT_FALSE(dilatation("strain", "0.3", "mls", "\"auto\""));
@@ -178,7 +182,7 @@ TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
 
 TEST(CaseFile, StrongConditionsLetOtherFunctionsVanishOnTheSupports) {
   const Workspace work(replaced(strip_case, "plane = \"stress\"", "plane = \"stress\"\nessential = \"strong\""));
-  EXPECT_EQ(read_case(work / "case.toml").approximation.vanish_on, (std::vector<std::string>{"left", "bottom"}));
+  EXPECT_EQ(planar(work).approximation.vanish_on, (std::vector<std::string>{"left", "bottom"}));
 }
 
 }  // namespace

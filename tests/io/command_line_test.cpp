@@ -89,6 +89,22 @@ TEST(CommandLine, ARunThatFailsLeavesOldResultsAlone) {
   EXPECT_EQ(std::distance(fs::directory_iterator(work / "out"), fs::directory_iterator{}), 1);
 }
 
+TEST(CommandLine, ARunThatIsStoppedLeavesNothingBehind) {
+  const Workspace work(replaced(strip_case, "mesh_size = 0.1", "mesh_size = 0.004"));
+  const std::string stop = std::string("\"") + EFREE_PROGRAM +
+                           "\" solve case.toml --out $0 --quiet & p=$!; while ! ls -d $0/.efree-* >/dev/null 2>&1; do "
+                           "sleep 0.02; done; sleep 0.1; kill -TERM $p; wait $p";
+  fs::create_directory(work / "old");
+  work.write("old/result.json", "old");
+  for (const char* out : {"new", "old"}) {
+    std::string output;
+    EXPECT_EQ(run_program(work / "", {"/bin/sh", "-c", stop, out}, &output), 128 + 15) << output;
+  }
+  EXPECT_FALSE(fs::exists(work / "new"));
+  EXPECT_EQ(content(work / "old/result.json"), "old");
+  EXPECT_EQ(std::distance(fs::directory_iterator(work / "old"), fs::directory_iterator{}), 1);
+}
+
 TEST(CommandLine, SaysWhyTheNumbersFailed) {
   const Workspace work;
   // Three corners' worth of nodes cannot carry quadratic polynomials.
@@ -202,7 +218,7 @@ TEST(CommandLine, ThreadsDoNotChangeABit) {
   EXPECT_EQ(one["threads"], 1);
   EXPECT_EQ(two["threads"], 2);
   for (auto* result : {&one, &two})
-    for (const char* key : {"threads", "seconds", "peak_memory_mb"}) result->erase(key);
+    for (const char* key : {"threads", "seconds", "peak_memory_mb", "bytes_per_fine_vertex"}) result->erase(key);
   EXPECT_EQ(one, two);
   EXPECT_EQ(content(work / "1/fields.vtu"), content(work / "2/fields.vtu"));
 }
@@ -213,6 +229,7 @@ TEST(CommandLine, StagesAreToldLineByLineWhereNobodyWatches) {
   for (const char* stage : {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"})
     EXPECT_TRUE(std::regex_search(run.output, std::regex(std::string("(^|\n)") + stage + " +[0-9.]+ s\n")))
         << run.output;
+  EXPECT_EQ(run.output.find("cloud"), run.output.rfind("cloud")) << run.output;
   EXPECT_EQ(run.output.find('\r'), std::string::npos);
 }
 

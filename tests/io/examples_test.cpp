@@ -10,8 +10,8 @@ namespace {
 
 const std::string examples = EFREE_EXAMPLES;
 
-Case kirsch() {
-  return read_case(examples + "/plate_with_hole/case.toml");
+Case<2> kirsch() {
+  return std::get<Case<2>>(read_case(examples + "/plate_with_hole/case.toml"));
 }
 
 /// Points of the quarter plate outside the hole, the boundary left out by `margin`.
@@ -27,7 +27,7 @@ std::vector<Vec<2>> plate_points(double margin) {
 }
 
 TEST(KirschSolution, StressBelongsToTheDisplacement) {
-  const Case plate = kirsch();
+  const Case<2> plate = kirsch();
   const VoigtMatrix<2> C = stiffness<2>(plane_lame(plate.model.material, plate.model.plane));
   constexpr double h = 1e-4;
   for (const Vec<2>& x : plate_points(0.01)) {
@@ -42,7 +42,7 @@ TEST(KirschSolution, StressBelongsToTheDisplacement) {
 }
 
 TEST(KirschSolution, IsInEquilibrium) {
-  const Case plate = kirsch();
+  const Case<2> plate = kirsch();
   constexpr double h = 1e-4;
   for (const Vec<2>& x : plate_points(0.01)) {
     const Voigt<2> dx =
@@ -55,7 +55,7 @@ TEST(KirschSolution, IsInEquilibrium) {
 }
 
 TEST(KirschSolution, LeavesTheHoleFreeAndTriplesTheTensionAboveIt) {
-  const Case plate = kirsch();
+  const Case<2> plate = kirsch();
   for (int i = 0; i <= 90; ++i) {
     const double t = i * std::acos(-1.0) / 180.0;
     const Vec<2> n(std::cos(t), std::sin(t));
@@ -69,7 +69,7 @@ TEST(KirschSolution, LeavesTheHoleFreeAndTriplesTheTensionAboveIt) {
 }
 
 TEST(KirschSolution, LoadsAreItsStresses) {
-  const Case plate = kirsch();
+  const Case<2> plate = kirsch();
   ASSERT_EQ(plate.loads.tractions.size(), 2u);
   const Vec<2> right(4, 1.7), top(2.1, 4);
   EXPECT_EQ(plate.loads.tractions[0].traction(right, Vec<2>::UnitX()),
@@ -79,8 +79,8 @@ TEST(KirschSolution, LoadsAreItsStresses) {
 }
 
 TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {
-  const Case stress = read_case(examples + "/cook/plane_stress.toml"),
-             strain = read_case(examples + "/cook/plane_strain.toml");
+  const auto stress = std::get<Case<2>>(read_case(examples + "/cook/plane_stress.toml")),
+             strain = std::get<Case<2>>(read_case(examples + "/cook/plane_strain.toml"));
   EXPECT_FALSE(stress.approximation.dilatation);
   EXPECT_TRUE(strain.approximation.dilatation);
   EXPECT_EQ(strain.loads.tractions.at(0).traction({48, 50}, {1, 0}), Vec<2>(0, 6.25));

@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/error.hpp"
+#include "efree/geometry/gmsh_reader.hpp"
+#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/image_reader.hpp"
+#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/surface.hpp"
+#include "efree/io/internal/read_geometry.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <span>
+
+namespace efree::internal {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What endings of names stand for. Some images say only inside how many dimensions they have.
+enum class FileKind { gmsh, cad, planar_image, image, raw_image, surface };
+constexpr std::pair<std::string_view, FileKind> file_kinds[] = {
+    {".geo", FileKind::gmsh},         {".msh", FileKind::gmsh},         {".step", FileKind::cad},
+    {".stp", FileKind::cad},          {".iges", FileKind::cad},         {".igs", FileKind::cad},
+    {".brep", FileKind::cad},         {".png", FileKind::planar_image}, {".pgm", FileKind::planar_image},
+    {".pbm", FileKind::planar_image}, {".ppm", FileKind::planar_image}, {".pnm", FileKind::planar_image},
+    {".tif", FileKind::image},        {".tiff", FileKind::image},       {".nrrd", FileKind::image},
+    {".nhdr", FileKind::image},       {".mha", FileKind::image},        {".mhd", FileKind::image},
+    {".inr", FileKind::image},        {".inr.gz", FileKind::image},     {".raw", FileKind::raw_image},
+    {".stl", FileKind::surface},      {".off", FileKind::surface},      {".obj", FileKind::surface},
+    {".ply", FileKind::surface}};
+
+FileKind kind_of(const Section& geometry, const fs::path& file) {
+  std::string name = file.filename().string();
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const auto& [ending, kind] : file_kinds)
+    if (name.ends_with(ending)) return kind;
+  std::vector<std::string_view> endings;
+  for (const auto& entry : file_kinds) endings.push_back(entry.first);
+  geometry.fail("file", fmt::format("{}: a file of unknown kind, expected a name that ends in {}", file.string(),
+                                    fmt::join(endings, ", ")));
+}
+
+fs::path file_of(const Section& geometry, const fs::path& folder) {
+  const fs::path file = folder / geometry.text("file");
+  if (fs::is_directory(file)) geometry.fail("file", fmt::format("{} is a directory, expected a file", file.string()));
+  if (!fs::is_regular_file(file)) geometry.fail("file", fmt::format("there is no file {}", file.string()));
+  return file;
+}
+
+/// One number that makes a shape.
+struct Parameter {
+  std::string_view name;
+  Interval range = positive;
+  std::optional<double> fallback{};
+  bool whole = false;
+};
+template <int Dim> struct Shape {
+  std::string_view name;
+  std::vector<Parameter> parameters;
+  MeshData<Dim> (*make)(std::span<const double> p, double size);
+};
+
+MeshData<2> filled(const PlanarDomain& domain, double size) {
+  return triangulate_data(domain, {.size = size});
+}
+
+template <int Dim> std::vector<Shape<Dim>> all_shapes();
+template <> std::vector<Shape<2>> all_shapes<2>() {
+  using P = std::span<const double>;
+  constexpr Interval count{1.0, 1e6, true, true}, seed{0.0, 0x1p53, true, true};
+  return {{"rectangle",
+           {{"width"}, {"height"}, {"x", any_number, 0.0}, {"y", any_number, 0.0}},
+           [](P p, double size) { return filled(shapes::rectangle(p[2], p[3], p[2] + p[0], p[3] + p[1]), size); }},
+          {"plate_with_hole",
+           {{"radius"}, {"half_width"}},
+           [](P p, double size) { return filled(shapes::quarter_plate_with_hole(p[0], p[1], size), size); }},
+          {"l_shape", {{"side"}}, [](P p, double size) { return filled(shapes::l_shape(p[0]), size); }},
+          {"cook", {}, [](P, double size) { return filled(shapes::cook(), size); }},
+          {"annulus",
+           {{"inner"}, {"outer"}},
+           [](P p, double size) { return filled(shapes::annulus(p[0], p[1], size), size); }},
+          {"random_holes",
+           {{"width"},
+            {"count", count, {}, true},
+            {"r_min"},
+            {"r_max"},
+            {"gap", not_negative, 0.0},
+            {"seed", seed, 1.0, true}},
+           [](P p, double size) {
+             return filled(shapes::plate_with_random_holes(p[0], static_cast<int>(p[1]), p[2], p[3], p[4],
+                                                           static_cast<std::uint64_t>(p[5]), size),
+                           size);
+           }}};
+}
+template <> std::vector<Shape<3>> all_shapes<3>() {
+  using P = std::span<const double>;
+  return {
+      {"box",
+       {{"width"}, {"depth"}, {"height"}},
+       [](P p, double size) {
+         return solids::box({p[0], p[1], p[2]}, size);
+       }},
+      {"spherical_cavity",
+       {{"radius"}, {"half_width"}, {"size_at_hole", not_negative, 0.0}},
+       [](P p, double size) { return solids::spherical_cavity(p[0], p[1], size, p[2]); }},
+      {"thick_cylinder",
+       {{"inner"}, {"outer"}, {"height"}},
+       [](P p, double size) { return solids::thick_cylinder(p[0], p[1], p[2], size); }},
+      {"thick_sphere", {{"inner"}, {"outer"}}, [](P p, double size) { return solids::thick_sphere(p[0], p[1], size); }},
+      {"cylinder", {{"radius"}, {"height"}}, [](P p, double size) { return solids::cylinder(p[0], p[1], size); }}};
+}
+
+template <int Dim> const Shape<Dim>* find_shape(const std::vector<Shape<Dim>>& shapes, const std::string& name) {
+  const auto found = std::ranges::find(shapes, name, &Shape<Dim>::name);
+  return found == shapes.end() ? nullptr : &*found;
+}
+
+int shape_dimension(const Section& geometry) {
+  const std::string name = geometry.text("shape");
+  const auto planar = all_shapes<2>();
+  const auto solid = all_shapes<3>();
+  if (find_shape(planar, name)) return 2;
+  if (find_shape(solid, name)) return 3;
+  Section::Keys known;
+  for (const auto& shape : planar) known.push_back(shape.name);
+  for (const auto& shape : solid) known.push_back(shape.name);
+  geometry.fail("shape", fmt::format("there is no shape \"{}\"; {}", name, suggestion(name, known)));
+}
+
+/// Complains of sections and keys that have no meaning for this kind of geometry.
+void refuse(const Section& geometry, const Section::Keys& keys, std::string_view kind) {
+  for (const std::string_view key : keys)
+    if (geometry.has(key)) geometry.fail(key, fmt::format("{} has no meaning for {}", key, kind));
+}
+
+void require_size(const Section& geometry, std::string_view kind) {
+  if (!geometry.has("mesh_size") && !geometry.has("mesh_ratio"))
+    geometry.fail("", fmt::format("key \"mesh_size\" or \"mesh_ratio\" is missing in [geometry]: {} has no sizes of "
+                                  "its own",
+                                  kind));
+}
+
+template <int Dim> auto shape_mesh(const Section& geometry) {
+  const std::string name = geometry.text("shape");
+  refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
+  require_size(geometry, "a built-in shape");
+  const auto shapes = all_shapes<Dim>();
+  const Shape<Dim>& shape = *find_shape(shapes, name);
+  Section::Keys known;
+  for (const Parameter& parameter : shape.parameters) known.push_back(parameter.name);
+  if (known.empty()) refuse(geometry, {"parameters"}, fmt::format("the shape \"{}\"", name));
+  const Section section = geometry.section("parameters", known);
+  Section::Keys missing;
+  for (const Parameter& parameter : shape.parameters)
+    if (!parameter.fallback && !section.has(parameter.name)) missing.push_back(parameter.name);
+  if (!missing.empty())
+    geometry.fail(geometry.has("parameters") ? "parameters" : "shape",
+                  fmt::format("the shape \"{}\" needs {} in [geometry.parameters]", name, fmt::join(missing, ", ")));
+  std::vector<double> values;
+  for (const Parameter& parameter : shape.parameters) {
+    values.push_back(section.number(parameter.name, parameter.range, parameter.fallback));
+    if (parameter.whole && values.back() != std::floor(values.back()))
+      section.fail(parameter.name, fmt::format("{} is {}, expected a whole number", parameter.name, values.back()));
+  }
+  return [make = shape.make, values](double size) { return MadeMesh<Dim>{make(values, size)}; };
+}
+
+template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file) {
+  refuse(geometry, {"image", "surface"}, "a gmsh or CAD file");
+  GmshOptions options{.slits = geometry.texts("slits")};
+  const Section parameters = geometry.section("parameters", {});
+  for (const auto& [key, node] : parameters.table())
+    options.parameters[std::string(key.str())] = parameters.number(key.str(), any_number);
+  return [path = file.string(), options](double size) {
+    GmshOptions sized = options;
+    sized.size = size;
+    return MadeMesh<Dim>{read_gmsh<Dim>(path, sized)};
+  };
+}
+
+constexpr std::int64_t largest_label = std::numeric_limits<Label>::max();
+
+Section image_section(const Section& geometry) {
+  return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour",
+                                    "simplify", "facet_distance", "regions", "raw"});
+}
+
+template <int Dim> RawImage<Dim> read_raw(const Section& image) {
+  const Section raw = image.section("raw", {"size", "type", "big_endian", "header"});
+  RawImage<Dim> result;
+  const Vec<Dim> size = raw.template point<Dim>("size");
+  for (int d = 0; d < Dim; ++d) {
+    if (!(size[d] >= 1.0 && size[d] <= std::numeric_limits<Index>::max() && size[d] == std::floor(size[d])))
+      raw.fail("size", fmt::format("size holds {}, expected numbers of pixels", size[d]));
+    result.size[d] = static_cast<Index>(size[d]);
+  }
+  result.type = raw.text("type", result.type);
+  result.big_endian = raw.boolean("big_endian", result.big_endian);
+  result.header = raw.integer("header", 0, std::numeric_limits<std::int64_t>::max(), result.header);
+  return result;
+}
+
+/// { 1 = "matrix", 2 = "grain" }
+std::map<Label, std::string> region_names(const Section& image) {
+  const Section section = image.section("regions", {});
+  std::map<Label, std::string> names;
+  for (const auto& [key, node] : section.table()) {
+    const std::string text(key.str());
+    int label = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), label);
+    if (error != std::errc{} || end != text.data() + text.size() || label < 1 || label > largest_label)
+      section.fail(text, fmt::format("\"{}\" is no label, expected an integer from 1 to {}", text, largest_label));
+    names[static_cast<Label>(label)] = section.text(text);
+  }
+  return names;
+}
+
+template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
+  refuse(geometry, {"slits", "parameters", "surface"}, "an image");
+  require_size(geometry, "an image");
+  const Section image = image_section(geometry);
+  ImageOptions<Dim> reading;
+  if (image.has("spacing")) {
+    reading.spacing = image.numbers("spacing", positive);
+    if (reading.spacing.size() != 1 && reading.spacing.size() != Dim)
+      image.fail("spacing", fmt::format("spacing has {} numbers, expected one or {}", reading.spacing.size(), Dim));
+  }
+  if (image.has("threshold")) reading.threshold = image.number("threshold", any_number);
+  if (!reading.threshold) refuse(image, {"below"}, "an image without a threshold");
+  reading.below = image.boolean("below", false);
+  if (image.has("background")) {
+    if (reading.threshold) refuse(image, {"background"}, "an image with a threshold");
+    reading.background.clear();
+    for (const double label : image.numbers("background", {0.0, static_cast<double>(largest_label), true, true}))
+      reading.background.push_back(static_cast<Label>(label));
+  }
+  if (!is_raw) refuse(image, {"raw"}, "a file with a header");
+  if (is_raw) reading.raw = read_raw<Dim>(image);
+  ImageMeshOptions meshing{.names = region_names(image)};
+  if (Dim == 3) refuse(image, {"contour", "simplify"}, "an image in three dimensions, where boundaries are smooth");
+  if (Dim == 2) refuse(image, {"facet_distance"}, "an image in the plane");
+  meshing.contour =
+      image.choice<Contour>("contour", {{"pixel", Contour::pixel}, {"smooth", Contour::smooth}}, meshing.contour);
+  meshing.simplify = image.number("simplify", not_negative, meshing.simplify);
+  meshing.facet_distance = image.number("facet_distance", positive, meshing.facet_distance);
+  const bool largest_only = image.boolean("largest_only", false);
+  return [path = file.string(), reading, meshing, largest_only](double size) {
+    MadeMesh<Dim> made;
+    LabelImage<Dim> labels = read_image<Dim>(path, reading);
+    if (largest_only) {
+      LargestBody<Dim> body = keep_largest(labels);
+      labels = std::move(body.image);
+      made.reports = {{"islands_left_out", body.islands}, {"islands_fraction", body.fraction}};
+      made.remarks.push_back(
+          fmt::format("image: {} islands left out, {:.3g} % of the material", body.islands, 100.0 * body.fraction));
+    }
+    ImageMeshOptions sized = meshing;
+    sized.size = size;
+    made.mesh = mesh_image<Dim>(labels, sized);
+    return made;
+  };
+}
+
+std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const fs::path& file) {
+  refuse(geometry, {"slits", "parameters", "image"}, "a surface");
+  require_size(geometry, "a surface");
+  const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle"});
+  const bool wrap = section.boolean("wrap", false);
+  if (!wrap) refuse(section, {"alpha", "offset"}, "a surface that is not wrapped (wrap = true)");
+  const WrapOptions wrapping{.alpha = section.number("alpha", positive, 0.0),
+                             .offset = section.number("offset", positive, 0.0)};
+  SurfaceMeshOptions meshing;
+  meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
+  return [path = file.string(), wrap, wrapping, meshing](double size) {
+    MadeMesh<3> made;
+    SurfaceSoup soup = read_surface(path);
+    if (wrap) {
+      SurfaceWrap wrapped = wrap_surface(soup, wrapping);
+      soup = std::move(wrapped.surface);
+      made.reports = {{"wrap_alpha", wrapped.alpha},
+                      {"wrap_offset", wrapped.offset},
+                      {"wrap_max_distance", wrapped.max_distance},
+                      {"wrap_mean_distance", wrapped.mean_distance},
+                      {"wrap_volume", wrapped.volume}};
+      made.remarks.push_back(fmt::format(
+          "wrap: alpha {:.4g}, offset {:.4g}; up to {:.4g} (mean {:.4g}) from the given triangles; encloses {:.6g}",
+          wrapped.alpha, wrapped.offset, wrapped.max_distance, wrapped.mean_distance, wrapped.volume));
+    }
+    SurfaceMeshOptions sized = meshing;
+    sized.size = size;
+    made.mesh = mesh_surface(soup, sized);
+    return made;
+  };
+}
+
+/// The function that makes the mesh of a file.
+template <int Dim> std::function<MadeMesh<Dim>(double)> file_mesh(const Section& geometry, const fs::path& file) {
+  const FileKind kind = kind_of(geometry, file);
+  switch (kind) {
+    case FileKind::gmsh:
+    case FileKind::cad:
+      return gmsh_mesh<Dim>(geometry, file);
+    case FileKind::planar_image:
+    case FileKind::image:
+    case FileKind::raw_image:
+      return image_mesh<Dim>(geometry, file, kind == FileKind::raw_image);
+    case FileKind::surface:
+      break;
+  }
+  if constexpr (Dim == 3)
+    return surface_mesh(geometry, file);
+  else
+    geometry.fail("file", fmt::format("{}: a surface bounds a solid, there is nothing planar in it", file.string()));
+}
+
+}  // namespace
+
+Section::Keys geometry_keys() {
+  return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters", "image", "surface"};
+}
+
+int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane) {
+  if (geometry.has("file") == geometry.has("shape"))
+    geometry.fail("shape", fmt::format("[geometry] has {}, expected exactly one of file and shape",
+                                       geometry.has("file") ? "both file and shape" : "neither file nor shape"));
+  if (geometry.has("shape")) return shape_dimension(geometry);
+  const fs::path file = file_of(geometry, folder);
+  switch (kind_of(geometry, file)) {
+    case FileKind::cad:
+    case FileKind::surface:
+      return 3;
+    case FileKind::planar_image:
+      return 2;
+    case FileKind::image:
+      return has_plane ? 2 : 3;
+    case FileKind::raw_image: {
+      const Section raw = image_section(geometry).section("raw", {});
+      const std::size_t dimension = raw.has("size") ? raw.numbers("size", positive).size() : 0;
+      if (dimension != 2 && dimension != 3)
+        geometry.fail("file",
+                      "a .raw file needs [geometry.image] raw = { size = [...], type = \"...\" }, two or three "
+                      "numbers in size");
+      return static_cast<int>(dimension);
+    }
+    case FileKind::gmsh:
+      break;
+  }
+  try {
+    return gmsh_dimension(file.string());
+  } catch (const InputError& error) {
+    geometry.fail("file", error.what());
+  }
+}
+
+template <int Dim> CaseGeometry<Dim> read_geometry(const Section& geometry, const fs::path& folder) {
+  CaseGeometry<Dim> result;
+  if (geometry.has("mesh_size") && geometry.has("mesh_ratio"))
+    geometry.fail("mesh_ratio", "mesh_size and mesh_ratio say the same thing, expected one of them");
+  result.size = geometry.number("mesh_size", positive, 0.0);
+  result.ratio = geometry.number("mesh_ratio", {1.0, Interval::infinity, true}, 0.0);
+  result.slits = geometry.texts("slits");
+  result.where = geometry.where(geometry.has("file") ? "file" : "shape");
+  if (geometry.has("shape"))
+    result.mesh = shape_mesh<Dim>(geometry);
+  else
+    result.mesh = file_mesh<Dim>(geometry, file_of(geometry, folder));
+  return result;
+}
+
+template CaseGeometry<2> read_geometry<2>(const Section&, const fs::path&);
+template CaseGeometry<3> read_geometry<3>(const Section&, const fs::path&);
+
+}  // namespace efree::internal

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Where the fine mesh of a case comes from: gmsh and CAD files, label images, surfaces, or built-in
+/// shapes.
+#pragma once
+
+#include "efree/geometry/fine_mesh.hpp"
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace efree {
+
+/// A mesh, and what was measured while it was made.
+template <int Dim> struct MadeMesh {
+  MeshData<Dim> mesh;
+  std::vector<std::pair<std::string, double>> reports{};  ///< names as in result.json, values
+  std::vector<std::string> remarks{};                     ///< the same in words
+};
+
+/// The geometry of a case: a function of the fine mesh size.
+template <int Dim> struct CaseGeometry {
+  /// Reads or makes the mesh with edges no longer than `size` [length]; 0: with the file's own sizes. Throws as the
+  /// readers do.
+  std::function<MadeMesh<Dim>(double size)> mesh;
+  double size = 0.0;                 ///< [length]; 0: `ratio` says it, or the file
+  double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds
+  std::vector<std::string> slits{};  ///< names of the parts the body was cut open along
+  std::string where{};               ///< where the geometry was named in the case file
+};
+
+}  // namespace efree
