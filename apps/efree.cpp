@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iostream>
 
 namespace {
 
@@ -132,6 +133,9 @@ int run(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   if (options.study.compare && seeds->empty()) options.study.seeds = 5;
+  // What libraries say aside (CGAL, OpenCASCADE): it comes back as an error, once. Ours goes through stdio.
+  std::cout.rdbuf(nullptr);
+  std::cerr.rdbuf(nullptr);
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.quiet);
   try {

@@ -86,12 +86,7 @@ template <> std::vector<Shape<2>> all_shapes<2>() {
            {{"inner"}, {"outer"}},
            [](P p, double size) { return filled(shapes::annulus(p[0], p[1], size), size); }},
           {"random_holes",
-           {{"width"},
-            {"count", count, {}, true},
-            {"r_min"},
-            {"r_max"},
-            {"gap", not_negative, 0.0},
-            {"seed", seed, 1.0, true}},
+           {{"width"}, {"count", count, {}, true}, {"r_min"}, {"r_max"}, {"gap"}, {"seed", seed, 1.0, true}},
            [](P p, double size) {
              return filled(shapes::plate_with_random_holes(p[0], static_cast<int>(p[1]), p[2], p[3], p[4],
                                                            static_cast<std::uint64_t>(p[5]), size),

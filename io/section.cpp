@@ -90,7 +90,7 @@ Section Section::section(std::string_view key, Keys keys) const {
   static const toml::table empty;
   if (!has(key)) return {empty, label_of(key), file_, std::move(keys)};
   const toml::table* table = table_->get(key)->as_table();
-  if (!table) fail(key, fmt::format("{} is a {}, expected a table {}", key, kind_of(*table_->get(key)), label_of(key)));
+  if (!table) fail(key, fmt::format("{} is {}, expected a table {}", key, shown(*table_->get(key)), label_of(key)));
   return {*table, label_of(key), file_, std::move(keys)};
 }
 
