@@ -3,9 +3,13 @@
 /// and memory of the coarse cloud against P1 tetrahedra on the same fine mesh. Every line is a process of its own, so
 /// that peak memory is that of the method.
 ///
-///   bench_porous_block [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 | SPACING in voxels]
+/// With --surface the block comes as an STL file, the boundary of a mesh of that image, and is meshed again from that alone.
+///
+///   bench_porous_block [--surface] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 | SPACING]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
+#include "efree/geometry/selection.hpp"
+#include "efree/geometry/surface.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <sys/resource.h>
@@ -14,7 +18,10 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
+#include <string_view>
 
 using namespace efree;
 
@@ -26,18 +33,41 @@ double peak_gib() {
   return static_cast<double>(usage.ru_maxrss) / (1024.0 * 1024.0);
 }
 
-FineMesh<3> block(Index voxels, double size) {
+FineMesh<3> from_image(Index voxels, double size) {
   const auto image = keep_largest(random_spheres<3>(voxels, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
   return FineMesh<3>(mesh_image<3>(image, {.size = size}));
 }
 
+/// Where the block is written as a surface.
+std::string stl_file() {
+  return (std::filesystem::temp_directory_path() / "efree_porous_block.stl").string();
+}
+void write_stl(const FineMesh<3>& mesh) {
+  std::ofstream file(stl_file());
+  file.precision(17);
+  file << "solid block\n";
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    file << "facet normal 0 0 0\nouter loop\n";
+    for (int k = 0; k < 3; ++k) file << "vertex " << mesh.vertex(mesh.facets()(k, f)).transpose() << '\n';
+    file << "endloop\nendfacet\n";
+  }
+  file << "endsolid\n";
+}
+FineMesh<3> from_surface(Index voxels, double size) {
+  FineMesh<3> mesh(mesh_surface(read_surface(stl_file()), {.size = size, .feature_angle = 60.0, .distance = 0.1 * size}));
+  std::vector<FineMesh<3>::Group> sides;
+  for (const auto& [name, axis, at] : {std::tuple{"left", 0, 0}, {"front", 1, 0}, {"bottom", 2, 0}, {"top", 2, voxels}})
+    sides.push_back({name, select_facets<3>(mesh, OnPlane<3>{Vec<3>::Constant(at), Vec<3>::Unit(axis), 0.01})});
+  return std::move(mesh).with_groups(sides);
+}
+
 /// spacing 0: P1 elements.
-void run(Index voxels, double size, double spacing) {
+void run(bool surface, Index voxels, double size, double spacing) {
   StageTimes times;
   std::optional<FineMesh<3>> mesh;
   {
     const Stage stage("mesh", times, {});
-    mesh.emplace(block(voxels, size));
+    mesh.emplace(surface ? from_surface(voxels, size) : from_image(voxels, size));
   }
   const double before = peak_gib();
   const bool elements = spacing == 0.0;
@@ -67,20 +97,22 @@ void run(Index voxels, double size, double spacing) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const bool surface = argc > 1 && std::string_view(argv[1]) == "--surface";
+  if (surface) --argc, ++argv;
   const Index voxels = argc > 1 ? std::atoi(argv[1]) : 128;
   const double size = argc > 2 ? std::atof(argv[2]) : 3.0;
   const std::string method = argc > 3 ? argv[3] : "all";
-  if (method == "p1") return run(voxels, size, 0.0), 0;
-  if (method != "all") return run(voxels, size, std::atof(method.c_str())), 0;
+  if (surface) write_stl(from_image(voxels, 3.0));
+  if (method != "all") return run(surface, voxels, size, method == "p1" ? 0.0 : std::atof(method.c_str())), 0;
   std::printf(
       "| spacing [voxels] | tetrahedra | fine vertices | nodes | points | effective modulus / E | mesh [s] | cloud | weights "
       "| basis | quadrature | assembly | solve | all but mesh [s] | peak [GiB] | basis, bytes per fine vertex |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   std::fflush(stdout);
-  for (const double spacing : {20.0, 14.0, 10.0, 7.0, 0.0}) {
+  for (const double spacing : {20.0, 14.0, 10.0, 7.0, 5.5, 0.0}) {
     const pid_t child = fork();
     if (child == 0) {
-      run(voxels, size, spacing);
+      run(surface, voxels, size, spacing);
       _exit(0);
     }
     int status = 0;

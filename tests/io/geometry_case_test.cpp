@@ -555,8 +555,8 @@ TEST(GradedCase, BoxesRegionsAndFeaturesMakeTheCloudDenser) {
 
   const auto with_holes = [](const std::string& features) {
     const Workspace work(
-        "[geometry]\nshape = \"plate_with_hole\"\nmesh_size = 0.08\nparameters = { radius = 0.3, "
-        "half_width = 4 }\n[cloud]\nspacing = 1\n" +
+        "[geometry]\nshape = \"random_holes\"\nmesh_size = 0.05\nparameters = { width = 4, count = 6, r_min = 0.2, "
+        "r_max = 0.2, gap = 0.3 }\n[cloud]\nspacing = 1\n" +
         features +
         "[analysis]\nplane = \"strain\"\n[material]\nE = 1\nnu = 0.3\n[[boundary]]\non = \"left\"\n"
         "displacement = [0, 0]\n");
