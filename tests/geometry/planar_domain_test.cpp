@@ -248,7 +248,7 @@ TEST(Triangulate, RefusesWhatIsNoDomain) {
   const PlanarDomain square = shapes::rectangle(0.0, 0.0, 1.0, 1.0);
   EXPECT_INPUT_ERROR(triangulate(square, {}), "size is 0, expected a positive length");
   EXPECT_INPUT_ERROR(triangulate(square, {.size = 0.1, .min_angle = 30.0}), "min_angle is 30");
-  EXPECT_INPUT_ERROR(triangulate(square, {.size = 1e-9}), "triangles, expected at most");
+  EXPECT_INPUT_ERROR(triangulate(square, {.size = 1e-9}), "GiB of memory");
   EXPECT_INPUT_ERROR(triangulate({}, {.size = 0.1}), "0 points, expected at least 3");
 
   PlanarDomain domain = square;
