@@ -18,6 +18,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/image_reader.hpp"
 #include "efree/geometry/label_image.hpp"
+#include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/refine.hpp"

@@ -8,6 +8,7 @@
 ///   bench_porous_block [--surface] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 | SPACING]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
+#include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/selection.hpp"
 #include "efree/geometry/surface.hpp"
 #include "efree/solvers/static_analysis.hpp"
@@ -54,7 +55,9 @@ void write_stl(const FineMesh<3>& mesh) {
   file << "endsolid\n";
 }
 FineMesh<3> from_surface(Index voxels, double size) {
-  FineMesh<3> mesh(mesh_surface(read_surface(stl_file()), {.size = size, .feature_angle = 60.0, .distance = 0.1 * size}));
+  // Necks thinner than cells are lost, so that there may be islands.
+  FineMesh<3> mesh(keep_largest(mesh_surface(read_surface(stl_file()),
+                                             {.size = size, .feature_angle = 60.0, .distance = 0.1 * size})).mesh);
   std::vector<FineMesh<3>::Group> sides;
   for (const auto& [name, axis, at] : {std::tuple{"left", 0, 0}, {"front", 1, 0}, {"bottom", 2, 0}, {"top", 2, voxels}})
     sides.push_back({name, select_facets<3>(mesh, OnPlane<3>{Vec<3>::Constant(at), Vec<3>::Unit(axis), 0.01})});

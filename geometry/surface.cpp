@@ -49,6 +49,34 @@ void add_triangles(const std::vector<Kernel::Point_3>& points, const std::vector
   }
 }
 
+using Corners = std::array<Kernel::Point_3, 3>;
+Corners corners(const Surface& surface, Surface::Face_index f) {
+  const auto h = surface.halfedge(f);
+  return {surface.point(surface.source(h)), surface.point(surface.target(h)),
+          surface.point(surface.target(surface.next(h)))};
+}
+
+/// Whether two triangles have nothing in common but corners of both, and the edge between two of these.
+bool only_touch(Corners a, Corners b) {
+  int common = 0;  // corners, moved to the front of both
+  for (int i = 0; i < 3; ++i)
+    for (int j = common; j < 3; ++j)
+      if (a[i] == b[j]) {
+        std::swap(a[i], a[common]);
+        std::swap(b[j], b[common++]);
+        break;
+      }
+  const auto meets = [](const Corners& opposite, const Corners& other) {
+    return CGAL::do_intersect(Kernel::Segment_3(opposite[1], opposite[2]),
+                              Kernel::Triangle_3(other[0], other[1], other[2]));
+  };
+  if (common == 1) return !meets(a, b) && !meets(b, a);
+  if (common == 2)
+    return !CGAL::coplanar(a[0], a[1], a[2], b[2]) ||
+           CGAL::coplanar_orientation(a[0], a[1], a[2], b[2]) != CGAL::POSITIVE;
+  return false;
+}
+
 }  // namespace
 
 SurfaceSoup read_surface(const std::string& path) {
@@ -122,6 +150,14 @@ SurfaceSoup soup_of(const Surface& surface) {
   return soup;
 }
 
+std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const Surface& surface) {
+  std::vector<std::pair<Surface::Face_index, Surface::Face_index>> pairs;
+  pmp::self_intersections<CGAL::Sequential_tag>(surface, std::back_inserter(pairs));
+  // Copies of a point or an edge in which sheets touch are counted as meetings, too.
+  std::erase_if(pairs, [&](const auto& pair) { return only_touch(corners(surface, pair.first), corners(surface, pair.second)); });
+  return pairs;
+}
+
 Surface closed_surface(const SurfaceSoup& soup) {
   auto points = cgal_points(soup);
   std::vector<std::vector<std::size_t>> polygons;
@@ -148,9 +184,7 @@ Surface closed_surface(const SurfaceSoup& soup) {
     throw InputError(fmt::format("open surface given as closed: {} boundary edge{}, first at {}; repair it or wrap it",
                                  open, open == 1 ? "" : "s", show(first)));
 
-  std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossing;
-  pmp::self_intersections<CGAL::Sequential_tag>(surface, std::back_inserter(crossing));
-  if (!crossing.empty()) {
+  if (const auto crossing = crossings(surface); !crossing.empty()) {
     const auto h = surface.halfedge(crossing.front().first);
     throw InputError(fmt::format("the surface meets itself: {} pair{} of triangles, first at {}; repair it or wrap it",
                                  crossing.size(), crossing.size() == 1 ? "" : "s",

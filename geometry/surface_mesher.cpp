@@ -164,6 +164,14 @@ void peel_flat_cells(MeshData<3>& mesh) {
   mesh.cells = Cells<3>(mesh.cells(Eigen::all, kept));
 }
 
+/// Gives vertices and edges in which parts of the body only touch to each part.
+MeshData<3> apart_where_touching(MeshData<3> mesh) {
+  const FineMesh<3> body(mesh);
+  std::vector<std::array<Index, 3>> boundary;
+  for (const auto facet : body.facets().colwise()) boundary.push_back({facet[0], facet[1], facet[2]});
+  return cut_open<3>(std::move(mesh), boundary);
+}
+
 }  // namespace
 
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options) {
@@ -204,7 +212,7 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
     throw NumericalError(fmt::format("surface: no tetrahedron at size {:g}; try a smaller one", size));
   MeshData<3> mesh = mesh_data(complex);
   peel_flat_cells(mesh);
-  return split_long_edges<3>(std::move(mesh), size);
+  return split_long_edges<3>(apart_where_touching(std::move(mesh)), size);
 }
 
 }  // namespace efree

@@ -98,22 +98,31 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
     seen += approximation.quadrature.weights[K] * deviator_squared<Dim>(strain.col(K));
   const Points<Dim> u = interpolate(approximation.shape, U);
   const auto& rule = space.cell_rule();
-  double there = 0.0;
-  for (Index c = 0; c < mesh.num_cells(); ++c)
+  double there = 0.0, worst = 0.0;
+  Vec<Dim> where = Vec<Dim>::Zero();
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    double of_cell = 0.0;
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto dN = space.gradients(c, rule.points.col(q));
       const auto dofs = space.cell(c);
       Voigt<Dim> eps = Voigt<Dim>::Zero();
       for (std::size_t i = 0; i < dofs.size(); ++i) eps += strain_matrix<Dim>(dN.col(i)) * u.col(dofs[i]);
-      there += mesh.volume(c) * rule.weights[q] * deviator_squared<Dim>(eps);
+      of_cell += mesh.volume(c) * rule.weights[q] * deviator_squared<Dim>(eps);
     }
+    there += of_cell;
+    if (of_cell > worst) {
+      worst = of_cell;
+      where = mesh.vertices()(Eigen::all, mesh.cells().col(c)).rowwise().mean();
+    }
+  }
   const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   const double rounding =
       1e-20 * mesh.volumes().sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
   if (there > rounding && seen < smallest_share * there)
     throw NumericalError(fmt::format(
-        "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes; raise the ratio M/N",
-        approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes()));
+        "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest around ({:.5g}); "
+        "raise the ratio M/N, or put more nodes there",
+        approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes(), fmt::join(where, ", ")));
 }
 
 template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {

@@ -7,6 +7,7 @@
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Surface_mesh.h>
 
+#include <utility>
 #include <vector>
 
 namespace efree::internal {
@@ -16,6 +17,10 @@ using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
 std::vector<Kernel::Point_3> cgal_points(const SurfaceSoup& soup);
 SurfaceSoup soup_of(const Surface& surface);
+
+/// Pairs of triangles that cut through each other or lie on each other. Corners and edges in which sheets touch are
+/// none, whether these share them or have copies.
+std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const Surface& surface);
 
 /// The oriented boundary of a body. Throws InputError as mesh_surface does.
 Surface closed_surface(const SurfaceSoup& soup);
