@@ -35,11 +35,11 @@ template <int Dim, int Normals = Dim> using Voigt = Eigen::Matrix<double, voigt_
 template <int Dim, int Normals = Dim>
 using VoigtMatrix = Eigen::Matrix<double, voigt_size<Dim, Normals>, voigt_size<Dim, Normals>>;
 /// Any of the above in Dim dimensions: in 2D the analysis decides whether there are 3 or 4.
-template <int Dim>
-using VoigtValue = Eigen::Matrix<double, Dim == 2 ? Eigen::Dynamic : voigt_size<Dim>, 1, 0, Dim == 2 ? 4 : voigt_size<Dim>, 1>;
+template <int Dim> inline constexpr int voigt_rows = voigt_size<Dim>;
+template <> inline constexpr int voigt_rows<2> = Eigen::Dynamic;
+template <int Dim> using VoigtValue = Eigen::Matrix<double, voigt_rows<Dim>, 1, 0, voigt_size<Dim, 3>, 1>;
 /// A VoigtValue in every column = point.
-template <int Dim>
-using VoigtPoints = Eigen::Matrix<double, Dim == 2 ? Eigen::Dynamic : voigt_size<Dim>, Eigen::Dynamic>;
+template <int Dim> using VoigtPoints = Eigen::Matrix<double, voigt_rows<Dim>, Eigen::Dynamic>;
 
 /// Calls visit(Number<Normals>) with the number of normal strains of an analysis: 2 in the plane, else 3.
 template <int N> using Number = std::integral_constant<int, N>;
