@@ -251,9 +251,9 @@ class Lame1852 : public ::testing::TestWithParam<std::tuple<bool, SecondaryKind>
 TEST_P(Lame1852, EightNodesThroughTheWallGiveTheDisplacementWithinAPercent) {
   const auto [sphere, secondary] = GetParam();
   const auto errors = section_errors(sphere, secondary, 1.0 / 7.0);
-  EXPECT_LE(errors.displacement, 0.01);
+  EXPECT_LE(errors.displacement.worst, 0.01);
   EXPECT_LE(*errors.body.l2_displacement, 0.01);
-  RecordProperty("hoop_stress_at_the_inner_wall", std::to_string(errors.hoop));
+  RecordProperty("hoop_stress_at_the_inner_wall", std::to_string(errors.hoop.mean));
 }
 
 TEST_P(Lame1852, SectionsConverge) {
@@ -273,6 +273,18 @@ INSTANTIATE_TEST_SUITE_P(Walls, Lame1852,
                            return std::string(std::get<0>(test.param) ? "sphere" : "cylinder") +
                                   (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls");
                          });
+
+TEST(Lame1852Solids, EightNodesThroughTheWallGiveTheSameDisplacementInSpaceWithinAPercent) {
+  const double H = 1.0 / 7.0;
+  for (const bool sphere : {false, true}) {
+    const bench::ThickWall wall{sphere};
+    const FineMesh<3> mesh(wall.solid(2.0 * H, H / 1.5));
+    const auto approximation = approximate(mesh, {.spacing = H});
+    const auto errors = wall.errors<3>(approximation, wall.solver<3>(approximation).solve(wall.loads<3>()));
+    EXPECT_LE(errors.displacement.mean, 0.01) << (sphere ? "sphere" : "cylinder");
+    EXPECT_LE(*errors.body.l2_displacement, 0.01) << (sphere ? "sphere" : "cylinder");
+  }
+}
 
 TEST(Axisymmetric, RegionsAreTiedAndSeeThePressureOfAShrinkFit) {
   // Two rings of different moduli with a common interface at r = 1.5, pressed from inside: Lame in each of them.
