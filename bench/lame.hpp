@@ -65,8 +65,7 @@ struct ThickWall {
   }
 
   template <int Dim> ElasticSolver<Dim> solver(const Approximation<Dim>& approximation,
-                                               Essential essential = Essential::nitsche,
-                                               StageTimes* times = nullptr) const {
+                                               Essential essential = Essential::nitsche) const {
     std::vector<DisplacementCondition<Dim>> planes{symmetry_plane<Dim>("bottom")};
     if (!sphere) planes.push_back(symmetry_plane<Dim>("top"));
     if (Dim == 3) planes.push_back(symmetry_plane<Dim>("left")), planes.push_back(symmetry_plane<Dim>("front"));
@@ -74,7 +73,7 @@ struct ThickWall {
                               {.material = material,
                                .plane = Dim == 2 ? Plane::axisymmetric : Plane::strain,
                                .essential = essential},
-                              planes, times);
+                              planes);
   }
   template <int Dim> Loads<Dim> loads() const {
     return {.tractions = {pressure<Dim>("inner", [](const Vec<Dim>&) { return 1.0; })}, .body_force = {}};

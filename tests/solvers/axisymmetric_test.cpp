@@ -300,7 +300,7 @@ TEST(Axisymmetric, RegionsAreTiedAndSeeThePressureOfAShrinkFit) {
                                        data.vertices(0, data.cells(2, c)) > 4.5);
   const FineMesh<2> mesh(cut_regions(std::move(data)));
   const auto approximation = approximate(mesh, {.axisymmetric = true, .spacing = 0.125});
-  const ElasticModel model{.plane = Plane::axisymmetric, .regions = {{1.0, 0.3}, {100.0, 0.2}}};
+  const ElasticModel model{.material = {}, .plane = Plane::axisymmetric, .regions = {{1.0, 0.3}, {100.0, 0.2}}};
   const auto solution =
       ElasticSolver<2>(approximation, model, {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")})
           .solve({.tractions = {pressure<2>("inner", [](const Vec<2>&) { return 1.0; })}, .body_force = {}});
