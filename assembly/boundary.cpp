@@ -266,12 +266,12 @@ template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
 }
 
 /// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs.
-template <int Dim, int Normals>
-SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                            const std::vector<StiffnessTerm<Dim>>& terms,
-                            const std::vector<std::vector<double>>& penalty,
-                            const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
-                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
+template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                            const std::vector<StiffnessTerm<Dim>>& terms,
+                                                            const std::vector<std::vector<double>>& penalty,
+                                                            const std::vector<Restraint<Dim>>& restraints,
+                                                            const std::vector<TiedFacets>& ties,
+                                                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
   using Strains = Voigt<Dim, Normals>;
   using Block = Eigen::Matrix<double, Dim, voigt_size<Dim, Normals>>;
   std::vector<std::pair<std::pair<Index, Index>, Block>> jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T

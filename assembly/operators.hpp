@@ -12,8 +12,8 @@ namespace efree {
 /// Symmetric matrix, lower triangle only, sorted columns.
 using SymmetricMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, Index>;
 
-/// B: Voigt strain (engineering shear) of a node's displacement, from its gradient and (axisymmetric) its value over the
-/// radius. B(n)^T sigma = sigma n for a normal n.
+/// B: Voigt strain (engineering shear) of a node's displacement, from its gradient and (axisymmetric) its value over
+/// the radius. B(n)^T sigma = sigma n for a normal n.
 template <int Dim, int Normals = Dim>
 Eigen::Matrix<double, voigt_size<Dim, Normals>, Dim> strain_matrix(const Vec<Dim>& dN, double hoop = 0.0);
 /// The same of the k-th node in a row of projected gradients.
@@ -27,9 +27,9 @@ Eigen::Matrix<double, voigt_size<Dim, Normals>, Dim> strain_matrix(const ShapeRo
 
 /// Strain at a point of cell c of the field with values u (Dim x space.size()) at the fine degrees of freedom: of the
 /// field itself, not projected.
-template <int Dim, int Normals>
-Voigt<Dim, Normals> strain_at(const FineSpace<Dim>& space, Index c, const typename FineSpace<Dim>::Barycentric& at,
-                              const Points<Dim>& u) {
+template <int Dim, int Normals> Voigt<Dim, Normals> strain_at(const FineSpace<Dim>& space, Index c,
+                                                              const typename FineSpace<Dim>::Barycentric& at,
+                                                              const Points<Dim>& u) {
   const auto dofs = space.cell(c);
   const auto dN = space.gradients(c, at);
   typename FineSpace<Dim>::CellValues hoop;
@@ -47,13 +47,13 @@ template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretiza
 template <int Dim>
 Points<Dim> internal_force(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress);
 
-/// K = sum_K w_K B_K^T C B_K, (Dim N)^2, from a C for every region. One thread owns one row, so the sums do not depend on
-/// the threads. Throws InputError if C has not as many rows as the discretization has strains.
+/// K = sum_K w_K B_K^T C B_K, (Dim N)^2, from a C for every region. One thread owns one row, so the sums do not depend
+/// on the threads. Throws InputError if C has not as many rows as the discretization has strains.
 template <int Dim, int Size> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization,
                                                               const std::vector<Eigen::Matrix<double, Size, Size>>& C);
 /// The same with one C everywhere.
-template <int Dim, int Size>
-SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const Eigen::Matrix<double, Size, Size>& C) {
+template <int Dim, int Size> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization,
+                                                              const Eigen::Matrix<double, Size, Size>& C) {
   const auto regions = 1 + std::ranges::max(discretization.region);
   return stiffness_matrix(discretization, std::vector<Eigen::Matrix<double, Size, Size>>(regions, C));
 }

@@ -53,9 +53,7 @@ template <int Dim> class FineSpace {
 
   /// Volume (in 3D area) of the body that one unit of the mesh's volume (area) at x stands for: 2 pi r if axisymmetric,
   /// else 1. Every integral has it as a factor.
-  double measure(const Vec<Dim>& x) const {
-    return axisymmetric_ ? 2.0 * std::numbers::pi * std::max(0.0, x[0]) : 1.0;
-  }
+  double measure(const Vec<Dim>& x) const { return axisymmetric_ ? 2.0 * std::numbers::pi * std::max(0.0, x[0]) : 1.0; }
 
   /// Rule on cells that integrates one gradient times a function of the secondary basis exactly: the centroid for
   /// degree 1, Dim + 1 points for degree 2. Axisymmetric: one gradient times the measure.

@@ -36,11 +36,8 @@ template <int Dim> void run(const ThickWall& wall, const Method& method, int thr
     else
       return FineMesh<3>(wall.solid(2.0 * H, size));
   }();
-  const auto approximation = approximate(mesh,
-                                         {.kind = method.kind,
-                                          .axisymmetric = Dim == 2,
-                                          .spacing = H,
-                                          .secondary = method.secondary});
+  const auto approximation =
+      approximate(mesh, {.kind = method.kind, .axisymmetric = Dim == 2, .spacing = H, .secondary = method.secondary});
   // The symmetry planes of the sphere are flat, so that elements can hold them at their nodes.
   const auto solver = wall.solver<Dim>(approximation, elements ? Essential::strong : Essential::nitsche);
   const Solution<Dim> solution = solver.solve(wall.loads<Dim>());
@@ -48,10 +45,9 @@ template <int Dim> void run(const ThickWall& wall, const Method& method, int thr
   const auto errors = wall.errors<Dim>(approximation, solution);
   std::printf("| %s | %s | %s | %d | %td | %d | %.2f %% | %.2f %% | %.2f %% | %.2f %% | %.1e | %.1e | %.1e | %.2f |\n",
               wall.sphere ? "sphere" : "cylinder", Dim == 2 ? "axisymmetric" : "3D", method.name, through,
-              approximation.nodes.cols(), mesh.num_cells(), 100.0 * errors.displacement.mean, 100.0 * errors.displacement.worst,
-              100.0 * errors.hoop.mean, 100.0 * errors.hoop.worst,
-              *errors.body.l2_displacement, *errors.body.energy_norm, *errors.body.energy_norm_recovered,
-              seconds);
+              approximation.nodes.cols(), mesh.num_cells(), 100.0 * errors.displacement.mean,
+              100.0 * errors.displacement.worst, 100.0 * errors.hoop.mean, 100.0 * errors.hoop.worst,
+              *errors.body.l2_displacement, *errors.body.energy_norm, *errors.body.energy_norm_recovered, seconds);
   std::fflush(stdout);
 }
 
@@ -61,9 +57,11 @@ int main(int argc, char** argv) {
   const int most = argc > 1 ? std::atoi(argv[1]) : 8;
   const int most_solid = argc > 2 ? std::atoi(argv[2]) : 8;
   const double ratio = argc > 3 ? std::atof(argv[3]) : 2.5;
-  std::printf("| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "
-              "inner wall, mean | worst | hoop stress there, mean | worst | displacement, L2 | energy norm | recovered | CPU s |\n"
-              "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "
+      "inner wall, mean | worst | hoop stress there, mean | worst | displacement, L2 | energy norm | recovered | CPU s "
+      "|\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const bool sphere : {false, true})
     for (const Method& method : methods) {
       const ThickWall wall{sphere};

@@ -64,22 +64,22 @@ struct ThickWall {
     return sphere ? solids::thick_sphere(inner, outer, size) : solids::thick_cylinder(inner, outer, height, size);
   }
 
-  template <int Dim> ElasticSolver<Dim> solver(const Approximation<Dim>& approximation,
-                                               Essential essential = Essential::nitsche) const {
+  template <int Dim>
+  ElasticSolver<Dim> solver(const Approximation<Dim>& approximation, Essential essential = Essential::nitsche) const {
     std::vector<DisplacementCondition<Dim>> planes{symmetry_plane<Dim>("bottom")};
     if (!sphere) planes.push_back(symmetry_plane<Dim>("top"));
     if (Dim == 3) planes.push_back(symmetry_plane<Dim>("left")), planes.push_back(symmetry_plane<Dim>("front"));
-    return ElasticSolver<Dim>(approximation,
-                              {.material = material,
-                               .plane = Dim == 2 ? Plane::axisymmetric : Plane::strain,
-                               .essential = essential},
-                              planes);
+    return ElasticSolver<Dim>(
+        approximation,
+        {.material = material, .plane = Dim == 2 ? Plane::axisymmetric : Plane::strain, .essential = essential},
+        planes);
   }
   template <int Dim> Loads<Dim> loads() const {
     return {.tractions = {pressure<Dim>("inner", [](const Vec<Dim>&) { return 1.0; })}, .body_force = {}};
   }
 
-  /// Distance from the centre of the sphere or from the axis (y in a section, z in space), and the unit vector outwards.
+  /// Distance from the centre of the sphere or from the axis (y in a section, z in space), and the unit vector
+  /// outwards.
   template <int Dim> std::pair<double, Vec<Dim>> outwards(const Vec<Dim>& x) const {
     Vec<Dim> n = x;
     if (!sphere) n[Dim - 1] = 0.0;
@@ -110,8 +110,7 @@ struct ThickWall {
     Pair hoop;          ///< recovered hoop stress
     Errors body;
   };
-  template <int Dim>
-  WallErrors errors(const Approximation<Dim>& approximation, const Solution<Dim>& solution) const {
+  template <int Dim> WallErrors errors(const Approximation<Dim>& approximation, const Solution<Dim>& solution) const {
     const auto& mesh = approximation.space.mesh();
     const Fields<Dim> fields = recover_fields(approximation, solution);
     WallErrors result;

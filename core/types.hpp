@@ -27,13 +27,13 @@ template <int Dim> using Points = Eigen::Matrix<double, Dim, Eigen::Dynamic>;
 /// Compressed rows: row = evaluation point, column = function. Column indices ascend within a row.
 using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
-/// Components of a symmetric tensor in Voigt order: normal ones first, then shear. In the plane xx, yy, xy; in space xx,
-/// yy, zz, yz, xz, xy. Axisymmetric (Dim = 2, Normals = 3; x is the radius r, y the axis z, t the hoop direction): rr,
-/// zz, tt, rz.
+/// Components of a symmetric tensor in Voigt order: normal ones first, then shear. In the plane xx, yy, xy; in space
+/// xx, yy, zz, yz, xz, xy. Axisymmetric (Dim = 2, Normals = 3; x is the radius r, y the axis z, t the hoop direction):
+/// rr, zz, tt, rz.
 template <int Dim, int Normals = Dim> inline constexpr int voigt_size = Normals + Dim*(Dim - 1) / 2;
 template <int Dim, int Normals = Dim> using Voigt = Eigen::Matrix<double, voigt_size<Dim, Normals>, 1>;
-template <int Dim, int Normals = Dim>
-using VoigtMatrix = Eigen::Matrix<double, voigt_size<Dim, Normals>, voigt_size<Dim, Normals>>;
+template <int Dim, int Normals = Dim> using VoigtMatrix =
+    Eigen::Matrix<double, voigt_size<Dim, Normals>, voigt_size<Dim, Normals>>;
 /// Any of the above in Dim dimensions: in 2D the analysis decides whether there are 3 or 4.
 template <int Dim> inline constexpr int voigt_rows = voigt_size<Dim>;
 template <> inline constexpr int voigt_rows<2> = Eigen::Dynamic;

@@ -24,8 +24,8 @@ struct Lame {
   double mu = 0.0;      ///< [stress]
 };
 
-/// In-plane Lame constants: 3D ones for plane strain and axisymmetry, lambda' = 2 lambda mu / (lambda + 2 mu) for plane stress.
-/// Throws InputError for E <= 0 or nu outside (-1, 0.5).
+/// In-plane Lame constants: 3D ones for plane strain and axisymmetry, lambda' = 2 lambda mu / (lambda + 2 mu) for plane
+/// stress. Throws InputError for E <= 0 or nu outside (-1, 0.5).
 Lame plane_lame(const LinearElastic& material, Plane plane);
 
 /// Lame constants in space. Throws like plane_lame.

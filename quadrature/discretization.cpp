@@ -61,8 +61,8 @@ template <int Dim> class TableBuilder {
       all.dN.insert(all.dN.end(), part.dN.begin(), part.dN.end());
       all.hoop.insert(all.hoop.end(), part.hoop.begin(), part.hoop.end());
     }
-    return {num_nodes_,        std::move(all.offsets), std::move(all.nodes), std::move(all.N), std::move(all.dN),
-            std::move(all.hoop)};
+    return {num_nodes_,       std::move(all.offsets), std::move(all.nodes),
+            std::move(all.N), std::move(all.dN),      std::move(all.hoop)};
   }
 
   struct Part {

@@ -32,8 +32,8 @@ template <int Dim> struct Discretization {
 };
 
 /// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
-/// node K, x_K their centre of mass. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes that
-/// get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
+/// node K, x_K their centre of mass. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes
+/// that get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).

@@ -133,8 +133,8 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
       if (exact.stress) {
         const VoigtValue<Dim> given = exact.stress(x);
         if (given.size() != voigt_size<Dim, Normals>)
-          throw InputError(fmt::format("the exact stress has {} components, expected {}", given.size(),
-                                       voigt_size<Dim, Normals>));
+          throw InputError(
+              fmt::format("the exact stress has {} components, expected {}", given.size(), voigt_size<Dim, Normals>));
         const Strains reference = given;
         const auto energy = [&](const Strains& s) { return dV * s.dot(compliance * s); };
         sum[energy_error] +=

@@ -42,7 +42,8 @@ std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approx
   std::vector<StiffnessTerm<Dim>> terms;
   terms.push_back({&approximation.quadrature, sheared(stabilised ? 1.0 - stabilisation : 1.0)});
   if (stabilised) terms.push_back({&approximation.fine, sheared(stabilisation)});
-  terms.push_back({unions ? &approximation.dilatation : &approximation.quadrature, of_all(solid ? volumetric<3> : volumetric<2>)});
+  terms.push_back(
+      {unions ? &approximation.dilatation : &approximation.quadrature, of_all(solid ? volumetric<3> : volumetric<2>)});
   return terms;
 }
 
@@ -111,11 +112,11 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
   double there = 0.0;
   for (Index c = 0; c < mesh.num_cells(); ++c)
     for (Index q = 0; q < rule.weights.size(); ++q)
-      there += space.weight(c, q) *
-               deviator_squared<Dim, Normals>(strain_at<Dim, Normals>(space, c, rule.points.col(q), u));
+      there +=
+          space.weight(c, q) * deviator_squared<Dim, Normals>(strain_at<Dim, Normals>(space, c, rule.points.col(q), u));
   const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
-  const double rounding =
-      1e-20 * approximation.quadrature.weights.sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
+  const double rounding = 1e-20 * approximation.quadrature.weights.sum() * u.squaredNorm() /
+                          (static_cast<double>(u.cols()) * diameter * diameter);
   if (there > rounding && seen < smallest_share * there)
     throw NumericalError(fmt::format(
         "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes; raise the ratio M/N",

@@ -128,9 +128,9 @@ TEST(AxisymmetricFiniteElements, ConstantStrainIsExact) {
     for (const auto kind : {BasisKind::p1, BasisKind::p2})
       for (const auto essential : {Essential::nitsche, Essential::strong}) {
         const auto approximation = approximate(body.mesh, {.kind = kind, .axisymmetric = true});
-        const auto error = patch_error(
-            approximation, {.material = {1.0, 0.3}, .plane = Plane::axisymmetric, .essential = essential}, {"bottom"},
-            {"left", "right", "top", "notch"});
+        const auto error =
+            patch_error(approximation, {.material = {1.0, 0.3}, .plane = Plane::axisymmetric, .essential = essential},
+                        {"bottom"}, {"left", "right", "top", "notch"});
         EXPECT_LE(error.displacement, bar) << name;
         EXPECT_LE(error.stress, bar) << name;
       }
@@ -174,8 +174,7 @@ TEST(Axisymmetric, InternalForceIsTheAdjointOfStrain) {
     const auto C = stiffness<2, 3>(solid_lame({1.0, 0.3}));
     const SymmetricMatrix K = stiffness_matrix(quadrature, C);
     const Vector Ku = K.selfadjointView<Eigen::Lower>() * Vector(U.reshaped());
-    const Vector composed =
-        internal_force(quadrature, VoigtPoints<2>(C * strain(quadrature, U))).reshaped();
+    const Vector composed = internal_force(quadrature, VoigtPoints<2>(C * strain(quadrature, U))).reshaped();
     EXPECT_LE((Ku - composed).cwiseAbs().maxCoeff(), 1e-12 * composed.cwiseAbs().maxCoeff());
   }
 }
@@ -206,11 +205,13 @@ struct RotatingCylinder {
     const ElasticModel model{.material = material, .plane = Plane::axisymmetric};
     const auto solution =
         ElasticSolver<2>(approximation, model, {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")})
-            .solve({{}, [](const Vec<2>& x) -> Vec<2> { return {x.x(), 0.0}; }});
+            .solve({{}, [](const Vec<2>& x) -> Vec<2> {
+                      return {x.x(), 0.0};
+                    }});
     const auto fields = recover_fields(approximation, solution);
-    const Errors errors = errors_against<2>(approximation, fields, lame,
-                                            {[this](const Vec<2>& x) { return displacement(x); },
-                                             [this](const Vec<2>& x) { return stress(x); }});
+    const Errors errors = errors_against<2>(
+        approximation, fields, lame,
+        {[this](const Vec<2>& x) { return displacement(x); }, [this](const Vec<2>& x) { return stress(x); }});
     Result result{*errors.l2_displacement, *errors.energy_norm, *errors.energy_norm_recovered, 0.0};
     for (Index v = 0; v < mesh.num_vertices(); ++v)
       if (mesh.vertex(v).x() == 0.0)
@@ -225,7 +226,9 @@ TEST_P(AxisOfRevolution, NeedsNoConditionOfItsOwn) {
   const RotatingCylinder cylinder;
   const auto coarse = cylinder.solve(0.25, {.secondary = GetParam()});
   const auto fine = cylinder.solve(0.0625, {.secondary = GetParam()});
-  const auto order = [&](double RotatingCylinder::Result::*error) { return std::log2(coarse.*error / (fine.*error)) / 2.0; };
+  const auto order = [&](double RotatingCylinder::Result::*error) {
+    return std::log2(coarse.*error / (fine.*error)) / 2.0;
+  };
   EXPECT_LE(fine.on_axis, 1e-3);
   EXPECT_GE(order(&RotatingCylinder::Result::l2), 1.6);
   EXPECT_LE(order(&RotatingCylinder::Result::l2), 2.8);
@@ -237,7 +240,8 @@ TEST_P(AxisOfRevolution, NeedsNoConditionOfItsOwn) {
 INSTANTIATE_TEST_SUITE_P(Secondary, AxisOfRevolution, ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
                          [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
 
-/// Lame's cylinder and sphere: bars and orders, a wall of thickness 1 and inner radius 1 with 1 / H + 1 nodes through it.
+/// Lame's cylinder and sphere: bars and orders, a wall of thickness 1 and inner radius 1 with 1 / H + 1 nodes through
+/// it.
 class Lame1852 : public ::testing::TestWithParam<std::tuple<bool, SecondaryKind>> {
  protected:
   static bench::ThickWall::WallErrors section_errors(bool sphere, SecondaryKind secondary, double H) {
@@ -297,7 +301,8 @@ TEST(Axisymmetric, RegionsAreTiedAndSeeThePressureOfAShrinkFit) {
   data.region_names = {"liner", "jacket"};
   for (Index c = 0; c < data.cells.cols(); ++c)
     data.regions.push_back(data.vertices(0, data.cells(0, c)) + data.vertices(0, data.cells(1, c)) +
-                                       data.vertices(0, data.cells(2, c)) > 4.5);
+                               data.vertices(0, data.cells(2, c)) >
+                           4.5);
   const FineMesh<2> mesh(cut_regions(std::move(data)));
   const auto approximation = approximate(mesh, {.axisymmetric = true, .spacing = 0.125});
   const ElasticModel model{.material = {}, .plane = Plane::axisymmetric, .regions = {{1.0, 0.3}, {100.0, 0.2}}};
@@ -339,8 +344,11 @@ TEST(Axisymmetric, BadInputIsRefusedWithAReason) {
   refuses([&] { ElasticSolver<2>(approximation, model, {symmetry_plane<2>("right")}); }, "translation along the axis");
   refuses([&] { ElasticSolver<2>(approximation, model, {clamp<2>("left")}); }, "translation along the axis");
   EXPECT_NO_THROW(ElasticSolver<2>(approximation, model, {symmetry_plane<2>("bottom")}));
-  refuses([&] { ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("bottom")}); },
-          "expected Plane::axisymmetric");
+  refuses(
+      [&] {
+        ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("bottom")});
+      },
+      "expected Plane::axisymmetric");
   const auto plane = approximate(mesh, {.spacing = 0.25});
   refuses([&] { ElasticSolver<2>(plane, model, {clamp<2>("bottom")}); }, "axisymmetric = true");
 }
