@@ -23,7 +23,7 @@ template <int Dim> struct BoundaryPoint {
   Index facet;
   Index row;      ///< of SecondaryBasis::on_facets
   Vec<Dim> x, n;  ///< position, outward normal
-  double weight;  ///< measure of the facet times the rule's weight
+  double weight;  ///< area of the body's surface that the point stands for
   std::span<const Index> dofs;
   typename FineSpace<Dim>::CellValues N;  ///< of dofs
 };
@@ -38,7 +38,8 @@ void for_each_point(const FineSpace<Dim>& space, const std::vector<Index>& facet
     const Index c = space.mesh().facet_cell(f);
     for (Index g = 0; g < per_facet; ++g) {
       const auto at = space.facet_point(f, rule.points.col(g));
-      visit(BoundaryPoint<Dim>{f, f * per_facet + g, space.position(c, at), normal, measure * rule.weights[g],
+      const Vec<Dim> x = space.position(c, at);
+      visit(BoundaryPoint<Dim>{f, f * per_facet + g, x, normal, measure * rule.weights[g] * space.measure(x),
                                space.cell(c), space.values(at)});
     }
   }
@@ -265,23 +266,24 @@ template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
 }
 
 /// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs.
-template <int Dim>
-SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                            const std::vector<StiffnessTerm<Dim>>& terms,
-                            const std::vector<std::vector<double>>& penalty,
-                            const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
-                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
-  using Block = Eigen::Matrix<double, Dim, voigt_size<Dim>>;
+template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                            const std::vector<StiffnessTerm<Dim>>& terms,
+                                                            const std::vector<std::vector<double>>& penalty,
+                                                            const std::vector<Restraint<Dim>>& restraints,
+                                                            const std::vector<TiedFacets>& ties,
+                                                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
+  using Strains = Voigt<Dim, Normals>;
+  using Block = Eigen::Matrix<double, Dim, voigt_size<Dim, Normals>>;
   std::vector<std::pair<std::pair<Index, Index>, Block>> jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T
-  std::vector<std::pair<Index, Voigt<Dim>>> values;              // K: int Phi_K sum_d g B(n) d
+  std::vector<std::pair<Index, Strains>> values;                 // K: int Phi_K sum_d g B(n) d
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
-    const Eigen::Matrix<double, voigt_size<Dim>, Dim> B = strain_matrix<Dim>(constraint.n);
-    const Block block = constraint.directions * B.transpose();
+    const Block normal = strain_matrix<Dim, Normals>(constraint.n).transpose();
+    const Block block = constraint.directions * normal;
     const Shares share = shares(terms, penalty, constraint);
     for (std::size_t s = 0; s < constraint.sides.size(); ++s)
       for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi) {
         const double factor = constraint.weight() * share.flux[s] * phi.value();
-        values.emplace_back(phi.col(), factor * (B * constraint.value));
+        values.emplace_back(phi.col(), factor * (normal.transpose() * constraint.value));
         for (const auto& [point, sign] : constraint.sides)
           for (std::size_t i = 0; i < point.dofs.size(); ++i)
             if (point.N[i] != 0.0)
@@ -291,13 +293,13 @@ SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& 
   combine(jumps);
   combine(values);
 
-  std::vector<VoigtMatrix<Dim>> C;
-  for (const Lame& lame : term.lame) C.push_back(stiffness<Dim>(lame));
+  std::vector<VoigtMatrix<Dim, Normals>> C;
+  for (const Lame& lame : term.lame) C.push_back(stiffness<Dim, Normals>(lame));
   const auto& discretization = *term.discretization;
   for (const auto& [K, q] : values) {
     const auto row = discretization.shape.row(K);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      rhs.col(row.nodes[k]) -= (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k])).transpose() * q;
+      rhs.col(row.nodes[k]) -= (C[discretization.region[K]] * strain_matrix<Dim, Normals>(row, k)).transpose() * q;
   }
 
   // One row for each K on the boundary: the nodes whose stress or whose jump it sees.
@@ -321,7 +323,7 @@ SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& 
     for (Index node : nodal.sorted()) {
       Entry entry{nodal[node]};
       if (k < row.nodes.size() && row.nodes[k] == node)
-        entry.flux = (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k++])).transpose();
+        entry.flux = (C[discretization.region[K]] * strain_matrix<Dim, Normals>(row, k++)).transpose();
       nodes.items.push_back(node);
       entries.push_back(entry);
     }
@@ -514,22 +516,31 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
   const auto radius = [&](Index body) { return std::sqrt(polar[body] / volume[body]) + 1e-300; };
   using Gram = Eigen::Matrix<double, rigid_motions<Dim>, rigid_motions<Dim>>;
   std::vector<Gram> gram(bodies, Gram::Zero());
+  std::vector<double> held(bodies, 0.0);
   for (const auto& restraint : restraints)
     for_each_point<Dim>(space, mesh.group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
       const Index body = body_at(mesh.facets()(0, point.facet));
       const Motion<Dim> motion =
           motion_along<Dim>(restraint.direction(point.n), point.x - centre.col(body), radius(body));
       gram[body] += point.weight * motion * motion.transpose();
+      held[body] += point.weight;
     });
 
   std::vector<std::string> free_motions;
   for (Index body = 0; body < bodies; ++body) {
+    if (space.axisymmetric()) {
+      // Hoops resist every motion but the one along the axis.
+      const double along_axis = gram[body](1, 1);
+      gram[body] = std::max(held[body], 1e-300) * Gram::Identity();
+      gram[body](1, 1) = along_axis;
+    }
     const Eigen::SelfAdjointEigenSolver<Gram> eigen(gram[body]);
     const double scale = std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
     const int nullity = static_cast<int>((eigen.eigenvalues().array() < 1e-10 * scale).count());
     if (nullity == 0) continue;
-    const auto names =
-        motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
+    const auto names = space.axisymmetric()
+                           ? std::vector<std::string>{"translation along the axis of revolution, y"}
+                           : motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
     free_motions.push_back(bodies == 1 ? fmt::format("{}", fmt::join(names, ", "))
                                        : fmt::format("body around ({:.4g}): {}", fmt::join(centre.col(body), ", "),
                                                      fmt::join(names, ", ")));
@@ -560,7 +571,7 @@ Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shap
         const auto N = space.values(rule.points.col(q));
         const auto dofs = space.cell(c);
         for (std::size_t i = 0; i < dofs.size(); ++i)
-          fine.col(dofs[i]) += space.mesh().volume(c) * rule.weights[q] * N[i] * b;
+          fine.col(dofs[i]) += space.mesh().volume(c) * rule.weights[q] * space.measure(x) * N[i] * b;
       }
   }
   return to_nodes(shape, fine);
@@ -576,7 +587,9 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
   NitscheSystem<Dim> system;
   system.matrix = penalty_matrix(space, shape, terms, penalty, restraints, ties, rhs);
   for (const auto& term : terms)
-    system.matrix += consistency(space, shape, terms, penalty, restraints, ties, term, rhs);
+    with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+      system.matrix += consistency<Dim, Normals>(space, shape, terms, penalty, restraints, ties, term, rhs);
+    });
   system.rhs = rhs.reshaped();
   return system;
 }

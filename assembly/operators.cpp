@@ -2,9 +2,10 @@
 #include "efree/assembly/operators.hpp"
 
 #include "efree/assembly/internal/gather.hpp"
+#include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 
-#include <algorithm>
+#include <fmt/format.h>
 
 namespace efree {
 namespace {
@@ -15,13 +16,22 @@ template <int Dim> Ragged<Place> places_in(const ShapeTable<Dim>& shape) {
 
 }  // namespace
 
-template <> Eigen::Matrix<double, 3, 2> strain_matrix<2>(const Vec<2>& dN) {
+template <> Eigen::Matrix<double, 3, 2> strain_matrix<2, 2>(const Vec<2>& dN, double) {
   Eigen::Matrix<double, 3, 2> B;
   B << dN.x(), 0.0, 0.0, dN.y(), dN.y(), dN.x();
   return B;
 }
 
-template <> Eigen::Matrix<double, 6, 3> strain_matrix<3>(const Vec<3>& dN) {
+template <> Eigen::Matrix<double, 4, 2> strain_matrix<2, 3>(const Vec<2>& dN, double hoop) {
+  Eigen::Matrix<double, 4, 2> B;
+  B << dN.x(), 0.0,  //
+      0.0, dN.y(),   //
+      hoop, 0.0,     //
+      dN.y(), dN.x();
+  return B;
+}
+
+template <> Eigen::Matrix<double, 6, 3> strain_matrix<3, 3>(const Vec<3>& dN, double) {
   Eigen::Matrix<double, 6, 3> B;
   B << dN.x(), 0.0, 0.0,    //
       0.0, dN.y(), 0.0,     //
@@ -33,61 +43,60 @@ template <> Eigen::Matrix<double, 6, 3> strain_matrix<3>(const Vec<3>& dN) {
 }
 
 template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretization, const Points<Dim>& U) {
-  VoigtPoints<Dim> result(voigt_size<Dim>, discretization.size());
-  parallel_for(discretization.size(), [&](Index K) {
-    const auto row = discretization.shape.row(K);
-    Voigt<Dim> sum = Voigt<Dim>::Zero();
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) sum += strain_matrix<Dim>(row.dN[k]) * U.col(row.nodes[k]);
-    result.col(K) = sum;
+  return with_normals<Dim>(discretization.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    VoigtPoints<Dim> result(voigt_size<Dim, Normals>, discretization.size());
+    parallel_for(discretization.size(), [&](Index K) {
+      const auto row = discretization.shape.row(K);
+      Voigt<Dim, Normals> sum = Voigt<Dim, Normals>::Zero();
+      for (std::size_t k = 0; k < row.nodes.size(); ++k)
+        sum += strain_matrix<Dim, Normals>(row, k) * U.col(row.nodes[k]);
+      result.col(K) = sum;
+    });
+    return result;
   });
-  return result;
 }
 
 template <int Dim>
 Points<Dim> internal_force(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress) {
   const auto by_node = places_in(discretization.shape);
   Points<Dim> force(Dim, discretization.shape.num_nodes());
-  parallel_for(discretization.shape.num_nodes(), [&](Index a) {
-    Vec<Dim> sum = Vec<Dim>::Zero();
-    for (const auto& [K, k] : by_node[a])
-      sum += discretization.weights[K] *
-             (strain_matrix<Dim>(discretization.shape.row(K).dN[k]).transpose() * stress.col(K));
-    force.col(a) = sum;
+  with_normals<Dim>(discretization.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    parallel_for(discretization.shape.num_nodes(), [&](Index a) {
+      Vec<Dim> sum = Vec<Dim>::Zero();
+      for (const auto& [K, k] : by_node[a])
+        sum += discretization.weights[K] *
+               (strain_matrix<Dim, Normals>(discretization.shape.row(K), k).transpose() * stress.col(K));
+      force.col(a) = sum;
+    });
   });
   return force;
 }
 
-template <int Dim>
-SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const VoigtMatrix<Dim>& C) {
-  Index regions = 1;
-  for (Index region : discretization.region) regions = std::max(regions, region + 1);
-  return stiffness_matrix(discretization, std::vector<VoigtMatrix<Dim>>(regions, C));
-}
-
-template <int Dim>
-SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const std::vector<VoigtMatrix<Dim>>& C) {
+template <int Dim, int Size> SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization,
+                                                              const std::vector<Eigen::Matrix<double, Size, Size>>& C) {
+  constexpr int Normals = Size - Dim * (Dim - 1) / 2;
+  if ((Normals > Dim) != discretization.axisymmetric())
+    throw InputError(fmt::format("stiffness: a matrix of {} rows for {} strains", Size,
+                                 voigt_size<Dim> + (discretization.axisymmetric() ? 1 : 0)));
   const ShapeTable<Dim>& shape = discretization.shape;
   const auto by_node = places_in(shape);
   return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     for (const auto& [K, k] : by_node[a]) {
       const auto row = shape.row(K);
-      const Eigen::Matrix<double, voigt_size<Dim>, Dim> CBa =
-          discretization.weights[K] * (C[discretization.region[K]] * strain_matrix<Dim>(row.dN[k]));
+      const Eigen::Matrix<double, Size, Dim> CBa =
+          discretization.weights[K] * (C[discretization.region[K]] * strain_matrix<Dim, Normals>(row, k));
       for (std::size_t l = k; l < row.nodes.size(); ++l)
-        sums[row.nodes[l]].noalias() += strain_matrix<Dim>(row.dN[l]).transpose() * CBa;
+        sums[row.nodes[l]].noalias() += strain_matrix<Dim, Normals>(row, l).transpose() * CBa;
     }
   });
 }
 
 template VoigtPoints<2> strain<2>(const Discretization<2>&, const Points<2>&);
 template Points<2> internal_force<2>(const Discretization<2>&, const VoigtPoints<2>&);
-template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const VoigtMatrix<2>&);
-
 template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const std::vector<VoigtMatrix<2>>&);
+template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const std::vector<VoigtMatrix<2, 3>>&);
 template VoigtPoints<3> strain<3>(const Discretization<3>&, const Points<3>&);
 template Points<3> internal_force<3>(const Discretization<3>&, const VoigtPoints<3>&);
-template SymmetricMatrix stiffness_matrix<3>(const Discretization<3>&, const VoigtMatrix<3>&);
-
 template SymmetricMatrix stiffness_matrix<3>(const Discretization<3>&, const std::vector<VoigtMatrix<3>>&);
 
 }  // namespace efree

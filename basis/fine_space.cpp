@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
 
@@ -108,10 +109,25 @@ template <int Dim> constexpr auto local_edges() {
   return edges;
 }
 
+/// Throws InputError unless the mesh is half of a meridian section.
+template <int Dim> void check_meridian(const FineMesh<Dim>& mesh) {
+  if (Dim == 3) throw InputError("an axisymmetric analysis needs a mesh in the plane, half of a meridian section");
+  Index v = 0;
+  const double least = mesh.vertices().row(0).minCoeff(&v);
+  const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
+  if (least < -1e-12 * extent)
+    throw InputError(
+        fmt::format("axisymmetric: the vertex ({:.6g}) lies at a negative radius; x is the radius, expected "
+                    "x >= 0 everywhere, and y the axis",
+                    fmt::join(mesh.vertex(v), ", ")));
+}
+
 }  // namespace
 
-template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degree) : mesh_(&mesh), degree_(degree) {
+template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degree, bool axisymmetric)
+    : mesh_(&mesh), degree_(degree), axisymmetric_(axisymmetric) {
   if (degree != 1 && degree != 2) throw InputError(fmt::format("fine space of degree {}, expected 1 or 2", degree));
+  if (axisymmetric) check_meridian(mesh);
   const auto edges = local_edges<Dim>();
   const int corner_count = Dim + 1;
   cell_size_ = degree == 1 ? corner_count : max_cell_size;
@@ -196,6 +212,18 @@ template <int Dim> Vec<Dim> FineSpace<Dim>::position(Index c, const Barycentric&
   Vec<Dim> x = Vec<Dim>::Zero();
   for (int i = 0; i <= Dim; ++i) x += at[i] * mesh_->vertices().col(mesh_->cells()(i, c));
   return x;
+}
+
+template <int Dim> Vec<Dim> FineSpace<Dim>::centre_of_mass(Index c) const {
+  const Vec<Dim> centroid = mesh_->centroid(c);
+  if (!axisymmetric_) return centroid;
+  // int x r / int r over a triangle, from the mean of (x - centroid)(r - r_centroid).
+  Vec<Dim> covariance = Vec<Dim>::Zero();
+  for (int i = 0; i <= Dim; ++i) {
+    const Vec<Dim> arm = mesh_->vertex(mesh_->cells()(i, c)) - centroid;
+    covariance += arm[0] * arm / 12.0;
+  }
+  return centroid + covariance / centroid[0];
 }
 
 template <int Dim> auto FineSpace<Dim>::facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const

@@ -4,6 +4,8 @@
 
 #include "efree/geometry/fine_mesh.hpp"
 
+#include <algorithm>
+#include <numbers>
 #include <span>
 
 namespace efree {
@@ -26,11 +28,13 @@ template <int Dim> class FineSpace {
   using Barycentric = Eigen::Matrix<double, Dim + 1, 1>;
 
   FineSpace() = default;
-  /// Keeps a pointer to the mesh. Throws InputError unless degree is 1 or 2.
-  FineSpace(const FineMesh<Dim>& mesh, int degree);
+  /// Keeps a pointer to the mesh. Axisymmetric: the mesh is half of a meridian section, x the radius and y the axis.
+  /// Throws InputError unless degree is 1 or 2, for a vertex at a negative radius, or for axisymmetry in 3D.
+  FineSpace(const FineMesh<Dim>& mesh, int degree, bool axisymmetric = false);
 
   const FineMesh<Dim>& mesh() const { return *mesh_; }
   int degree() const { return degree_; }
+  bool axisymmetric() const { return axisymmetric_; }
   Index size() const { return static_cast<Index>(points_.cols()); }
   const Points<Dim>& points() const { return points_; }
   /// Degrees of freedom of cell c: its vertices, then (degree 2) the midpoints of edges (0,1), (0,2), (1,2), ...
@@ -47,15 +51,28 @@ template <int Dim> class FineSpace {
   /// Barycentric coordinates in cell facet_cell(f) of a point given by those on facet f.
   Barycentric facet_point(Index f, const Eigen::Matrix<double, Dim, 1>& at) const;
 
+  /// Volume (in 3D area) of the body that one unit of the mesh's volume (area) at x stands for: 2 pi r if axisymmetric,
+  /// else 1. Every integral has it as a factor.
+  double measure(const Vec<Dim>& x) const { return axisymmetric_ ? 2.0 * std::numbers::pi * std::max(0.0, x[0]) : 1.0; }
+
   /// Rule on cells that integrates one gradient times a function of the secondary basis exactly: the centroid for
-  /// degree 1, Dim + 1 points for degree 2.
+  /// degree 1, Dim + 1 points for degree 2. Axisymmetric: one gradient times the measure.
   const SimplexRule<Dim>& cell_rule() const { return cell_rule_; }
+  /// Volume of the body that cell c stands for, and its centre of mass.
+  double volume(Index c) const { return mesh_->volume(c) * measure(mesh_->centroid(c)); }
+  Vec<Dim> centre_of_mass(Index c) const;
+  /// Volume of the body that point q of the cell rule stands for in cell c.
+  double weight(Index c, Index q) const {
+    const double flat = mesh_->volume(c) * cell_rule_.weights[q];
+    return axisymmetric_ ? flat * measure(position(c, cell_rule_.points.col(q))) : flat;
+  }
   /// Rule on boundary facets, exact to degree 5.
   const SimplexRule<Dim - 1>& facet_rule() const { return facet_rule_; }
 
  private:
   const FineMesh<Dim>* mesh_ = nullptr;
   int degree_ = 0;
+  bool axisymmetric_ = false;
   Points<Dim> points_;
   int cell_size_ = 0;
   std::vector<Index> cell_dofs_;

@@ -14,6 +14,7 @@ template <int Dim> struct ShapeRow {
   std::span<const Index> nodes;  ///< ascending
   std::span<const double> N;     ///< [-]
   std::span<const Vec<Dim>> dN;  ///< [1/length]; empty in a table without gradients
+  std::span<const double> hoop;  ///< N over the radius [1/length]; empty unless axisymmetric
 };
 
 /// Compressed rows: row = evaluation point (fine degree of freedom, quadrature point), columns = nodes. MLS, finite
@@ -21,14 +22,15 @@ template <int Dim> struct ShapeRow {
 template <int Dim> class ShapeTable {
  public:
   ShapeTable() = default;
-  /// Takes flat arrays. dN is empty or as long as N.
+  /// Takes flat arrays. dN and hoop are empty or as long as N.
   ShapeTable(Index num_nodes, std::vector<Index> offsets, std::vector<Index> nodes, std::vector<double> N,
-             std::vector<Vec<Dim>> dN = {})
+             std::vector<Vec<Dim>> dN = {}, std::vector<double> hoop = {})
       : num_nodes_(num_nodes),
         offsets_(std::move(offsets)),
         nodes_(std::move(nodes)),
         N_(std::move(N)),
-        dN_(std::move(dN)) {}
+        dN_(std::move(dN)),
+        hoop_(std::move(hoop)) {}
 
   /// Every point is a node of its own: finite elements.
   static ShapeTable identity(Index size);
@@ -37,12 +39,14 @@ template <int Dim> class ShapeTable {
   Index num_nodes() const { return num_nodes_; }
   Index num_entries() const { return static_cast<Index>(nodes_.size()); }
   bool has_gradients() const { return !dN_.empty(); }
+  bool has_hoop() const { return !hoop_.empty(); }
 
   ShapeRow<Dim> row(Index p) const {
     const auto begin = static_cast<std::size_t>(offsets_[p]), count = static_cast<std::size_t>(offsets_[p + 1]) - begin;
     return {{nodes_.data() + begin, count},
             {N_.data() + begin, count},
-            {dN_.data() + (dN_.empty() ? 0 : begin), dN_.empty() ? 0 : count}};
+            {dN_.data() + (dN_.empty() ? 0 : begin), dN_.empty() ? 0 : count},
+            {hoop_.data() + (hoop_.empty() ? 0 : begin), hoop_.empty() ? 0 : count}};
   }
 
   /// Zero-copy sparse view of N, num_points x num_nodes.
@@ -56,6 +60,7 @@ template <int Dim> class ShapeTable {
   std::vector<Index> nodes_;
   std::vector<double> N_;
   std::vector<Vec<Dim>> dN_;
+  std::vector<double> hoop_;
 };
 
 /// Values at the points of `shape` of the field with the given coefficients (rows x N): rows x num_points.

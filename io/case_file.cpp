@@ -256,7 +256,10 @@ template <int Dim> void read_exact(const Section& section, const Expressions<Dim
     result.exact.displacement =
         expressions.fields(section.expressions<Dim>("displacement"), section.where("displacement"));
   if (section.has("stress"))
-    result.exact.stress = expressions.fields(section.expressions<voigt_size<Dim>>("stress"), section.where("stress"));
+    with_normals<Dim>(result.model.plane == Plane::axisymmetric, [&]<int Normals>(Number<Normals>) {
+      result.exact.stress =
+          expressions.fields(section.expressions<voigt_size<Dim, Normals>>("stress"), section.where("stress"));
+    });
   if (!result.has_exact()) section.fail("", "[exact] is empty, expected displacement or stress");
 }
 
@@ -272,8 +275,9 @@ template <int Dim> void read_probes(const std::vector<Section>& sections, Case<D
 template <int Dim> Plane read_plane(const Section& analysis) {
   if (Dim == 3 && analysis.has("plane"))
     analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
-  return analysis.choice<Plane>("plane", {{"stress", Plane::stress}, {"strain", Plane::strain}},
-                                Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+  return analysis.choice<Plane>(
+      "plane", {{"stress", Plane::stress}, {"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
+      Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
 }
 
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry) {
@@ -297,6 +301,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   result.approximation.grading = read_grading<Dim>(cloud);
 
   result.model.plane = read_plane<Dim>(analysis);
+  result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;
   if (analysis.has("body_force"))
     result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
   result.materials = read_materials(root);
@@ -319,7 +324,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 }  // namespace
 
 template <int Dim> bool locks_without_dilatation(const Case<Dim>& analysis) {
-  return analysis.approximation.kind == BasisKind::mls && (Dim == 3 || analysis.model.plane == Plane::strain) &&
+  return analysis.approximation.kind == BasisKind::mls && (Dim == 3 || analysis.model.plane != Plane::stress) &&
          std::ranges::any_of(analysis.materials, [](const auto& material) { return material.elastic.nu > 0.4; });
 }
 

@@ -80,11 +80,10 @@ template <> struct VtkCell<3> {
   static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
 };
 
-template <int Dim> std::vector<const char*> voigt_names() {
-  if constexpr (Dim == 2)
-    return {"xx", "yy", "xy"};
-  else
-    return {"xx", "yy", "zz", "yz", "xz", "xy"};
+template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
+  if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
+  if (axisymmetric) return {"rr", "zz", "tt", "rz"};
+  return {"xx", "yy", "xy"};
 }
 
 /// von Mises stress at the degrees of freedom. Where two regions share one, the material is that of the first cell.
@@ -160,8 +159,8 @@ void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, 
 
   const Fields<Dim>& fields = result.fields;
   add_array(grid, "displacement", fields.displacement, {"x", "y", "z"});
-  add_array(grid, "strain", fields.strain, voigt_names<Dim>());
-  add_array(grid, "stress", fields.stress, voigt_names<Dim>());
+  add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
+  add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
   add_array(grid, "von_mises", mises_at_dofs<Dim>(space, result.model, fields.stress), {""});
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, analysis.supports), {""}));
   grid->GetPointData()->AddArray(

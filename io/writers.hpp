@@ -13,9 +13,9 @@ namespace efree {
 std::string version();
 
 /// Fields on the fine mesh for ParaView (VTK, compressed binary): point data displacement (3 components), strain (xx,
-/// yy, xy | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded (1 on parts of the
-/// boundary with displacement conditions and tractions, else 0); cell data region (counted from 0). Quadratic spaces
-/// become quadratic cells. Throws InputError if the file cannot be written, as all writers do.
+/// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
+/// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0).
+/// Quadratic spaces become quadratic cells. Throws InputError if the file cannot be written, as all writers do.
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
 

@@ -6,7 +6,12 @@
 
 namespace efree {
 
-enum class Plane { stress, strain };
+/// What a mesh in the plane stands for.
+enum class Plane {
+  stress,        ///< a thin plate, per unit thickness
+  strain,        ///< a slice of a body that cannot stretch along z, per unit thickness
+  axisymmetric,  ///< half of a meridian section, x the radius and y the axis: the body of revolution
+};
 
 struct LinearElastic {
   double E = 0.0;   ///< Young's modulus [stress], positive
@@ -19,8 +24,8 @@ struct Lame {
   double mu = 0.0;      ///< [stress]
 };
 
-/// In-plane Lame constants: 3D ones for plane strain, lambda' = 2 lambda mu / (lambda + 2 mu) for plane stress.
-/// Throws InputError for E <= 0 or nu outside (-1, 0.5).
+/// In-plane Lame constants: 3D ones for plane strain and axisymmetry, lambda' = 2 lambda mu / (lambda + 2 mu) for plane
+/// stress. Throws InputError for E <= 0 or nu outside (-1, 0.5).
 Lame plane_lame(const LinearElastic& material, Plane plane);
 
 /// Lame constants in space. Throws like plane_lame.
@@ -33,20 +38,21 @@ template <int Dim> Lame lame_constants(const LinearElastic& material, Plane plan
     return solid_lame(material);
 }
 
-/// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Dim, no shear.
-template <int Dim> Lame volumetric(const Lame& lame) {
-  return {lame.lambda + 2.0 * lame.mu / Dim, 0.0};
+/// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Normals, no shear.
+template <int Normals> Lame volumetric(const Lame& lame) {
+  return {lame.lambda + 2.0 * lame.mu / Normals, 0.0};
 }
-/// What remains: 2 mu times the deviator in Dim dimensions.
-template <int Dim> Lame deviatoric(const Lame& lame) {
-  return {-2.0 * lame.mu / Dim, lame.mu};
+/// What remains: 2 mu times the deviator in as many dimensions as there are normal strains.
+template <int Normals> Lame deviatoric(const Lame& lame) {
+  return {-2.0 * lame.mu / Normals, lame.mu};
 }
 
 /// Stiffness in Voigt notation; strains carry engineering shear (gamma = 2 eps).
-template <int Dim> VoigtMatrix<Dim> stiffness(const Lame& lame);
+template <int Dim, int Normals = Dim> VoigtMatrix<Dim, Normals> stiffness(const Lame& lame);
 
-/// von Mises stress from the in-plane stress (xx, yy, xy); plane strain adds sigma_zz = nu (sigma_xx + sigma_yy).
-double von_mises(const Voigt<2>& stress, Plane plane, double nu);
+/// von Mises stress from (xx, yy, xy), to which plane strain adds sigma_zz = nu (sigma_xx + sigma_yy), or axisymmetric
+/// from (rr, zz, tt, rz).
+double von_mises(const VoigtValue<2>& stress, Plane plane, double nu);
 /// The same from all six components.
 double von_mises(const Voigt<3>& stress);
 

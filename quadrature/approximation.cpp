@@ -115,7 +115,7 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
   Approximation<Dim> result;
   {
     Stage stage("basis", times, progress);
-    result.space = FineSpace<Dim>(mesh, options.kind == BasisKind::p1 ? 1 : 2);
+    result.space = FineSpace<Dim>(mesh, options.kind == BasisKind::p1 ? 1 : 2, options.axisymmetric);
     result.shape = ShapeTable<Dim>::identity(result.space.size());
     result.nodes = result.space.points();
     result.node_dofs.resize(result.space.size());
@@ -137,7 +137,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
 
   const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
   Approximation<Dim> result;
-  result.space = FineSpace<Dim>(mesh, options.interpolation);
+  result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
   NodeCloud<Dim> cloud;
   {
     Stage stage("cloud", clock, progress);

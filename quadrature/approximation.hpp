@@ -29,6 +29,7 @@ enum class SecondaryKind {
 
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
+  bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
   int order = 1;           ///< polynomials MLS reproduces: 1 or 2
   int interpolation = 1;   ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow)
   double spacing = 0.0;    ///< H [length]; required for MLS

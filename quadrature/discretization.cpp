@@ -38,6 +38,9 @@ SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index
   return indicators(column, cols);
 }
 
+/// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r.
+template <int Dim, int Normals> using Moment = Eigen::Matrix<double, 1 + Normals, 1>;
+
 /// Rows of a table with gradients, built in chunks that run concurrently and are joined in order.
 template <int Dim> class TableBuilder {
  public:
@@ -56,18 +59,22 @@ template <int Dim> class TableBuilder {
       all.nodes.insert(all.nodes.end(), part.nodes.begin(), part.nodes.end());
       all.N.insert(all.N.end(), part.N.begin(), part.N.end());
       all.dN.insert(all.dN.end(), part.dN.begin(), part.dN.end());
+      all.hoop.insert(all.hoop.end(), part.hoop.begin(), part.hoop.end());
     }
-    return {num_nodes_, std::move(all.offsets), std::move(all.nodes), std::move(all.N), std::move(all.dN)};
+    return {num_nodes_,       std::move(all.offsets), std::move(all.nodes),
+            std::move(all.N), std::move(all.dN),      std::move(all.hoop)};
   }
 
   struct Part {
     std::vector<Index> offsets{0}, nodes;
     std::vector<double> N;
     std::vector<Vec<Dim>> dN;
-    void add(Index node, double value, const Vec<Dim>& gradient) {
+    std::vector<double> hoop;
+    template <int Normals> void add(Index node, const Moment<Dim, Normals>& moment) {
       nodes.push_back(node);
-      N.push_back(value);
-      dN.push_back(gradient);
+      N.push_back(moment[0]);
+      dN.push_back(moment.template segment<Dim>(1));
+      if constexpr (Normals > Dim) hoop.push_back(moment[Normals]);
     }
     void close() { offsets.push_back(static_cast<Index>(nodes.size())); }
   };
@@ -76,34 +83,33 @@ template <int Dim> class TableBuilder {
   Index rows_, num_nodes_;
 };
 
-/// Value (first) and gradient (rest) that one fine function or node contributes to a quadrature point.
-template <int Dim> using Moment = Eigen::Matrix<double, Dim + 1, 1>;
-
 /// Adds `factor` times the value and gradient of the fine functions at rule point q of cell c.
-template <int Dim>
-void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor, Accumulator<Moment<Dim>>& fine) {
+template <int Dim, int Normals> void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor,
+                                                    Accumulator<Moment<Dim, Normals>>& fine) {
   const auto at = space.cell_rule().points.col(q);
   const auto N = space.values(at);
   const auto dN = space.gradients(c, at);
   const auto dofs = space.cell(c);
+  [[maybe_unused]] const double over_r = Normals > Dim ? factor / space.position(c, at)[0] : 0.0;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     auto& moment = fine[dofs[i]];
     moment[0] += factor * N[i];
-    moment.template tail<Dim>() += factor * dN.col(i);
+    moment.template segment<Dim>(1) += factor * dN.col(i);
+    if constexpr (Normals > Dim) moment[Normals] += over_r * N[i];
   }
 }
 
 /// Turns moments of the fine functions into moments of the nodes: phi_I = sum_v eta_v phi_I(v).
-template <int Dim> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine,
-                                   Accumulator<Moment<Dim>>& nodal, double scale,
-                                   typename TableBuilder<Dim>::Part& out) {
+template <int Dim, int Normals> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim, Normals>>& fine,
+                                                Accumulator<Moment<Dim, Normals>>& nodal, double scale,
+                                                typename TableBuilder<Dim>::Part& out) {
   nodal.clear();
   for (Index v : fine.touched()) {
-    const Moment<Dim> moment = scale * fine[v];
+    const Moment<Dim, Normals> moment = scale * fine[v];
     const auto row = shape.row(v);
     for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * moment;
   }
-  for (Index I : nodal.sorted()) out.add(I, nodal[I][0], nodal[I].template tail<Dim>());
+  for (Index I : nodal.sorted()) out.template add<Normals>(I, nodal[I]);
   out.close();
 }
 
@@ -135,8 +141,8 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
       throw NumericalError(
           fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
                       fmt::join(mesh.centroid(c), ", ")));
-    volume[owner[c]] += mesh.volume(c);
-    moment.col(owner[c]) += mesh.volume(c) * mesh.centroid(c);
+    volume[owner[c]] += space.volume(c);
+    moment.col(owner[c]) += space.volume(c) * space.centre_of_mass(c);
   }
   std::vector<Index> region(cloud.size(), -1);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
@@ -239,11 +245,10 @@ template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
 }
 
 template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
-  const auto& rule = space.cell_rule();
-  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
   Vector weights = Vector::Zero(secondary.in_cells.cols());
   for (Index p = 0; p < secondary.in_cells.rows(); ++p) {
-    const double volume = space.mesh().volume(p / per_cell) * rule.weights[p % per_cell];
+    const double volume = space.weight(p / per_cell, p % per_cell);
     for (SparseRows::InnerIterator entry(secondary.in_cells, p); entry; ++entry)
       weights[entry.col()] += volume * entry.value();
   }
@@ -252,8 +257,7 @@ template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const S
 
 template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                const SecondaryBasis<Dim>& secondary) {
-  const auto& rule = space.cell_rule();
-  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
   const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
   Discretization<Dim> result;
   result.points = secondary.points;
@@ -265,16 +269,18 @@ template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, cons
       throw NumericalError(
           fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
                       fmt::join(result.points.col(K), ", "), result.weights[K]));
-  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-    Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
-    for (Index K = begin; K < end; ++K) {
-      fine.clear();
-      for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-        const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
-        add_cell_point(space, c, q, entry.value() * space.mesh().volume(c) * rule.weights[q], fine);
+  with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+      Accumulator<Moment<Dim, Normals>> fine(space.size()), nodal(shape.num_nodes());
+      for (Index K = begin; K < end; ++K) {
+        fine.clear();
+        for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+          const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
+          add_cell_point<Dim, Normals>(space, c, q, entry.value() * space.weight(c, q), fine);
+        }
+        emit_nodes<Dim, Normals>(shape, fine, nodal, 1.0 / result.weights[K], out);
       }
-      emit_nodes(shape, fine, nodal, 1.0 / result.weights[K], out);
-    }
+    });
   });
   return result;
 }
@@ -288,20 +294,23 @@ template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& 
   result.on_facets = secondary.on_facets;
   result.region = secondary.region;
   result.weights = secondary_weights(space, secondary);
-  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-    Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
-    for (Index K = begin; K < end; ++K) {
-      Index nearest = -1;
-      double best = std::numeric_limits<double>::infinity();
-      for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-        const Vec<Dim> x = space.position(entry.col() / per_cell, space.cell_rule().points.col(entry.col() % per_cell));
-        if (const double distance = (x - result.points.col(K)).norm(); distance < best)
-          best = distance, nearest = entry.col();
+  with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+      Accumulator<Moment<Dim, Normals>> fine(space.size()), nodal(shape.num_nodes());
+      for (Index K = begin; K < end; ++K) {
+        Index nearest = -1;
+        double best = std::numeric_limits<double>::infinity();
+        for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+          const Vec<Dim> x =
+              space.position(entry.col() / per_cell, space.cell_rule().points.col(entry.col() % per_cell));
+          if (const double distance = (x - result.points.col(K)).norm(); distance < best)
+            best = distance, nearest = entry.col();
+        }
+        fine.clear();
+        add_cell_point<Dim, Normals>(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
+        emit_nodes<Dim, Normals>(shape, fine, nodal, 1.0, out);
       }
-      fine.clear();
-      add_cell_point(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
-      emit_nodes(shape, fine, nodal, 1.0, out);
-    }
+    });
   });
   return result;
 }
@@ -335,22 +344,25 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
   }
   result.points.array().rowwise() /= result.weights.transpose().array();
   result.on_facets = fine.on_facets * indicators(group, groups);
-  result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-    Accumulator<Moment<Dim>> nodal(fine.shape.num_nodes());
-    for (Index g = begin; g < end; ++g) {
-      nodal.clear();
-      for (Index K : members[g]) {
-        const double share = fine.weights[K] / result.weights[g];
-        const auto row = fine.shape.row(K);
-        for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-          auto& moment = nodal[row.nodes[k]];
-          moment[0] += share * row.N[k];
-          moment.template tail<Dim>() += share * row.dN[k];
+  with_normals<Dim>(fine.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
+      Accumulator<Moment<Dim, Normals>> nodal(fine.shape.num_nodes());
+      for (Index g = begin; g < end; ++g) {
+        nodal.clear();
+        for (Index K : members[g]) {
+          const double share = fine.weights[K] / result.weights[g];
+          const auto row = fine.shape.row(K);
+          for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+            auto& moment = nodal[row.nodes[k]];
+            moment[0] += share * row.N[k];
+            moment.template segment<Dim>(1) += share * row.dN[k];
+            if constexpr (Normals > Dim) moment[Normals] += share * row.hoop[k];
+          }
         }
+        for (Index I : nodal.sorted()) out.template add<Normals>(I, nodal[I]);
+        out.close();
       }
-      for (Index I : nodal.sorted()) out.add(I, nodal[I][0], nodal[I].template tail<Dim>());
-      out.close();
-    }
+    });
   });
   return result;
 }

@@ -17,20 +17,23 @@ template <int Dim> struct SecondaryBasis {
   SparseRows on_facets;  ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
 };
 
-/// What physics sees of a basis: points, weights, and functions with projected gradients.
+/// What physics sees of a basis: points, weights, and functions with projected gradients. All integrals are over the
+/// body: axisymmetric ones have the factor 2 pi r (FineSpace::measure).
 template <int Dim> struct Discretization {
   Points<Dim> points;     ///< Dim x M
   Vector weights;         ///< M, w_K = int Phi_K, positive, sum = volume
-  ShapeTable<Dim> shape;  ///< M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K
+  /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K
+  ShapeTable<Dim> shape;
   SparseRows on_facets;   ///< Phi_K on the boundary, see SecondaryBasis
   std::vector<Index> region;  ///< M, region of the mesh that each point stands for
 
   Index size() const { return static_cast<Index>(weights.size()); }
+  bool axisymmetric() const { return shape.has_hoop(); }
 };
 
 /// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
-/// node K, x_K their centroid. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes that
-/// get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
+/// node K, x_K their centre of mass. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes
+/// that get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).

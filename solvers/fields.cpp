@@ -20,12 +20,18 @@ namespace {
 /// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
 /// in size.
 template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature) {
-  SparseRows overlaps = (quadrature.weights.asDiagonal() * quadrature.shape.matrix()).transpose();
-  for (double& value : std::span(overlaps.valuePtr(), static_cast<std::size_t>(overlaps.nonZeros()))) {
-    const double overlap = std::max(0.0, value);
-    value = overlap * overlap * overlap;
+  SparseRows overlaps = quadrature.shape.matrix();
+  for (Index K = 0; K < quadrature.size(); ++K) {
+    const auto row = quadrature.shape.row(K);
+    // Axisymmetric: overlaps in the section, where points far from the axis count no more than those near it.
+    const std::span<const double> mean = quadrature.axisymmetric() ? row.hoop : row.N;
+    std::size_t k = 0;
+    for (SparseRows::InnerIterator entry(overlaps, K); entry; ++entry) {
+      const double overlap = std::max(0.0, quadrature.weights[K] * mean[k++]);
+      entry.valueRef() = overlap * overlap * overlap;
+    }
   }
-  return overlaps;
+  return overlaps.transpose();
 }
 
 /// Value at each node of a linear least-squares fit to `values` (rows x M) at the quadrature points around it; the mean
@@ -89,13 +95,68 @@ template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells
   return total;
 }
 
-/// Columns `dofs` of a field; stays on the stack.
-template <int Dim, int Rows> Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> gather(
-    const Eigen::Matrix<double, Rows, Eigen::Dynamic>& values, std::span<const Index> dofs) {
-  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> local(
-      Rows, static_cast<Index>(dofs.size()));
+/// Columns `dofs` of a field with `Rows` components (or any number up to 6: Eigen::Dynamic); stays on the stack.
+template <int Dim, int Rows, class Values> auto gather(const Values& values, std::span<const Index> dofs) {
+  constexpr int most = Rows == Eigen::Dynamic ? 6 : Rows;
+  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, most, FineSpace<Dim>::max_cell_size> local(
+      values.rows(), static_cast<Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) local.col(static_cast<Index>(i)) = values.col(dofs[i]);
   return local;
+}
+
+/// Errors in an analysis with `Normals` normal strains.
+template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                                   const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
+  const auto& space = approximation.space;
+  const auto rule = simplex_rule<Dim>(4);
+  using Strains = Voigt<Dim, Normals>;
+  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses, compliances;
+  for (const Lame& one : lame) {
+    stiffnesses.push_back(stiffness<Dim, Normals>(one));
+    compliances.push_back(stiffnesses.back().inverse());
+  }
+  enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto dofs = space.cell(c);
+    const auto u = gather<Dim, Dim>(fields.displacement, dofs);
+    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, dofs);
+    const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const Vec<Dim> x = space.position(c, rule.points.col(q));
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(x);
+      const auto N = space.values(rule.points.col(q));
+      if (exact.displacement) {
+        const Vec<Dim> reference = exact.displacement(x);
+        sum[u_error] += dV * (u * N - reference).squaredNorm();
+        sum[u_norm] += dV * reference.squaredNorm();
+      }
+      if (exact.stress) {
+        const VoigtValue<Dim> given = exact.stress(x);
+        if (given.size() != voigt_size<Dim, Normals>)
+          throw InputError(
+              fmt::format("the exact stress has {} components, expected {}", given.size(), voigt_size<Dim, Normals>));
+        const Strains reference = given;
+        const auto energy = [&](const Strains& s) { return dV * s.dot(compliance * s); };
+        sum[energy_error] +=
+            energy(C * strain_at<Dim, Normals>(space, c, rule.points.col(q), fields.displacement) - reference);
+        sum[recovered_error] += energy(sigma * N - reference);
+        sum[energy_norm] += energy(reference);
+      }
+    }
+  });
+  const auto relative = [&](int error, int norm) {
+    if (sums[norm] == 0.0) throw InputError("the exact solution is zero everywhere: there is no relative error");
+    return std::sqrt(sums[error] / sums[norm]);
+  };
+  Errors errors;
+  if (exact.displacement) errors.l2_displacement = relative(u_error, u_norm);
+  if (exact.stress) {
+    errors.energy_norm = relative(energy_error, energy_norm);
+    errors.energy_norm_recovered = relative(recovered_error, energy_norm);
+  }
+  for (const auto& error : {errors.l2_displacement, errors.energy_norm, errors.energy_norm_recovered})
+    if (error && !std::isfinite(*error)) throw InputError("the exact solution is not finite somewhere in the body");
+  return errors;
 }
 
 }  // namespace
@@ -117,59 +178,15 @@ template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fie
   }
   const auto N = space.values(inside);
   const auto dofs = space.cell(cell);
-  return {gather<Dim>(fields.displacement, dofs) * N, gather<Dim>(fields.strain, dofs) * N,
-          gather<Dim>(fields.stress, dofs) * N};
+  return {gather<Dim, Dim>(fields.displacement, dofs) * N, gather<Dim, Eigen::Dynamic>(fields.strain, dofs) * N,
+          gather<Dim, Eigen::Dynamic>(fields.stress, dofs) * N};
 }
 
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                          const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
-  const auto& space = approximation.space;
-  const auto rule = simplex_rule<Dim>(4);
-  std::vector<VoigtMatrix<Dim>> stiffnesses, compliances;
-  for (const Lame& one : lame) {
-    stiffnesses.push_back(stiffness<Dim>(one));
-    compliances.push_back(stiffnesses.back().inverse());
-  }
-  enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
-  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
-    const auto dofs = space.cell(c);
-    const auto u = gather<Dim>(fields.displacement, dofs);
-    const auto sigma = gather<Dim>(fields.stress, dofs);
-    const VoigtMatrix<Dim>&C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const double dV = space.mesh().volume(c) * rule.weights[q];
-      const Vec<Dim> x = space.position(c, rule.points.col(q));
-      const auto N = space.values(rule.points.col(q));
-      if (exact.displacement) {
-        const Vec<Dim> reference = exact.displacement(x);
-        sum[u_error] += dV * (u * N - reference).squaredNorm();
-        sum[u_norm] += dV * reference.squaredNorm();
-      }
-      if (exact.stress) {
-        const auto dN = space.gradients(c, rule.points.col(q));
-        Voigt<Dim> eps = Voigt<Dim>::Zero();
-        for (Index i = 0; i < dN.cols(); ++i) eps += strain_matrix<Dim>(dN.col(i)) * u.col(i);
-        const Voigt<Dim> reference = exact.stress(x);
-        const auto energy = [&](const Voigt<Dim>& s) { return dV * s.dot(compliance * s); };
-        sum[energy_error] += energy(C * eps - reference);
-        sum[recovered_error] += energy(sigma * N - reference);
-        sum[energy_norm] += energy(reference);
-      }
-    }
+  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return errors_with<Dim, Normals>(approximation, fields, lame, exact);
   });
-  const auto relative = [&](int error, int norm) {
-    if (sums[norm] == 0.0) throw InputError("the exact solution is zero everywhere: there is no relative error");
-    return std::sqrt(sums[error] / sums[norm]);
-  };
-  Errors errors;
-  if (exact.displacement) errors.l2_displacement = relative(u_error, u_norm);
-  if (exact.stress) {
-    errors.energy_norm = relative(energy_error, energy_norm);
-    errors.energy_norm_recovered = relative(recovered_error, energy_norm);
-  }
-  for (const auto& error : {errors.l2_displacement, errors.energy_norm, errors.energy_norm_recovered})
-    if (error && !std::isfinite(*error)) throw InputError("the exact solution is not finite somewhere in the body");
-  return errors;
 }
 
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);

@@ -32,32 +32,43 @@ std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approx
     for (const Lame& one : lame) result.push_back(part(one));
     return result;
   };
+  const bool solid = Dim == 3 || approximation.space.axisymmetric();
   const auto sheared = [&](double share) {
-    return of_all([share](const Lame& one) {
-      const Lame dev = deviatoric<Dim>(one);
+    return of_all([&](const Lame& one) {
+      const Lame dev = solid ? deviatoric<3>(one) : deviatoric<2>(one);
       return Lame{share * dev.lambda, share * dev.mu};
     });
   };
   std::vector<StiffnessTerm<Dim>> terms;
   terms.push_back({&approximation.quadrature, sheared(stabilised ? 1.0 - stabilisation : 1.0)});
   if (stabilised) terms.push_back({&approximation.fine, sheared(stabilisation)});
-  terms.push_back({unions ? &approximation.dilatation : &approximation.quadrature, of_all(volumetric<Dim>)});
+  terms.push_back(
+      {unions ? &approximation.dilatation : &approximation.quadrature, of_all(solid ? volumetric<3> : volumetric<2>)});
   return terms;
 }
 
-template <int Dim> std::vector<VoigtMatrix<Dim>> stiffnesses(const std::vector<Lame>& lame) {
-  std::vector<VoigtMatrix<Dim>> C;
-  for (const Lame& one : lame) C.push_back(stiffness<Dim>(one));
+template <int Dim, int Normals> std::vector<VoigtMatrix<Dim, Normals>> stiffnesses(const std::vector<Lame>& lame) {
+  std::vector<VoigtMatrix<Dim, Normals>> C;
+  for (const Lame& one : lame) C.push_back(stiffness<Dim, Normals>(one));
   return C;
+}
+
+template <int Dim> SymmetricMatrix stiffness_matrix(const StiffnessTerm<Dim>& term) {
+  return with_normals<Dim>(term.discretization->axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return stiffness_matrix(*term.discretization, stiffnesses<Dim, Normals>(term.lame));
+  });
 }
 
 /// C of each point's region times its strain.
 template <int Dim> VoigtPoints<Dim> stress_at_points(const Discretization<Dim>& discretization,
-                                                     const std::vector<VoigtMatrix<Dim>>& C,
-                                                     const VoigtPoints<Dim>& strain) {
-  VoigtPoints<Dim> stress(voigt_size<Dim>, strain.cols());
-  for (Index K = 0; K < strain.cols(); ++K) stress.col(K) = C[discretization.region[K]] * strain.col(K);
-  return stress;
+                                                     const std::vector<Lame>& lame, const VoigtPoints<Dim>& strain) {
+  return with_normals<Dim>(discretization.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    const auto C = stiffnesses<Dim, Normals>(lame);
+    VoigtPoints<Dim> stress(strain.rows(), strain.cols());
+    for (Index K = 0; K < strain.cols(); ++K)
+      stress.col(K) = C[discretization.region[K]] * Voigt<Dim, Normals>(strain.col(K));
+    return stress;
+  });
 }
 
 /// Lower triangle of T^T K T for a block diagonal T of frames at a few nodes.
@@ -80,35 +91,31 @@ template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalC
 }
 
 /// Twice the shear energy per shear modulus of a Voigt strain: |dev eps|^2.
-template <int Dim> double deviator_squared(const Voigt<Dim>& strain) {
-  const double mean = strain.template head<Dim>().mean();
-  return (strain.template head<Dim>().array() - mean).square().sum() +
-         0.5 * strain.template tail<voigt_size<Dim> - Dim>().squaredNorm();
+template <int Dim, int Normals> double deviator_squared(const Voigt<Dim, Normals>& strain) {
+  const double mean = strain.template head<Normals>().mean();
+  return (strain.template head<Normals>().array() - mean).square().sum() +
+         0.5 * strain.template tail<voigt_size<Dim, Normals> - Normals>().squaredNorm();
 }
 
 /// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.
 /// Compares the distortion the quadrature sees with that of the field itself on the fine mesh.
-template <int Dim>
+template <int Dim, int Normals>
 void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
   constexpr double smallest_share = 0.05;
   const auto& space = approximation.space;
   const auto& mesh = space.mesh();
   double seen = 0.0;
   for (Index K = 0; K < approximation.quadrature.size(); ++K)
-    seen += approximation.quadrature.weights[K] * deviator_squared<Dim>(strain.col(K));
+    seen += approximation.quadrature.weights[K] * deviator_squared<Dim, Normals>(strain.col(K));
   const Points<Dim> u = interpolate(approximation.shape, U);
   const auto& rule = space.cell_rule();
   double there = 0.0, worst = 0.0;
   Vec<Dim> where = Vec<Dim>::Zero();
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     double of_cell = 0.0;
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const auto dN = space.gradients(c, rule.points.col(q));
-      const auto dofs = space.cell(c);
-      Voigt<Dim> eps = Voigt<Dim>::Zero();
-      for (std::size_t i = 0; i < dofs.size(); ++i) eps += strain_matrix<Dim>(dN.col(i)) * u.col(dofs[i]);
-      of_cell += mesh.volume(c) * rule.weights[q] * deviator_squared<Dim>(eps);
-    }
+    for (Index q = 0; q < rule.weights.size(); ++q)
+      of_cell +=
+          space.weight(c, q) * deviator_squared<Dim, Normals>(strain_at<Dim, Normals>(space, c, rule.points.col(q), u));
     there += of_cell;
     if (of_cell > worst) {
       worst = of_cell;
@@ -116,8 +123,8 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
     }
   }
   const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
-  const double rounding =
-      1e-20 * mesh.volumes().sum() * u.squaredNorm() / (static_cast<double>(u.cols()) * diameter * diameter);
+  const double rounding = 1e-20 * approximation.quadrature.weights.sum() * u.squaredNorm() /
+                          (static_cast<double>(u.cols()) * diameter * diameter);
   if (there > rounding && seen < smallest_share * there)
     throw NumericalError(fmt::format(
         "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest around ({:.5g}); "
@@ -163,7 +170,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     require_restrained(approximation.space, restrained, ties);
     SymmetricMatrix K;
     for (const auto& term : terms) {
-      const SymmetricMatrix part = stiffness_matrix(*term.discretization, stiffnesses<Dim>(term.lame));
+      const SymmetricMatrix part = stiffness_matrix(term);
       K = K.size() ? SymmetricMatrix(K + part) : part;
     }
     prescribed_rhs = Vector::Zero(K.rows());
@@ -239,6 +246,10 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
                                                      StageTimes* times, const Progress& progress)
     : impl_(new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}}) {
+  if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
+    throw InputError(approximation.space.axisymmetric()
+                         ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
+                         : "the model is axisymmetric: approximate with axisymmetric = true");
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   impl_->terms = stiffness_terms(approximation, impl_->lame, model.stabilisation);
@@ -271,19 +282,20 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
   solution.coefficients = impl_->solve(load_vector(approximation.space, approximation.shape, loads));
   for (const auto& term : impl_->terms) {
     const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
-    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, stiffnesses<Dim>(term.lame), eps);
+    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, term.lame, eps);
     for (Index K = 0; K < term.discretization->size(); ++K)
       solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
   }
   solution.strain = strain(approximation.quadrature, solution.coefficients);
-  require_stable(approximation, solution.coefficients, solution.strain);
-  solution.stress = stress_at_points(approximation.quadrature, stiffnesses<Dim>(impl_->lame), solution.strain);
+  with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
+  });
+  solution.stress = stress_at_points(approximation.quadrature, impl_->lame, solution.strain);
   if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
+    const StiffnessTerm<Dim>& volumetric = impl_->terms.back();
     const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
-    for (Index K = 0; K < approximation.quadrature.size(); ++K) {
-      const Lame vol = volumetric<Dim>(impl_->lame[approximation.quadrature.region[K]]);
-      solution.stress.col(K) += stiffness<Dim>(vol) * (mean.col(approximation.union_of[K]) - solution.strain.col(K));
-    }
+    solution.stress += stress_at_points(approximation.quadrature, volumetric.lame,
+                                        VoigtPoints<Dim>(mean(Eigen::all, approximation.union_of) - solution.strain));
   }
   return solution;
 }

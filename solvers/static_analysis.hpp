@@ -20,7 +20,7 @@ enum class Essential {
 
 struct ElasticModel {
   LinearElastic material;
-  Plane plane = Plane::stress;  ///< means nothing in 3D
+  Plane plane = Plane::stress;  ///< axisymmetric exactly if the approximation is; means nothing in 3D
   Essential essential = Essential::nitsche;
   double stabilisation =
       0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
@@ -36,7 +36,7 @@ template <int Dim> struct Solution {
   Points<Dim> coefficients;    ///< Dim x N; not nodal displacements: use interpolate(shape, coefficients)
   VoigtPoints<Dim> strain;     ///< at quadrature points, engineering shear
   VoigtPoints<Dim> stress;     ///< at quadrature points
-  double strain_energy = 0.0;  ///< [force * length per thickness]
+  double strain_energy = 0.0;  ///< [force * length], in the plane per thickness
 };
 
 /// Regions of a mesh parted by cut_regions are tied to each other where they touch, by Nitsche. Assembles and factors once, then solves any number of load cases.
@@ -73,7 +73,7 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
 /// Fields at one point. Throws InputError (with the nearest point of the body) if it lies outside.
 template <int Dim> struct ProbeValues {
   Vec<Dim> displacement;
-  Voigt<Dim> strain, stress;
+  VoigtValue<Dim> strain, stress;
 };
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/case_file.hpp"
+#include "efree/io/run_case.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>
@@ -76,6 +77,14 @@ TEST(KirschSolution, LoadsAreItsStresses) {
             Vec<2>(plate.exact.stress(right)[0], plate.exact.stress(right)[2]));
   EXPECT_EQ(plate.loads.tractions[1].traction(top, Vec<2>::UnitY()),
             Vec<2>(plate.exact.stress(top)[2], plate.exact.stress(top)[1]));
+}
+
+TEST(Examples, ThickCylinderIsWithinAPercentWithEightNodesThroughTheWall) {
+  const auto result = solve_case(std::get<Case<2>>(read_case(examples + "/thick_cylinder/axisymmetric.toml")));
+  EXPECT_LE(*result.errors->l2_displacement, 0.01);
+  const double u = 1.3 / 3.0 * (0.4 + 4.0), hoop = 5.0 / 3.0;
+  EXPECT_NEAR(result.probes.at(0).second.displacement.x() / u, 1.0, 0.01);
+  EXPECT_NEAR(result.probes.at(0).second.stress[2] / hoop, 1.0, 0.05);
 }
 
 TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {

@@ -163,6 +163,72 @@ TEST(SolidCase, PlaneHasNoMeaning) {
                  R"(^case.toml:24: traction is an array of 2, expected an array of 3)");
 }
 
+// --- a body of revolution --------------------------------------------------------------------------------------------
+
+/// Solid cylinder of radius 1 and height 2 pulled along its axis by a stress of 5: E = 5, so that u = (-0.3 r, z).
+const std::string cylinder_case = R"(title = "cylinder"
+[geometry]
+shape = "rectangle"
+parameters = { width = 1, height = 2 }
+mesh_size = 0.1
+[cloud]
+spacing = 0.3
+[analysis]
+plane = "axisymmetric"
+[material]
+E = 5
+nu = 0.3
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "top"
+traction = [0, 5]
+[exact]
+displacement = ["-0.3*x", "y"]
+stress = [0, 5, 0, 0]
+[[probe]]
+name = "on the axis"
+at = [0, 1]
+)";
+
+TEST(AxisymmetricCase, TensionAlongTheAxisComesOutExactly) {
+  for (const std::string kind : {"mls", "p1", "p2"}) {
+    const Workspace work(replaced(cylinder_case, "[material]", "[basis]\nkind = \"" + kind + "\"\n[material]"));
+    const auto run = work.efree(solve_here);
+    ASSERT_EQ(run.status, 0) << run.output;
+    const auto result = json(work / "out/result.json");
+    EXPECT_LT(result["errors"]["l2_displacement"], 1e-10) << kind;
+    EXPECT_LT(result["errors"]["energy_norm"], 1e-10) << kind;
+    EXPECT_NEAR(result["strain_energy"], 0.5 * 5.0 * 2.0 * std::acos(-1.0), 1e-9) << kind;
+    const auto& probe = result["probes"]["on the axis"];
+    ASSERT_EQ(probe["stress"].size(), 4u);
+    const double stress[] = {0.0, 5.0, 0.0, 0.0}, strain[] = {-0.3, 1.0, -0.3, 0.0};
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_NEAR(probe["stress"][i], stress[i], 1e-9) << kind << ' ' << i;
+      EXPECT_NEAR(probe["strain"][i], strain[i], 1e-9) << kind << ' ' << i;
+    }
+    const vtkNew<vtkXMLUnstructuredGridReader> reader;
+    reader->SetFileName((work / "out/fields.vtu").c_str());
+    reader->Update();
+    const auto data = reader->GetOutput()->GetPointData();
+    vtkDataArray* array = data->GetArray("stress");
+    ASSERT_EQ(array->GetNumberOfComponents(), 4);
+    const char* names[] = {"rr", "zz", "tt", "rz"};
+    for (int i = 0; i < 4; ++i) EXPECT_STREQ(array->GetComponentName(i), names[i]);
+    for (vtkIdType v = 0; v < array->GetNumberOfTuples(); ++v)
+      ASSERT_NEAR(data->GetArray("von_mises")->GetTuple1(v), 5.0, 1e-9);
+  }
+}
+
+TEST(AxisymmetricCase, RefusesWhatMakesNoSense) {
+  expect_matches(complaint<2>(replaced(cylinder_case, "stress = [0, 5, 0, 0]", "stress = [0, 5, 0]")),
+                 "^case.toml:21: stress is an array of 3, expected an array of 4");
+  expect_matches(complaint<2>(replaced(cylinder_case, "{ width", "{ x = -0.5, width"), true), "negative radius");
+  expect_matches(complaint<2>(replaced(cylinder_case, "normal_displacement = 0", "displacement = [0, \"free\"]"), true),
+                 "translation along the axis");
+}
+
 // --- selections ------------------------------------------------------------------------------------------------------
 
 TEST(SelectionInCase, EqualOnesShareAName) {
