@@ -55,6 +55,7 @@
 #include <cstdlib>
 #include <exception>
 #include <limits>
+#include <numeric>
 #include <set>
 #include <string>
 #include <vector>
@@ -269,12 +270,45 @@ Ptr<vtkPolyData> edges_of(vtkPolyData* surface, bool creases) {
   return edges->GetOutput();
 }
 
-/// Edges that say something about the shape: none if most of it is rough.
+/// The chains of lines that are connected and longer than `least`.
+Ptr<vtkPolyData> long_chains(vtkPolyData* lines, double least) {
+  const auto length = [&](vtkIdList* ends) {
+    const Vec3 along = minus(point(lines, ends->GetId(1)), point(lines, ends->GetId(0)));
+    return std::sqrt(dot(along, along));
+  };
+  std::vector<vtkIdType> chain(static_cast<std::size_t>(lines->GetNumberOfPoints()));  // a point that stands for it
+  std::iota(chain.begin(), chain.end(), 0);
+  const auto root = [&](vtkIdType p) {
+    while (chain[p] != p) p = chain[p] = chain[chain[p]];
+    return p;
+  };
+  vtkNew<vtkIdList> ends;
+  for (vtkIdType c = 0; c < lines->GetNumberOfCells(); ++c) {
+    lines->GetCellPoints(c, ends);
+    chain[root(ends->GetId(0))] = root(ends->GetId(1));
+  }
+  std::vector<double> total(chain.size(), 0.0);
+  for (vtkIdType c = 0; c < lines->GetNumberOfCells(); ++c) {
+    lines->GetCellPoints(c, ends);
+    total[root(ends->GetId(0))] += length(ends);
+  }
+  vtkNew<vtkCellArray> kept;
+  for (vtkIdType c = 0; c < lines->GetNumberOfCells(); ++c) {
+    lines->GetCellPoints(c, ends);
+    if (total[root(ends->GetId(0))] >= least) kept->InsertNextCell(ends);
+  }
+  Ptr<vtkPolyData> out = Ptr<vtkPolyData>::New();
+  out->SetPoints(lines->GetPoints());
+  out->SetLines(kept);
+  return out;
+}
+
+/// Edges that say something about the shape: no short bits of creases, and none at all if most of it is rough.
 Ptr<vtkPolyData> shape_edges(vtkPolyData* surface) {
-  Ptr<vtkPolyData> edges = edges_of(surface, true);
+  const Ptr<vtkPolyData> edges = edges_of(surface, true);
   constexpr double rough = 0.12;
   if (static_cast<double>(edges->GetNumberOfCells()) <= rough * 1.5 * static_cast<double>(surface->GetNumberOfCells()))
-    return edges;
+    return long_chains(edges, 0.15 * surface->GetLength());
   return edges_of(surface, false);
 }
 
