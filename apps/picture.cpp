@@ -303,13 +303,14 @@ Ptr<vtkPolyData> long_chains(vtkPolyData* lines, double least) {
   return out;
 }
 
-/// Edges that say something about the shape: no short bits of creases, and none at all if most of it is rough.
+/// Edges that say something about the shape: no short bits of creases, and none at all if most of it is rough, as the
+/// faces of voxels are.
 Ptr<vtkPolyData> shape_edges(vtkPolyData* surface) {
+  const double rough = 0.18 * static_cast<double>(surface->GetNumberOfCells());
   const Ptr<vtkPolyData> edges = edges_of(surface, true);
-  constexpr double rough = 0.12;
-  if (static_cast<double>(edges->GetNumberOfCells()) <= rough * 1.5 * static_cast<double>(surface->GetNumberOfCells()))
-    return long_chains(edges, 0.15 * surface->GetLength());
-  return edges_of(surface, false);
+  if (static_cast<double>(edges->GetNumberOfCells()) <= rough) return long_chains(edges, 0.15 * surface->GetLength());
+  const Ptr<vtkPolyData> ends = edges_of(surface, false);
+  return static_cast<double>(ends->GetNumberOfCells()) <= rough ? ends : Ptr<vtkPolyData>::New();
 }
 
 Ptr<vtkPolyData> with_normals(vtkPolyData* surface) {
@@ -646,7 +647,7 @@ void legend(vtkRenderer* margin, const std::string& title, const std::vector<std
 
 void draw_geometry(const char* file, const char* picture_file) {
   const Ptr<vtkUnstructuredGrid> grid = read(file);
-  const bool solid = is_solid(grid);
+  const bool solid = Box(grid).size()[2] > 0.0;  // surfaces are all there is of solids
   const std::vector<std::string> regions = names(grid, "region_names"), groups = names(grid, "group_names");
   // In the plane a face and its edges show both; in space each takes a picture of its own.
   std::vector<const char*> panels{"region"};
@@ -673,7 +674,8 @@ void draw_geometry(const char* file, const char* picture_file) {
       shade(actor);
       add_lights(renderer);
     }
-    if (surface->GetNumberOfCells() < 60000) {
+    const bool pixels = surface->GetMaxCellSize() == 4;
+    if (surface->GetNumberOfCells() < 60000 && !pixels) {
       actor->GetProperty()->EdgeVisibilityOn();
       actor->GetProperty()->SetEdgeColor(0.45, 0.45, 0.45);
       actor->GetProperty()->SetLineWidth(0.5F);
@@ -733,7 +735,7 @@ int main(int argc, char** argv) try {
   if (drawn_on_display(draw, data, picture)) return 0;
   alarm(60);
   const efree::VirtualDisplay display;
-  if (!display.started()) throw std::runtime_error("no X display and no Xvfb");
+  if (!display.started()) throw std::runtime_error("there is no X display, and no Xvfb to start (Debian: apt install xvfb)");
   draw(data, picture);
   return 0;
 } catch (const std::exception& error) {

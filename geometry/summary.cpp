@@ -42,7 +42,7 @@ template <int Dim> std::array<Index, Dim> sorted(std::array<Index, Dim> facet) {
 template <int Dim>
 GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename MeshData<Dim>::Group& group,
                                   const std::map<std::array<Index, Dim>, std::array<Index, Dim>>& outward) {
-  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, no_box<Dim>()};
+  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()};
   auto facets = group.facets;
   for (auto& facet : facets) facet = sorted<Dim>(facet);
   std::sort(facets.begin(), facets.end());
@@ -60,6 +60,7 @@ GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename Mesh
     for (const Index v : facet) grow<Dim>(out.box, mesh.vertices.col(v));
   }
   out.num_facets = static_cast<Index>(facets.size());
+  if (out.measure > 0.0) out.mean_normal = sum / out.measure;
   const Vec<Dim> mean = sum.normalized();
   const double cosine = std::cos(0.1 * degree);
   if (!normals.empty() &&

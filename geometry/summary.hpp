@@ -30,6 +30,8 @@ template <int Dim> struct GroupSummary {
   /// boundary, else of either sign.
   std::optional<Vec<Dim>> normal;
   BoundingBox<Dim> box;
+  /// The normals' mean over the group, outward if it lies on the boundary: length 1 if flat, 0 if it goes all around.
+  Vec<Dim> mean_normal = Vec<Dim>::Zero();
 };
 
 template <int Dim> struct GeometrySummary {
