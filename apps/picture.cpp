@@ -151,8 +151,7 @@ View oblique(vtkPolyData* surface, const std::vector<vtkDataArray*>& marks) {
   for (std::size_t k = 0; k < 3; ++k) share[k] = 0.35 + 0.65 * area[k] / largest;
   std::array<Vec3, 4> directions{};
   for (std::size_t side = 0; side < 4; ++side)
-    directions[side] =
-        unit({(side % 2 ? -0.6 : 0.6) * share[0], (side < 2 ? -1.0 : 1.0) * share[1], 0.75 * share[2]});
+    directions[side] = unit({(side % 2 ? -0.6 : 0.6) * share[0], (side < 2 ? -1.0 : 1.0) * share[1], 0.75 * share[2]});
   std::array<double, 4> seen{};
   vtkNew<vtkIdList> corners;
   for (vtkIdType c = 0; c < surface->GetNumberOfCells() && !marks.empty(); ++c) {
@@ -431,9 +430,9 @@ class Picture {
     axes->SetYAxisLabelText("y");
     axes->SetZAxisLabelText(solid ? "z" : "");
     axes->SetTotalLength(1.0, 1.0, solid ? 1.0 : 1e-3);
-    for (vtkProperty* property : {axes->GetXAxisShaftProperty(), axes->GetXAxisTipProperty(),
-                                  axes->GetYAxisShaftProperty(), axes->GetYAxisTipProperty(),
-                                  axes->GetZAxisShaftProperty(), axes->GetZAxisTipProperty()}) {
+    for (vtkProperty* property :
+         {axes->GetXAxisShaftProperty(), axes->GetXAxisTipProperty(), axes->GetYAxisShaftProperty(),
+          axes->GetYAxisTipProperty(), axes->GetZAxisShaftProperty(), axes->GetZAxisTipProperty()}) {
       property->SetColor(0.25, 0.25, 0.25);
       property->SetLineWidth(3.0);
       property->LightingOff();
@@ -542,7 +541,8 @@ void draw_fields(const char* file, const char* picture_file) {
   for (vtkDataArray* mark : {restrained, loaded})
     if (mark) marks.push_back(mark);
   const View view = solid ? oblique(undeformed, marks) : View{};
-  aim(front, view, {undeformed, deformed}, width * (viewport[2] - viewport[0]) / (height * (viewport[3] - viewport[1])));
+  aim(front, view, {undeformed, deformed},
+      width * (viewport[2] - viewport[0]) / (height * (viewport[3] - viewport[1])));
   behind->SetActiveCamera(front->GetActiveCamera());
 
   // The undeformed body: a pale shadow that the deformed one always covers.
@@ -727,15 +727,15 @@ bool drawn_on_display(Draw draw, const char* data, const char* picture) {
 
 int main(int argc, char** argv) try {
   const bool geometry = argc == 4 && std::string(argv[1]) == "--geometry";
-  if (argc != 3 && !geometry)
-    throw std::runtime_error("usage: efree-picture [--geometry] DATA.vtu PICTURE.png");
+  if (argc != 3 && !geometry) throw std::runtime_error("usage: efree-picture [--geometry] DATA.vtu PICTURE.png");
   const Draw draw = geometry ? draw_geometry : draw_fields;
   const char* data = argv[argc - 2];
   const char* picture = argv[argc - 1];
   if (drawn_on_display(draw, data, picture)) return 0;
   alarm(60);
   const efree::VirtualDisplay display;
-  if (!display.started()) throw std::runtime_error("there is no X display, and no Xvfb to start (Debian: apt install xvfb)");
+  if (!display.started())
+    throw std::runtime_error("there is no X display, and no Xvfb to start (Debian: apt install xvfb)");
   draw(data, picture);
   return 0;
 } catch (const std::exception& error) {

@@ -82,9 +82,9 @@ void find_parts(const LabelImage<Dim>& image, const Pixels<Dim>& pixels, ImageSu
 }
 
 /// The faces across axis `d` in the direction `side` (-1, 1), in runs along the first of the other axes.
-template <int Dim>
-void find_facets(const LabelImage<Dim>& image, const Pixels<Dim>& pixels, const std::vector<Index>& number, int d,
-                 int side, std::vector<GroupSummary<Dim>>& groups, std::vector<ImageFacet<Dim>>& facets) {
+template <int Dim> void find_facets(const LabelImage<Dim>& image, const Pixels<Dim>& pixels,
+                                    const std::vector<Index>& number, int d, int side,
+                                    std::vector<GroupSummary<Dim>>& groups, std::vector<ImageFacet<Dim>>& facets) {
   const int run = d == 0 ? 1 : 0;
   const Index frame_group = 2 * d + (side > 0), pore_group = 2 * Dim;
   const double measure = image.pixel_volume() / image.spacing[d];
@@ -162,13 +162,11 @@ template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& imag
   }
   find_parts(image, pixels, summary);
 
-  const std::vector<std::string> names = Dim == 2
-                                             ? std::vector<std::string>{"left", "right", "bottom", "top", "pores"}
-                                             : std::vector<std::string>{"left", "right",  "front", "back",
-                                                                        "bottom", "top", "pores"};
+  const std::vector<std::string> names =
+      Dim == 2 ? std::vector<std::string>{"left", "right", "bottom", "top", "pores"}
+               : std::vector<std::string>{"left", "right", "front", "back", "bottom", "top", "pores"};
   std::vector<GroupSummary<Dim>> groups;
-  for (const std::string& name : names)
-    groups.push_back({name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()});
+  for (const std::string& name : names) groups.push_back({name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()});
   for (int d = 0; d < Dim; ++d)
     for (const int side : {-1, 1}) find_facets(image, pixels, number, d, side, groups, summary.facets);
   std::vector<Index> kept(groups.size(), -1);

@@ -28,8 +28,8 @@ template <int Dim> struct ImageSummary {
   std::vector<BodySummary<Dim>> labels;   ///< all but 0, ascending, named by their numbers; cells are pixels
   std::vector<GroupSummary<Dim>> groups;  ///< as mesh_image names them, as far as there are any; facets are pixels'
   std::vector<ImageFacet<Dim>> facets;
-  double material = 0.0;  ///< part of the image that is not void
-  Index bodies = 0;       ///< connected parts of all that is not void
+  double material = 0.0;   ///< part of the image that is not void
+  Index bodies = 0;        ///< connected parts of all that is not void
   Index closed_pores = 0;  ///< connected parts of the void that do not reach the image's frame
   std::optional<ImagePart<Dim>> smallest_body, smallest_pore;  ///< the latter of the closed ones
 };

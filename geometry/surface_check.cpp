@@ -103,8 +103,8 @@ void find_groups(SurfaceCheck& check, double feature_angle) {
   }
   std::map<Index, GroupSummary<3>> groups;
   for (Index t = 0; t < count; ++t) {
-    auto& group = groups.try_emplace(parts.root(t), GroupSummary<3>{"", 0, 0.0, {}, no_box(), Vec<3>::Zero()})
-                      .first->second;
+    auto& group =
+        groups.try_emplace(parts.root(t), GroupSummary<3>{"", 0, 0.0, {}, no_box(), Vec<3>::Zero()}).first->second;
     const Vec<3> area = area_vector(soup, t);
     ++group.num_facets;
     group.measure += area.norm();
@@ -143,7 +143,8 @@ std::optional<SurfaceCheck::Wall> thinnest_wall(const SurfaceSoup& soup) {
     const Vec<3> normal = area_vector(soup, static_cast<Index>(t - triangles.cbegin())).normalized();
     const Kernel::Point_3 start = CGAL::centroid(*t);
     const Kernel::Ray_3 inward(start, Kernel::Vector_3(-normal.x(), -normal.y(), -normal.z()));
-    const auto hit = tree.first_intersection(inward, [&](const Triangles::const_iterator& other) { return other == t; });
+    const auto hit =
+        tree.first_intersection(inward, [&](const Triangles::const_iterator& other) { return other == t; });
     if (!hit) continue;
     const auto* place = boost::get<Kernel::Point_3>(&hit->first);
     if (!place) continue;

@@ -285,19 +285,20 @@ AnyInspection inspect(const fs::path& file) {
     return inspect_gmsh<3>(path, kind);
   }
   if (ends(".raw"))
-    throw InputError(fmt::format("{}: a .raw file says nothing about itself; inspect a case that gives its size and "
-                                 "type in [geometry.image] raw",
-                                 path));
+    throw InputError(
+        fmt::format("{}: a .raw file says nothing about itself; inspect a case that gives its size and "
+                    "type in [geometry.image] raw",
+                    path));
   if (ends(".png", ".pgm", ".pbm", ".ppm", ".pnm", ".tif", ".tiff", ".nrrd", ".nhdr", ".mha", ".mhd", ".inr",
            ".inr.gz")) {
     const ImageValues values = image_values(path);
     if (values.dimension == 2) return inspect_image<2>(path, values);
     return inspect_image<3>(path, values);
   }
-  throw InputError(
-      fmt::format("{}: a file of unknown kind, expected a case (.toml), gmsh (.geo, .msh), CAD (.step, .iges, .brep), an "
-                  "image (.png, .tif, .pgm, .nrrd, .mha, .inr, ...) or a surface (.stl, .off, .obj, .ply)",
-                  path));
+  throw InputError(fmt::format(
+      "{}: a file of unknown kind, expected a case (.toml), gmsh (.geo, .msh), CAD (.step, .iges, .brep), an "
+      "image (.png, .tif, .pgm, .nrrd, .mha, .inr, ...) or a surface (.stl, .off, .obj, .ply)",
+      path));
 }
 
 template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {

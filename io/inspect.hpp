@@ -43,8 +43,8 @@ template <int Dim> struct Inspection {
 };
 using AnyInspection = std::variant<Inspection<2>, Inspection<3>>;
 
-/// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and CAD
-/// files are meshed with their own sizes; images are told from their pixels (for grey ones the threshold that parts
+/// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and
+/// CAD files are meshed with their own sizes; images are told from their pixels (for grey ones the threshold that parts
 /// them best) and surfaces from their triangles. Throws InputError as the readers do.
 AnyInspection inspect(const std::filesystem::path& file);
 

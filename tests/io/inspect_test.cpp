@@ -75,8 +75,9 @@ TEST(Inspect, SaysWhatKeepsASurfaceFromBeingClosed) {
   EXPECT_NE(open.remarks[0].find("wrap = true"), std::string::npos);
   EXPECT_NE(open.remarks[0].find("boundary edge"), std::string::npos);
 
-  work.write("needle.off", "OFF\n8 6 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n0.5 0.5 -1\n0.7 0.5 -1\n0.5 0.7 -1\n0.5 0.5 0.3\n"
-                           "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n3 4 5 7\n3 0 0 1\n");
+  work.write("needle.off",
+             "OFF\n8 6 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n0.5 0.5 -1\n0.7 0.5 -1\n0.5 0.7 -1\n0.5 0.5 0.3\n"
+             "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n3 4 5 7\n3 0 0 1\n");
   const auto needle = std::get<Inspection<3>>(inspect(work / "needle.off"));
   EXPECT_EQ(fact(needle, "shells"), 2.0);
   EXPECT_EQ(fact(needle, "open_edges"), 3.0);
@@ -247,11 +248,16 @@ TEST(Inspect, RefusesBadFilesWithOneMessage) {
   work.write("flat.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n");
   work.write("broken.step", "ISO-10303-21;\nHEADER;\n");
   fs::create_directory(work / "folder");
-  const std::pair<const char*, const char*> bad[] = {
-      {"none.stl", "there is no file"}, {"folder", "is a directory"},      {"empty.stl", "empty"},
-      {"cut.off", "truncated"},         {"cut.png", "truncated|broken"},   {"fake.tif", "no TIFF file"},
-      {"data.raw", "raw"},              {"notes.txt", "unknown kind.*stl"}, {"void.pgm", "background"},
-      {"broken.step", "broken.step"}};
+  const std::pair<const char*, const char*> bad[] = {{"none.stl", "there is no file"},
+                                                     {"folder", "is a directory"},
+                                                     {"empty.stl", "empty"},
+                                                     {"cut.off", "truncated"},
+                                                     {"cut.png", "truncated|broken"},
+                                                     {"fake.tif", "no TIFF file"},
+                                                     {"data.raw", "raw"},
+                                                     {"notes.txt", "unknown kind.*stl"},
+                                                     {"void.pgm", "background"},
+                                                     {"broken.step", "broken.step"}};
   for (const auto& [name, message] : bad) {
     const auto run = work.efree({"inspect", name, "--out", "seen"});
     EXPECT_EQ(run.status, 2) << name << ": " << run.output;
