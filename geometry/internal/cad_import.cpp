@@ -3,16 +3,12 @@
 
 #include "efree/core/error.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gmsh.h>
-#include <unistd.h>
 #include <algorithm>
 #include <cctype>
-#include <cstdio>
 #include <fstream>
-#include <iostream>
 #include <iterator>
 #include <map>
 
@@ -123,41 +119,11 @@ double declared_unit(const std::string& path) {
   return 1.0;
 }
 
-/// Standard output leads nowhere while this lives: OpenCASCADE writes its own view of a broken file to it, which gmsh's
-/// error says again.
-class Silence {
- public:
-  Silence() : kept_((flush(), dup(STDOUT_FILENO))) {
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (kept_ < 0 || nowhere < 0) return;
-    dup2(nowhere, STDOUT_FILENO);
-    close(nowhere);
-  }
-  ~Silence() {
-    flush();
-    if (kept_ < 0) return;
-    dup2(kept_, STDOUT_FILENO);
-    close(kept_);
-  }
-  Silence(const Silence&) = delete;
-  Silence& operator=(const Silence&) = delete;
-
- private:
-  static void flush() {
-    std::cout.flush();
-    std::fflush(stdout);
-  }
-  int kept_;
-};
-
 }  // namespace
 
 double import_cad(const GmshSession& session, const std::string& path) {
   gmsh::vectorpair shapes;
-  {
-    const Silence silence;
-    gmsh::model::occ::importShapes(path, shapes, /*highestDimOnly=*/true);
-  }
+  gmsh::model::occ::importShapes(path, shapes, /*highestDimOnly=*/true);
   session.check();
   if (!shapes.empty() && shapes.front().first == 2) {
     gmsh::vectorpair sewn;
