@@ -23,7 +23,7 @@ template <int Dim> void grow(BoundingBox<Dim>& box, const Vec<Dim>& x) {
   box.high = box.high.cwiseMax(x);
 }
 
-/// Normal of a facet times its measure, outward for a facet in FineMesh's order.
+/// Normal of a facet times its measure, outward for a boundary facet in FineMesh's order.
 template <int Dim> Vec<Dim> area_vector(const Points<Dim>& x, const std::array<Index, Dim>& facet) {
   if constexpr (Dim == 2) {
     const Vec<2> along = x.col(facet[1]) - x.col(facet[0]);
@@ -115,6 +115,17 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
     std::array<Index, Dim> facet;
     for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.facets()(k, f)];
     outward.emplace(sorted<Dim>(facet), facet);
+  }
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const auto gradients = mesh.hat_gradients(c);
+    for (int i = 0; i <= Dim; ++i) {
+      const Index other = mesh.neighbour(i, c);
+      if (other < 0 || mesh.region(c) >= mesh.region(other)) continue;
+      std::array<Index, Dim> facet;
+      for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.cells()((i + 1 + k) % (Dim + 1), c)];
+      if (area_vector<Dim>(data.vertices, facet).dot(gradients.col(i)) > 0.0) std::swap(facet[0], facet[1]);
+      outward.emplace(sorted<Dim>(facet), facet);
+    }
   }
   for (const auto& group : data.groups) out.groups.push_back(summarize_group<Dim>(data, group, outward));
   return out;
