@@ -125,6 +125,17 @@ Colour distinct(int i) {
   return rgb;
 }
 
+/// The same, behind others.
+Colour pale(int i) {
+  Colour rgb = distinct(i);
+  for (double& c : rgb) c = 1.0 - 0.4 * (1.0 - c);
+  return rgb;
+}
+Colour uncoloured(int) {
+  return {0.87, 0.89, 0.92};
+}
+using Palette = Colour (*)(int);
+
 /// Where the viewer stands: directions to the viewer and upwards, both of length one.
 struct View {
   Vec3 towards{0.0, 0.0, 1.0}, up{0.0, 1.0, 0.0};
@@ -302,14 +313,17 @@ Ptr<vtkPolyData> long_chains(vtkPolyData* lines, double least) {
   return out;
 }
 
-/// Edges that say something about the shape: no short bits of creases, and none at all if most of it is rough, as the
-/// faces of voxels are.
+/// Edges that say something about the shape: in the plane its outline; in space ends and creases but for short bits of
+/// these, and none at all if most of it is rough, as the faces of voxels are.
 Ptr<vtkPolyData> shape_edges(vtkPolyData* surface) {
-  const double rough = 0.18 * static_cast<double>(surface->GetNumberOfCells());
-  const Ptr<vtkPolyData> edges = edges_of(surface, true);
-  if (static_cast<double>(edges->GetNumberOfCells()) <= rough) return long_chains(edges, 0.15 * surface->GetLength());
   const Ptr<vtkPolyData> ends = edges_of(surface, false);
-  return static_cast<double>(ends->GetNumberOfCells()) <= rough ? ends : Ptr<vtkPolyData>::New();
+  if (Box(surface).size()[2] == 0.0) return ends;
+  const auto is_rough = [&](vtkPolyData* lines) {
+    return static_cast<double>(lines->GetNumberOfCells()) > 0.18 * static_cast<double>(surface->GetNumberOfCells());
+  };
+  const Ptr<vtkPolyData> edges = edges_of(surface, true);
+  if (!is_rough(edges)) return long_chains(edges, 0.15 * surface->GetLength());
+  return is_rough(ends) ? Ptr<vtkPolyData>::New() : ends;
 }
 
 Ptr<vtkPolyData> with_normals(vtkPolyData* surface) {
@@ -547,7 +561,9 @@ void draw_fields(const char* file, const char* picture_file) {
 
   // The undeformed body: a pale shadow that the deformed one always covers.
   if (solid) add(behind, undeformed, {0.92, 0.92, 0.92});
-  add(behind, shape_edges(undeformed), {0.68, 0.68, 0.68}, 2.0);
+  const Ptr<vtkPolyData> outline = shape_edges(undeformed);
+  // Of pores in the plane it would show through those of the deformed body.
+  add(behind, solid ? outline : long_chains(outline, undeformed->GetLength()), {0.68, 0.68, 0.68}, 2.0);
 
   const auto table = colours(colour_range(mises));
   const Ptr<vtkPolyData> smooth = solid ? with_normals(deformed) : deformed;
@@ -598,7 +614,7 @@ std::vector<std::string> names(vtkDataSet* data, const char* array) {
 }
 
 /// The cells of that dimension, coloured by a cell array; -1 is grey.
-Ptr<vtkPolyData> coloured(vtkUnstructuredGrid* grid, int dimension, const char* array) {
+Ptr<vtkPolyData> coloured(vtkUnstructuredGrid* grid, int dimension, const char* array, Palette palette) {
   Ptr<vtkPolyData> out = Ptr<vtkPolyData>::New();
   out->SetPoints(grid->GetPoints());
   vtkNew<vtkCellArray> cells;
@@ -611,7 +627,7 @@ Ptr<vtkPolyData> coloured(vtkUnstructuredGrid* grid, int dimension, const char* 
     grid->GetCellPoints(c, corners);
     cells->InsertNextCell(corners);
     const int value = values ? static_cast<int>(values->GetTuple1(c)) : -1;
-    const Colour colour = value < 0 ? no_group : distinct(value);
+    const Colour colour = value < 0 ? no_group : palette(value);
     rgb->InsertNextTuple3(255 * colour[0], 255 * colour[1], 255 * colour[2]);
   }
   if (dimension == 2)
@@ -623,8 +639,8 @@ Ptr<vtkPolyData> coloured(vtkUnstructuredGrid* grid, int dimension, const char* 
 }
 
 /// Names with their colours in columns from (x, y) downwards, as many as there is room for.
-void legend(vtkRenderer* margin, const std::string& title, const std::vector<std::string>& entries, double x, double y,
-            double right, double bottom) {
+void legend(vtkRenderer* margin, const std::string& title, const std::vector<std::string>& entries, Palette palette,
+            double x, double y, double right, double bottom) {
   constexpr int size = 22;
   constexpr double line = 1.4 * size;
   write(margin, title, x, y, size + 2);
@@ -638,7 +654,7 @@ void legend(vtkRenderer* margin, const std::string& title, const std::vector<std
     const double at_x = x + column * static_cast<double>(i / rows), at_y = y - line * static_cast<double>(i % rows + 1);
     const std::string& name = entries[i];
     if (i < shown)
-      swatch(margin, distinct(static_cast<int>(i)), name.size() > 24 ? name.substr(0, 23) + "..." : name, at_x, at_y,
+      swatch(margin, palette(static_cast<int>(i)), name.size() > 24 ? name.substr(0, 23) + "..." : name, at_x, at_y,
              size);
     else
       write(margin, fmt::format("and {} more", entries.size() - shown), at_x, at_y, size);
@@ -664,7 +680,8 @@ void draw_geometry(const char* file, const char* picture_file) {
     const double panel = 1.0 / static_cast<double>(panels.size()), left = panel * static_cast<double>(i);
     const std::array<double, 4> viewport{left + 0.01, bottom, left + panel - 0.01, top};
     const Ptr<vtkRenderer> renderer = picture.renderer(viewport, 1);
-    const Ptr<vtkPolyData> surface = coloured(grid, 2, panels[i]);
+    const Palette palette = solid ? distinct : regions.size() > 1 ? pale : uncoloured;
+    const Ptr<vtkPolyData> surface = coloured(grid, 2, panels[i], palette);
     view = solid ? oblique(surface, {}) : View{};
     aim(renderer, view, {surface}, width * (viewport[2] - viewport[0]) / (height * (top - bottom)));
     const Ptr<vtkPolyData> smooth = solid ? with_normals(surface) : surface;
@@ -683,18 +700,18 @@ void draw_geometry(const char* file, const char* picture_file) {
     if (solid)
       add(renderer, shape_edges(surface), {0.1, 0.1, 0.1}, 2.0);
     else {
-      const Ptr<vtkActor> lines = add(renderer, coloured(grid, 1, "group"), {1.0, 1.0, 1.0}, 7.0);
+      const Ptr<vtkActor> lines = add(renderer, coloured(grid, 1, "group", distinct), {1.0, 1.0, 1.0}, 7.0);
       lines->GetMapper()->ScalarVisibilityOn();
     }
     const bool is_region = std::string(panels[i]) == "region";
     const auto& entries = is_region ? regions : groups;
     const std::string title = is_region ? "regions" : "boundary";
     const double right = width * (left + panel) - 30.0 - (left + panel > 0.99 ? 0.13 * width : 0.0);
-    if (solid ? true : regions.size() > 1)
-      legend(picture.margin(), title, entries, 50.0 + width * left, height * bottom - 30.0, right, 10.0);
+    if (solid || regions.size() > 1)
+      legend(picture.margin(), title, entries, palette, 50.0 + width * left, height * bottom - 30.0, right, 10.0);
     if (!solid && !groups.empty())
-      legend(picture.margin(), "boundary", groups, regions.size() > 1 ? 0.5 * width : 50.0, height * bottom - 30.0,
-             0.86 * width, 10.0);
+      legend(picture.margin(), "boundary", groups, distinct, regions.size() > 1 ? 0.5 * width : 50.0,
+             height * bottom - 30.0, 0.86 * width, 10.0);
   }
   write(picture.margin(), fmt::format("body {}", dimensions(grid, solid)), 50, 1140, 32);
   picture.add_axes(view, solid);
