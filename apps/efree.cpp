@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/io/child_process.hpp"
 #include "efree/io/convergence.hpp"
+#include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/writers.hpp"
 #include "on_interrupt.hpp"
@@ -15,6 +16,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 
 namespace {
@@ -27,18 +29,28 @@ struct Options {
   int threads = 0;
   bool quiet = false;
   bool no_picture = false;
+  bool json = false;
   StudyOptions study;
 };
 
-/// Draws fields.png by the program beside this one; whatever goes wrong there is a message here.
-void draw_picture(OutputDirectory& out, Display& display) {
-  out.supersede("fields.png");
+/// Draws a picture by the program beside this one; whatever goes wrong there is a message here.
+void draw_picture(OutputDirectory& out, const std::string& picture, std::vector<std::string> arguments,
+                  Display& display) {
+  out.supersede(picture);
   const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "efree-picture";
-  if (run_program(out.staging(), {program.string(), "fields.vtu", "fields.png"}) != 0) {
-    std::error_code ignored;
-    fs::remove(out.file("fields.png"), ignored);
-    display.say("no picture of the fields (fields.png): that needs an X display or Xvfb; everything else is written");
-  }
+  arguments.insert(arguments.begin(), program.string());
+  arguments.push_back(picture);
+  std::string said;
+  const int status = run_program(out.staging(), arguments, &said);
+  if (status == 0) return;
+  std::error_code ignored;
+  fs::remove(out.file(picture), ignored);
+  // VTK may have talked before; the reason is the last line.
+  while (said.ends_with('\n')) said.pop_back();
+  std::string reason = said.substr(said.rfind('\n') + 1);
+  if (status == 127) reason = fmt::format("{} does not run", program.string());
+  if (reason.empty()) reason = fmt::format("{} ended with status {}", program.string(), status);
+  display.say(fmt::format("no picture ({}): {}; everything else is written", picture, reason));
 }
 
 template <int Dim> void solve(const Case<Dim>& analysis, const Options& options, Display& display) {
@@ -56,7 +68,7 @@ template <int Dim> void solve(const Case<Dim>& analysis, const Options& options,
       const Stage stage("output", result.times, progress);
       write_fields(out.file("fields.vtu"), analysis, result);
       write_nodes(out.file("nodes.vtu"), result);
-      if (!options.no_picture) draw_picture(out, display);
+      if (!options.no_picture) draw_picture(out, "fields.png", {"fields.vtu"}, display);
     }
     write_result(out.file("result.json"), analysis, result);
     out.supersede("failure.json");
@@ -67,6 +79,24 @@ template <int Dim> void solve(const Case<Dim>& analysis, const Options& options,
     throw NumericalError(fmt::format("{} failed: {}", display.stage(), error.what()));
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+}
+
+void inspect_file(const Options& options, Display& display) {
+  std::visit(
+      [&](const auto& inspection) {
+        const std::string json = inspection_json(inspection);
+        if (!options.out.empty()) {
+          OutputDirectory out(options.out);
+          write_pieces(out.file("geometry.vtu"), inspection);
+          std::ofstream stream(out.file("inspection.json"));
+          stream << json;
+          if (!stream.flush()) throw InputError(fmt::format("cannot write to {}", options.out));
+          draw_picture(out, "geometry.png", {"--geometry", "geometry.vtu"}, display);
+          out.commit();
+        }
+        fmt::print("{}", options.json ? json : inspection_text(inspection));
+      },
+      inspect(options.case_file));
 }
 
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
@@ -127,6 +157,14 @@ int run(int argc, char** argv) {
   convergence_command.add_flag("--compare", options.study.compare,
                                "all methods: both secondary bases at M/N = 1, 2, 4 (MLS also at 6), full integration, "
                                "P1 and P2 finite elements");
+  CLI::App& inspect_command = *app.add_subcommand(
+      "inspect", "say what a file holds: bodies, named parts of the boundary, smallest feature, faults");
+  inspect_command
+      .add_option("FILE", options.case_file, "gmsh, CAD, image or surface file, or a case file for its geometry")
+      ->required();
+  inspect_command.add_option("--out", options.out, "directory for geometry.png, geometry.vtu and inspection.json")
+      ->type_name("DIR");
+  inspect_command.add_flag("--json", options.json, "JSON instead of text");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -139,6 +177,10 @@ int run(int argc, char** argv) {
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.quiet);
   try {
+    if (inspect_command.parsed()) {
+      inspect_file(options, display);
+      return 0;
+    }
     std::visit(
         [&](const auto& analysis) {
           if (solve_command.parsed())

@@ -10,6 +10,8 @@
 #include <fmt/ranges.h>
 #include <gmsh.h>
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -216,6 +218,13 @@ void check_last_line(const std::string& path) {
         path));
 }
 
+/// Of the box around all that gmsh holds.
+double model_diagonal() {
+  std::array<double, 6> box{};
+  gmsh::model::getBoundingBox(-1, -1, box[0], box[1], box[2], box[3], box[4], box[5]);
+  return std::hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
+}
+
 template <int Dim>
 MeshData<Dim> read(const GmshSession& session, const std::string& path, Format format, const GmshOptions& options) {
   if (format == Format::cad) {
@@ -224,8 +233,9 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
     else {
       const double unit = internal::import_cad(session, path);
       check_slits(session, Dim, options.slits);
-      internal::generate_tetrahedra(session, options.size * unit);
-      MeshData<3> mesh = internal::gmsh_mesh<3>(session, options.size * unit, options.slits);
+      const double size = options.size > 0.0 ? options.size * unit : model_diagonal() / 20.0;
+      internal::generate_tetrahedra(session, size);
+      MeshData<3> mesh = internal::gmsh_mesh<3>(session, size, options.slits);
       mesh.vertices /= unit;
       return mesh;
     }

@@ -11,7 +11,7 @@
 namespace efree {
 
 struct GmshOptions {
-  double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes
+  double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
   /// Values for the .geo file's DefineNumber parameters, by full name ("Parameters/radius") or its last part
   /// ("radius").
   std::map<std::string, double> parameters{};

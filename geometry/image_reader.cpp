@@ -27,6 +27,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
 #include <sstream>
 
 namespace efree {
@@ -613,6 +614,55 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
                     "that many labels)",
                     path, counts.size()));
   return image;
+}
+
+ImageValues image_values(const std::string& path) {
+  const Values v = read_values_of<3>(path, {});
+  ImageValues out{.dimension = v.size[2] == 1 ? 2 : 3};
+  with_type(path, v.type, [&](auto type) {
+    using T = decltype(type);
+    const T* values = static_cast<const T*>(v.data());
+    const std::size_t count = v.pixels() * v.components, step = v.components;
+    out.least = std::numeric_limits<double>::infinity();
+    out.largest = -out.least;
+    std::set<T> seen;
+    for (std::size_t p = 0; p < count; p += step) {
+      const double value = static_cast<double>(values[p]);
+      if (!std::isfinite(value)) throw InputError(fmt::format("{}: a value is {}, expected a number", path, value));
+      out.least = std::min(out.least, value);
+      out.largest = std::max(out.largest, value);
+      if (seen.size() <= 64) seen.insert(values[p]);
+      if (value != std::floor(value)) out.are_labels = false;
+    }
+    out.different = static_cast<Index>(seen.size());
+    if (seen.size() > 64 || out.least < 0.0 || out.largest > std::numeric_limits<Label>::max()) out.are_labels = false;
+
+    constexpr std::size_t bins = 256;
+    std::array<double, bins> histogram{};
+    const double width = (out.largest - out.least) / static_cast<double>(bins);
+    if (!(width > 0.0)) {
+      out.threshold = out.least;
+      return;
+    }
+    double total = 0.0, sum = 0.0;
+    for (std::size_t p = 0; p < count; p += step) {
+      const double at = (static_cast<double>(values[p]) - out.least) / width;
+      histogram[std::min(static_cast<std::size_t>(at), bins - 1)] += 1.0;
+    }
+    for (std::size_t b = 0; b < bins; ++b) total += histogram[b], sum += static_cast<double>(b) * histogram[b];
+    double below = 0.0, sum_below = 0.0, best = -1.0;
+    for (std::size_t b = 0; b + 1 < bins; ++b) {
+      below += histogram[b];
+      sum_below += static_cast<double>(b) * histogram[b];
+      const double above = total - below;
+      if (below == 0.0 || above == 0.0) continue;
+      const double apart = sum_below / below - (sum - sum_below) / above, between = below * above * apart * apart;
+      if (between <= best) continue;
+      best = between;
+      out.threshold = out.least + static_cast<double>(b + 1) * width;
+    }
+  });
+  return out;
 }
 
 template <int Dim> void write_image(const LabelImage<Dim>& image, const std::string& path) {

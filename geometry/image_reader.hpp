@@ -41,6 +41,18 @@ template <int Dim> struct ImageOptions {
 /// taken.
 template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options = {});
 
+/// What an image holds, for choosing how to read it.
+struct ImageValues {
+  int dimension = 2;
+  double least = 0.0, largest = 0.0;
+  Index different = 0;     ///< how many values there are, counted up to 65
+  bool are_labels = true;  ///< whole numbers from 0 to 65535, no more than 64 different ones
+  /// The value that parts two classes best, by the variance between them (Otsu 1979, on 256 bins).
+  double threshold = 0.0;
+};
+/// Of the first colour. Throws InputError as read_image does for the file itself, and for values that are no numbers.
+ImageValues image_values(const std::string& path);
+
 /// Writes the labels as PGM or MetaImage (.mha, with spacing and origin) in 2D, as MetaImage in 3D: 8 bits to a label
 /// if that is enough, else 16. Throws InputError for another ending and if the file cannot be written.
 template <int Dim> void write_image(const LabelImage<Dim>& image, const std::string& path);

@@ -23,7 +23,7 @@ template <int Dim> void grow(BoundingBox<Dim>& box, const Vec<Dim>& x) {
   box.high = box.high.cwiseMax(x);
 }
 
-/// Normal of a facet times its measure, outward for a facet in FineMesh's order.
+/// Normal of a facet times its measure, outward for a boundary facet in FineMesh's order.
 template <int Dim> Vec<Dim> area_vector(const Points<Dim>& x, const std::array<Index, Dim>& facet) {
   if constexpr (Dim == 2) {
     const Vec<2> along = x.col(facet[1]) - x.col(facet[0]);
@@ -42,7 +42,7 @@ template <int Dim> std::array<Index, Dim> sorted(std::array<Index, Dim> facet) {
 template <int Dim>
 GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename MeshData<Dim>::Group& group,
                                   const std::map<std::array<Index, Dim>, std::array<Index, Dim>>& outward) {
-  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, no_box<Dim>()};
+  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()};
   auto facets = group.facets;
   for (auto& facet : facets) facet = sorted<Dim>(facet);
   std::sort(facets.begin(), facets.end());
@@ -60,6 +60,7 @@ GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename Mesh
     for (const Index v : facet) grow<Dim>(out.box, mesh.vertices.col(v));
   }
   out.num_facets = static_cast<Index>(facets.size());
+  if (out.measure > 0.0) out.mean_normal = sum / out.measure;
   const Vec<Dim> mean = sum.normalized();
   const double cosine = std::cos(0.1 * degree);
   if (!normals.empty() &&
@@ -114,6 +115,17 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
     std::array<Index, Dim> facet;
     for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.facets()(k, f)];
     outward.emplace(sorted<Dim>(facet), facet);
+  }
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const auto gradients = mesh.hat_gradients(c);
+    for (int i = 0; i <= Dim; ++i) {
+      const Index other = mesh.neighbour(i, c);
+      if (other < 0 || mesh.region(c) >= mesh.region(other)) continue;
+      std::array<Index, Dim> facet;
+      for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.cells()((i + 1 + k) % (Dim + 1), c)];
+      if (area_vector<Dim>(data.vertices, facet).dot(gradients.col(i)) > 0.0) std::swap(facet[0], facet[1]);
+      outward.emplace(sorted<Dim>(facet), facet);
+    }
   }
   for (const auto& group : data.groups) out.groups.push_back(summarize_group<Dim>(data, group, outward));
   return out;

@@ -27,9 +27,11 @@ template <int Dim> struct GroupSummary {
   Index num_facets = 0;
   double measure = 0.0;  ///< area, length in 2D
   /// Unit normal if the group is flat: no facet's normal is off by more than 0.1 degrees. Outward if it lies on the
-  /// boundary, else of either sign.
+  /// boundary, between two regions out of the one with the smaller number, else of either sign.
   std::optional<Vec<Dim>> normal;
   BoundingBox<Dim> box;
+  /// The mean of these normals over the group: of length 1 if it is flat, 0 if it goes all around.
+  Vec<Dim> mean_normal = Vec<Dim>::Zero();
 };
 
 template <int Dim> struct GeometrySummary {

@@ -13,6 +13,7 @@
 #include <CGAL/Polygon_mesh_processing/measure.h>
 #include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
 #include <CGAL/make_mesh_3.h>
+#include <CGAL/property_map.h>
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -20,7 +21,10 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <numbers>
+#include <queue>
 #include <set>
+#include <tuple>
 #include <unordered_map>
 
 namespace efree {
@@ -31,6 +35,106 @@ using Domain = CGAL::Polyhedral_mesh_domain_with_features_3<Kernel, Surface>;
 using Triangulation = CGAL::Mesh_triangulation_3<Domain, CGAL::Default, CGAL::Sequential_tag>::type;
 using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
 using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
+
+/// Normals of the surface's triangles; a sliver lower than `tolerance` has that of the neighbour it shares most of its
+/// boundary with, as its own says nothing.
+std::vector<Kernel::Vector_3> steady_normals(const Surface& surface, double tolerance) {
+  constexpr double sliver = 0.05;  // height over longest edge
+  std::vector<Kernel::Vector_3> normals;
+  std::vector<char> known;
+  const auto length = [&](Surface::Halfedge_index h) {
+    return std::sqrt(CGAL::squared_distance(surface.point(surface.source(h)), surface.point(surface.target(h))));
+  };
+  for (const auto f : surface.faces()) {
+    const auto h = surface.halfedge(f);
+    const auto &a = surface.point(surface.source(h)), &b = surface.point(surface.target(h)),
+               &c = surface.point(surface.target(surface.next(h)));
+    normals.push_back(CGAL::cross_product(b - a, c - a));
+    const double area = std::sqrt(normals.back().squared_length()),
+                 longest = std::max({length(h), length(surface.next(h)), length(surface.prev(h))});
+    known.push_back(area > tolerance * longest || area > sliver * longest * longest);
+    if (known.back()) normals.back() = normals.back() / area;
+  }
+  if (std::ranges::count(known, 1) == 0) return normals;
+  using Border = std::tuple<double, std::size_t, std::size_t>;  // length, to, from
+  std::priority_queue<Border> next;
+  const auto push_neighbours = [&](Surface::Face_index f) {
+    for (const auto h : surface.halfedges_around_face(surface.halfedge(f)))
+      if (const auto other = surface.face(surface.opposite(h)); !known[other]) next.emplace(length(h), other, f);
+  };
+  for (const auto f : surface.faces())
+    if (known[f]) push_neighbours(f);
+  while (!next.empty()) {
+    const auto [shared, to, from] = next.top();
+    next.pop();
+    if (known[to]) continue;
+    known[to] = 1;
+    normals[to] = normals[from];
+    push_neighbours(Surface::Face_index(static_cast<Surface::size_type>(to)));
+  }
+  return normals;
+}
+
+/// Finds the edges at which the surface turns by more than `angle`, whatever the slivers beside them say, and numbers
+/// the patches between them from 1, in the properties that Mesh_3 reads. Two sides of a strip of slivers would both be
+/// sharp, and be covered with balls smaller than the gap between them, any number of them where it closes.
+void mark_sharp_edges(Surface& surface, double angle, double tolerance) {
+  const auto is_sharp = get(CGAL::edge_is_feature, surface);
+  const auto patch = get(CGAL::face_patch_id_t<Domain::Patch_id>(), surface);
+  const auto normals = steady_normals(surface, tolerance);
+  const double cosine = std::cos(angle * std::numbers::pi / 180.0);
+  for (const auto e : surface.edges()) {
+    const auto h = surface.halfedge(e);
+    put(is_sharp, e, angle < 180.0 && normals[surface.face(h)] * normals[surface.face(surface.opposite(h))] < cosine);
+  }
+  CGAL::Polygon_mesh_processing::connected_components(surface, patch,
+                                                      CGAL::parameters::edge_is_constrained_map(is_sharp));
+  for (const auto f : surface.faces()) put(patch, f, get(patch, f) + 1);
+}
+
+/// Gives the domain the sharp edges as curves from corner to corner: where other than two of them meet, or two in an
+/// acute angle. Closed ones start anywhere.
+void add_curves(Surface& surface, Domain& domain) {
+  using Curve = std::pair<std::vector<Kernel::Point_3>, std::vector<Domain::Patch_id>>;
+  const auto patch = get(CGAL::face_patch_id_t<Domain::Patch_id>(), surface);
+  const auto is_sharp = get(CGAL::edge_is_feature, surface);
+  std::vector<std::vector<Surface::Halfedge_index>> from(surface.num_vertices());
+  for (const auto e : surface.edges())
+    if (get(is_sharp, e))
+      for (const auto h : {surface.halfedge(e), surface.opposite(surface.halfedge(e))})
+        from[surface.source(h)].push_back(h);
+  const auto is_corner = [&](Surface::Vertex_index v) {
+    if (from[v].size() != 2) return true;
+    const auto& x = surface.point(v);
+    return CGAL::angle(surface.point(surface.target(from[v][0])), x, surface.point(surface.target(from[v][1]))) ==
+           CGAL::ACUTE;
+  };
+  std::vector<char> done(surface.num_edges(), 0);
+  std::vector<Curve> curves;
+  const auto trace = [&](Surface::Halfedge_index h) {
+    Curve curve{{surface.point(surface.source(h))}, {}};
+    const auto start = surface.source(h);
+    for (;;) {
+      done[surface.edge(h)] = 1;
+      curve.first.push_back(surface.point(surface.target(h)));
+      for (const auto side : {h, surface.opposite(h)}) curve.second.push_back(get(patch, surface.face(side)));
+      const auto v = surface.target(h);
+      if (v == start || is_corner(v)) break;
+      h = from[v][0] == surface.opposite(h) ? from[v][1] : from[v][0];
+    }
+    std::ranges::sort(curve.second);
+    const auto [first, last] = std::ranges::unique(curve.second);
+    curve.second.erase(first, last);
+    curves.push_back(std::move(curve));
+  };
+  for (const bool closed : {false, true})
+    for (const auto v : surface.vertices())
+      if (closed || is_corner(v))
+        for (const auto h : from[v])
+          if (!done[surface.edge(h)]) trace(h);
+  domain.add_features_and_incidences(curves.begin(), curves.end(), CGAL::First_of_pair_property_map<Curve>(),
+                                     CGAL::Second_of_pair_property_map<Curve>());
+}
 
 /// Points on every connected part of the surface, so that none is missed: Mesh_3 finds parts without a sharp edge only
 /// by rays from the middle of all.
@@ -193,14 +297,15 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
   CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
 
+  const double distance = options.distance > 0.0 ? options.distance : size / 20.0;
+  mark_sharp_edges(surface, options.feature_angle, distance);
   CGAL::Random random(0);
   Domain domain(surface, &random);
-  domain.detect_features(options.feature_angle);
+  add_curves(surface, domain);
   // Radii of the circumscribed circles and balls, of which an edge of an equilateral triangle is 1.73 and of a regular
   // tetrahedron 1.63 times longer.
   const Criteria criteria(CGAL::parameters::edge_size = size, CGAL::parameters::facet_angle = 20.0,
-                          CGAL::parameters::facet_size = 0.6 * size,
-                          CGAL::parameters::facet_distance = options.distance > 0.0 ? options.distance : size / 20.0,
+                          CGAL::parameters::facet_size = 0.6 * size, CGAL::parameters::facet_distance = distance,
                           CGAL::parameters::cell_radius_edge_ratio = 3.0, CGAL::parameters::cell_size = 0.65 * size);
   Complex complex;
   CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);

@@ -3,6 +3,7 @@
 #include "efree/geometry/gmsh_reader.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/image_reader.hpp"
+#include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
 #include "efree/geometry/surface.hpp"
@@ -216,6 +217,12 @@ std::map<Label, std::string> region_names(const Section& image) {
   return names;
 }
 
+template <int Dim> void report_islands(Index islands, double fraction, MadeMesh<Dim>& made) {
+  made.reports.push_back({"islands_left_out", islands});
+  made.reports.push_back({"islands_fraction", fraction});
+  made.remarks.push_back(fmt::format("{} islands left out, {:.3g} % of the material", islands, 100.0 * fraction));
+}
+
 template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
   refuse(geometry, {"slits", "parameters", "surface"}, "an image");
   require_size(geometry, "an image");
@@ -265,14 +272,15 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
 std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const fs::path& file) {
   refuse(geometry, {"slits", "parameters", "image"}, "a surface");
   require_size(geometry, "a surface");
-  const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle"});
+  const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle", "largest_only"});
   const bool wrap = section.boolean("wrap", false);
   if (!wrap) refuse(section, {"alpha", "offset"}, "a surface that is not wrapped (wrap = true)");
   const WrapOptions wrapping{.alpha = section.number("alpha", positive, 0.0),
                              .offset = section.number("offset", positive, 0.0)};
   SurfaceMeshOptions meshing;
   meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
-  return [path = file.string(), wrap, wrapping, meshing](double size) {
+  const bool largest_only = section.boolean("largest_only", false);
+  return [path = file.string(), wrap, wrapping, meshing, largest_only](double size) {
     MadeMesh<3> made;
     SurfaceSoup soup = read_surface(path);
     if (wrap) {
@@ -290,6 +298,11 @@ std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const f
     SurfaceMeshOptions sized = meshing;
     sized.size = size;
     made.mesh = mesh_surface(soup, sized);
+    if (largest_only) {
+      LargestMesh<3> body = keep_largest(std::move(made.mesh));
+      made.mesh = std::move(body.mesh);
+      report_islands(body.islands, body.fraction, made);
+    }
     return made;
   };
 }

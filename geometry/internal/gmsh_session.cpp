@@ -100,7 +100,8 @@ std::vector<GmshPart> named_entities(int dim, const std::string& fallback) {
   for (const int tag : all_entities(dim)) {
     std::string label;
     gmsh::model::getEntityName(dim, tag, label);
-    const std::string name = label.substr(label.rfind('/') + 1);
+    std::string name = label.substr(label.rfind('/') + 1);
+    if (name.starts_with("Open CASCADE STEP translator")) name.clear();  // what it calls a thing without a name
     parts.push_back({name, {tag}});
     ++count[name];
   }

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What a file holds, before anything is analysed.
+#pragma once
+
+#include "efree/geometry/summary.hpp"
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace efree {
+
+template <int Dim> struct Inspection {
+  std::string file;  ///< as it was named
+  std::string kind;  ///< "CAD", "gmsh geometry", "gmsh mesh", "label image", "grey image", "surface", "case"
+  BoundingBox<Dim> box{};
+  double volume = 0.0;                      ///< of all bodies, area in 2D; 0 if unknown: a surface with faults
+  double boundary = 0.0;                    ///< its area, length in 2D; of images along the faces of pixels
+  std::vector<BodySummary<Dim>> bodies{};   ///< regions: what [[material]] can name
+  std::vector<GroupSummary<Dim>> groups{};  ///< named parts of the boundary: what `on` can name
+  /// The smallest thing that a fine mesh has to resolve.
+  struct Feature {
+    std::string what;
+    double size;  ///< [length]
+    Vec<Dim> at;
+  };
+  std::optional<Feature> smallest{};
+  /// Counts and measures of quality, named as in JSON ("open_edges").
+  std::vector<std::pair<std::string, double>> facts{};
+  std::vector<std::string> remarks{};  ///< what stands in the way of an analysis, and what can be done about it
+
+  /// What to draw: in 3D the boundary, in 2D bodies (triangles, rectangles) and their boundary (lines).
+  struct Piece {
+    std::array<Index, 4> corners{-1, -1, -1, -1};  ///< 2 to 4 points, then -1
+    Index region = -1, group = -1;                 ///< by `bodies` and `groups`; -1: none
+  };
+  Points<Dim> points{};
+  std::vector<Piece> pieces{};
+};
+using AnyInspection = std::variant<Inspection<2>, Inspection<3>>;
+
+/// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and
+/// CAD files are meshed with their own sizes; images are told from their pixels (for grey ones the threshold that parts
+/// them best) and surfaces from their triangles. Throws InputError as the readers do.
+AnyInspection inspect(const std::filesystem::path& file);
+
+/// For people: several lines, ending with a line break.
+template <int Dim> std::string inspection_text(const Inspection<Dim>& inspection);
+/// For programs: JSON, ending with a line break; the format is in docs/case-file.md.
+template <int Dim> std::string inspection_json(const Inspection<Dim>& inspection);
+/// The pieces for ParaView and for the picture (VTU): cell data region and group, names in the field data region_names
+/// and group_names. Throws InputError if the file cannot be written.
+template <int Dim> void write_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);
+
+}  // namespace efree
