@@ -258,9 +258,7 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
     if (largest_only) {
       LargestBody<Dim> body = keep_largest(labels);
       labels = std::move(body.image);
-      made.reports = {{"islands_left_out", body.islands}, {"islands_fraction", body.fraction}};
-      made.remarks.push_back(
-          fmt::format("image: {} islands left out, {:.3g} % of the material", body.islands, 100.0 * body.fraction));
+      report_islands(body.islands, body.fraction, made);
     }
     ImageMeshOptions sized = meshing;
     sized.size = size;
