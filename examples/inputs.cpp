@@ -43,8 +43,7 @@ void scanned_part(const fs::path& file) {
         const Vec<3> at(x + 0.5, y + 0.5, z + 0.5);
         const double angle = std::atan2(at.z() - 12, at.y() - 12);
         double radius = 9.0;
-        for (const Wave& wave : waves)
-          radius += 0.3 * std::sin(wave.along * at.x() + wave.around * angle + wave.phase);
+        for (const Wave& wave : waves) radius += 0.3 * std::sin(wave.along * at.x() + wave.around * angle + wave.phase);
         bool inside = std::hypot(at.y() - 12, at.z() - 12) < radius;
         for (const auto& pore : pores) inside = inside && (at - pore.head<3>()).norm() > pore[3];
         image.labels.push_back(inside);

@@ -32,8 +32,10 @@ struct SurfaceMeshOptions {
 /// cavities; there may be several bodies, which make one region. Triangles may be in any order and orientation. The
 /// boundary between sharp edges becomes the groups "surface 1", "surface 2", ..., the largest first. Single thread,
 /// deterministic. Throws InputError if the surface is open, meets itself, has three triangles at an edge or encloses no
-/// volume (each with the place of the first fault), or an option is out of range. Known limit: where sharp edges meet
-/// in angles near zero their protection may take minutes; a larger feature_angle, or 180 for none, helps.
+/// volume (each with the place of the first fault), or an option is out of range. Slivers lower than the
+/// mesh's distance are taken to face as their neighbours do, so that strips of them leave no sharp edges. Known limit:
+/// where other sharp edges meet in angles near zero their protection may take minutes; a larger feature_angle, or 180
+/// for none, helps.
 MeshData<3> mesh_surface(const SurfaceSoup& surface, const SurfaceMeshOptions& options);
 
 struct WrapOptions {

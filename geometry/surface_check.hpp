@@ -23,8 +23,8 @@ struct SurfaceCheck {
   double shortest_edge = 0.0, longest_edge = 0.0;  ///< of triangles with area
   std::string fault{};                             ///< why mesh_surface would refuse it; empty if it would not
   double volume = 0.0;                             ///< enclosed, if there is no fault
-  /// Parts between sharp edges, named as by mesh_surface: "surface 1" is the largest. Outward if there is no fault,
-  /// else as the triangles are given.
+  /// Parts between sharp edges, named as by mesh_surface (but for strips of slivers, which it joins to their
+  /// neighbours): "surface 1" is the largest. Outward if there is no fault, else as the triangles are given.
   std::vector<GroupSummary<3>> groups;
   SurfaceSoup surface;          ///< what the groups are made of: turned outward if there is no fault
   std::vector<Index> group_of;  ///< of each triangle of `surface`

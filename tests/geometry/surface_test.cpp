@@ -68,6 +68,28 @@ SurfaceSoup together(const SurfaceSoup& a, const SurfaceSoup& b) {
   return soup;
 }
 
+TEST(Surface, AStepFarBelowTheMeshSizeIsNoSharpEdge) {
+  // A block whose top has a step of 1e-4: its two edges, protected, would need thousands of balls of that size.
+  const std::vector<Vec<2>> profile{{0, 0}, {1, 0}, {1, 1}, {0.5, 1}, {0.5, 1.0001}, {0, 1.0001}};
+  SurfaceSoup soup;
+  soup.points.resize(3, 12);
+  for (Index k = 0; k < 6; ++k)
+    for (const Index z : {0, 1}) soup.points.col(k + 6 * z) << profile[k], z;
+  for (Index k = 0; k < 6; ++k) {
+    const Index next = (k + 1) % 6;
+    soup.triangles.push_back({k, next, next + 6});
+    soup.triangles.push_back({k, next + 6, k + 6});
+  }
+  for (const std::array<Index, 3>& t : {std::array<Index, 3>{0, 1, 3}, {1, 2, 3}, {0, 3, 4}, {0, 4, 5}}) {
+    soup.triangles.push_back({t[0], t[2], t[1]});
+    soup.triangles.push_back({t[0] + 6, t[1] + 6, t[2] + 6});
+  }
+  const FineMesh<3> mesh(mesh_surface(soup, {.size = 0.3}));
+  EXPECT_LT(mesh.num_vertices(), 2000);
+  EXPECT_EQ(mesh.groups().size(), 6u);
+  EXPECT_NEAR(mesh.volumes().sum(), 1.00005, 1e-3);
+}
+
 TEST(Surface, BoxKeepsItsEdgesAndItsSixSides) {
   SurfaceSoup soup = box_surface({0, 0, 0}, {1, 2, 0.5});
   std::swap(soup.triangles[3][0], soup.triangles[3][1]);  // orientation is nobody's duty
