@@ -24,7 +24,7 @@ template <int Dim> LargestMesh<Dim> keep_largest(MeshData<Dim> mesh) {
   };
   for (Index c = 0; c < count; ++c)
     for (int i = 1; i <= Dim; ++i) {
-      const auto [low, high] = std::minmax(root(mesh.cells(0, c)), root(mesh.cells(i, c)));
+      const auto [low, high] = std::minmax({root(mesh.cells(0, c)), root(mesh.cells(i, c))});  // values, not references
       parent[high] = low;
     }
   std::vector<double> volume(mesh.vertices.cols(), 0.0);  // by root

@@ -93,34 +93,55 @@ void mark_sharp_edges(Surface& surface, double angle, double tolerance) {
 }
 
 /// Gives the domain the sharp edges as curves from corner to corner: where other than two of them meet, or two in an
-/// acute angle. Closed ones start anywhere.
+/// acute angle. Closed ones start anywhere. Where sheets of the surface touch, copies of an edge are one curve, and
+/// curves that pass through copies of a point end there: Mesh_3 would never be done with telling them apart.
 void add_curves(Surface& surface, Domain& domain) {
   using Curve = std::pair<std::vector<Kernel::Point_3>, std::vector<Domain::Patch_id>>;
   const auto patch = get(CGAL::face_patch_id_t<Domain::Patch_id>(), surface);
   const auto is_sharp = get(CGAL::edge_is_feature, surface);
-  std::vector<std::vector<Surface::Halfedge_index>> from(surface.num_vertices());
-  for (const auto e : surface.edges())
-    if (get(is_sharp, e))
-      for (const auto h : {surface.halfedge(e), surface.opposite(surface.halfedge(e))})
-        from[surface.source(h)].push_back(h);
-  const auto is_corner = [&](Surface::Vertex_index v) {
-    if (from[v].size() != 2) return true;
-    const auto& x = surface.point(v);
-    return CGAL::angle(surface.point(surface.target(from[v][0])), x, surface.point(surface.target(from[v][1]))) ==
-           CGAL::ACUTE;
+  std::vector<std::size_t> first_of(surface.num_vertices());  // of all vertices in the same place
+  std::map<Kernel::Point_3, std::size_t> places;
+  for (const auto v : surface.vertices()) first_of[v] = places.emplace(surface.point(v), v.idx()).first->second;
+
+  struct Edge {
+    std::array<std::size_t, 2> ends;
+    std::vector<Domain::Patch_id> patches;
+    bool done = false;
   };
-  std::vector<char> done(surface.num_edges(), 0);
+  std::vector<Edge> edges;
+  std::map<std::array<std::size_t, 2>, std::size_t> edge_between;
+  std::vector<std::vector<std::size_t>> at(surface.num_vertices());  // edges that meet in a place
+  for (const auto e : surface.edges()) {
+    if (!get(is_sharp, e)) continue;
+    const auto h = surface.halfedge(e);
+    std::array<std::size_t, 2> ends{first_of[surface.source(h)], first_of[surface.target(h)]};
+    std::ranges::sort(ends);
+    const auto [found, is_new] = edge_between.emplace(ends, edges.size());
+    if (is_new) {
+      for (const std::size_t end : ends) at[end].push_back(edges.size());
+      edges.push_back({ends, {}});
+    }
+    for (const auto side : {h, surface.opposite(h)})
+      edges[found->second].patches.push_back(get(patch, surface.face(side)));
+  }
+  const auto point = [&](std::size_t v) {
+    return surface.point(Surface::Vertex_index(static_cast<Surface::size_type>(v)));
+  };
+  const auto other_end = [&](std::size_t e, std::size_t v) { return edges[e].ends[edges[e].ends[0] == v]; };
+  const auto is_corner = [&](std::size_t v) {
+    return at[v].size() != 2 ||
+           CGAL::angle(point(other_end(at[v][0], v)), point(v), point(other_end(at[v][1], v))) == CGAL::ACUTE;
+  };
   std::vector<Curve> curves;
-  const auto trace = [&](Surface::Halfedge_index h) {
-    Curve curve{{surface.point(surface.source(h))}, {}};
-    const auto start = surface.source(h);
-    for (;;) {
-      done[surface.edge(h)] = 1;
-      curve.first.push_back(surface.point(surface.target(h)));
-      for (const auto side : {h, surface.opposite(h)}) curve.second.push_back(get(patch, surface.face(side)));
-      const auto v = surface.target(h);
+  const auto trace = [&](std::size_t start, std::size_t e) {
+    Curve curve{{point(start)}, {}};
+    for (std::size_t v = start;;) {
+      edges[e].done = true;
+      v = other_end(e, v);
+      curve.first.push_back(point(v));
+      curve.second.insert(curve.second.end(), edges[e].patches.begin(), edges[e].patches.end());
       if (v == start || is_corner(v)) break;
-      h = from[v][0] == surface.opposite(h) ? from[v][1] : from[v][0];
+      e = at[v][at[v][0] == e];
     }
     std::ranges::sort(curve.second);
     const auto [first, last] = std::ranges::unique(curve.second);
@@ -128,10 +149,10 @@ void add_curves(Surface& surface, Domain& domain) {
     curves.push_back(std::move(curve));
   };
   for (const bool closed : {false, true})
-    for (const auto v : surface.vertices())
+    for (std::size_t v = 0; v < at.size(); ++v)
       if (closed || is_corner(v))
-        for (const auto h : from[v])
-          if (!done[surface.edge(h)]) trace(h);
+        for (const std::size_t e : at[v])
+          if (!edges[e].done) trace(v, e);
   domain.add_features_and_incidences(curves.begin(), curves.end(), CGAL::First_of_pair_property_map<Curve>(),
                                      CGAL::Second_of_pair_property_map<Curve>());
 }
