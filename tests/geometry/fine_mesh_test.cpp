@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/largest_body.hpp"
 #include "meshes.hpp"
 
 namespace efree {
@@ -191,6 +192,34 @@ TEST(CutOpen, RefusesWhatItCannotCut) {
   EXPECT_INPUT_ERROR(cut_open<2>(data, {{11, 12}}), "stays closed");
   data.cells(0, 0) = -1;
   EXPECT_INPUT_ERROR(cut_open<2>(data, {{0, 1}}), "names vertex -1, expected 0 to 24");
+}
+
+/// Two squares of different size that do not touch, one of two regions.
+TEST(KeepLargest, LeavesIslandsOut) {
+  MeshData<2> data;
+  data.vertices.resize(2, 8);
+  data.vertices << 5, 6, 6, 5, 0, 2, 2, 0,  //
+      0, 0, 1, 1, 0, 0, 2, 2;
+  data.cells.resize(3, 4);
+  data.cells << 0, 0, 4, 4,  //
+      1, 2, 5, 6,            //
+      2, 3, 6, 7;
+  data.groups = {{"both", {{0, 1}, {4, 5}}}, {"island", {{1, 2}}}};
+  data.regions = {0, 0, 1, 0};
+  data.region_names = {"a", "b"};
+  const LargestMesh<2> body = keep_largest(data);
+  EXPECT_EQ(body.islands, 1);
+  EXPECT_NEAR(body.fraction, 0.2, 1e-15);
+  const FineMesh<2> mesh(body.mesh);
+  EXPECT_EQ(mesh.num_vertices(), 4);
+  EXPECT_EQ(mesh.num_components(), 1);
+  EXPECT_DOUBLE_EQ(mesh.volumes().sum(), 4.0);
+  EXPECT_EQ(mesh.group("both").size(), 1u);
+  EXPECT_EQ(mesh.region(0), 1);
+  EXPECT_EQ(mesh.region(1), 0);
+  EXPECT_EQ(keep_largest(body.mesh).islands, 0);
+  data.cells(0, 0) = 9;
+  EXPECT_INPUT_ERROR(keep_largest(data), "a cell names a vertex that there is not");
 }
 
 }  // namespace

@@ -131,6 +131,21 @@ TEST(Surface, SphereHasItsVolumeAndDisjointBodiesAreAllMeshed) {
   ASSERT_EQ(summary.groups.size(), 2u);
 }
 
+TEST(Surface, BodiesThatTouchInAPointOrAnEdgeAreApart) {
+  const SurfaceSoup box = box_surface({0, 0, 0}, {1, 1, 1});
+  for (const auto& [low, touching] : {std::pair{Vec<3>(1, 1, 1), "point"}, {Vec<3>(1, 1, 0), "edge"}}) {
+    // Together as files say them: in the same places, not as the same points.
+    const SurfaceSoup soup = together(box, box_surface(low, low + Vec<3>::Ones()));
+    const auto summary = summarize<3>(mesh_surface(soup, {.size = 0.4}));
+    EXPECT_EQ(summary.num_components, 2) << touching;
+    EXPECT_NEAR(summary.volume, 2.0, 1e-9) << touching;
+    EXPECT_NEAR(summary.boundary, 12.0, 1e-9) << touching;
+  }
+  // A shared part of a side is more than touching.
+  EXPECT_INPUT_ERROR(mesh_surface(together(box, box_surface({1, 0.2, 0.2}, {2, 0.8, 0.8})), {.size = 0.4}),
+                     "the surface meets itself");
+}
+
 TEST(Surface, SameInputGivesTheSameMeshBitForBit) {
   const SurfaceSoup soup = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.5, 0.5, 0.5}, 0.2, 8));
   const MeshData<3> first = mesh_surface(soup, {.size = 0.3});
