@@ -89,15 +89,15 @@ template <int Dim> struct Constraint {
     double sign;  ///< of its displacement in the jump
   };
   std::vector<Side> sides;
-  Vec<Dim> n;             ///< outward normal of the first side
-  Mat<Dim> directions;    ///< sum of d d^T over an orthonormal set of directions held
-  Vec<Dim> value;         ///< displacement along them
+  Vec<Dim> n;           ///< outward normal of the first side
+  Mat<Dim> directions;  ///< sum of d d^T over an orthonormal set of directions held
+  Vec<Dim> value;       ///< displacement along them
   double weight() const { return sides.front().point.weight; }
 };
 
 /// Coordinates on `other` of the facet rule's points on f; the two facets have their vertices in the same places.
-template <int Dim> std::vector<Eigen::Matrix<double, Dim, 1>> points_on_twin(const FineSpace<Dim>& space, Index f,
-                                                                           Index other) {
+template <int Dim>
+std::vector<Eigen::Matrix<double, Dim, 1>> points_on_twin(const FineSpace<Dim>& space, Index f, Index other) {
   const auto& mesh = space.mesh();
   std::vector<Eigen::Matrix<double, Dim, 1>> points;
   for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
@@ -129,8 +129,8 @@ template <int Dim> struct Held {
   Vec<Dim> value;
 };
 /// Nothing if the conditions contradict each other.
-template <int Dim> std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>& directions,
-                                                    const std::vector<double>& values) {
+template <int Dim>
+std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>& directions, const std::vector<double>& values) {
   const Index count = static_cast<Index>(values.size());
   Eigen::Matrix<double, Dim, Eigen::Dynamic> d(Dim, count);
   for (Index k = 0; k < count; ++k) d.col(k) = directions[k];
@@ -155,8 +155,8 @@ template <int Dim> std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>&
 }
 
 /// What all restraints on a facet hold at one of its points, every direction once however many prescribe it.
-template <int Dim> Constraint<Dim> constraint_at(const BoundaryPoint<Dim>& point,
-                                                 const std::vector<const Restraint<Dim>*>& restraints) {
+template <int Dim>
+Constraint<Dim> constraint_at(const BoundaryPoint<Dim>& point, const std::vector<const Restraint<Dim>*>& restraints) {
   Constraint<Dim> result{{{point, 1.0}}, point.n, Mat<Dim>::Zero(), Vec<Dim>::Zero()};
   std::vector<Vec<Dim>> directions;
   std::vector<double> values;
@@ -187,9 +187,9 @@ template <int Dim> Constraint<Dim> constraint_at(const BoundaryPoint<Dim>& point
 }
 
 /// Visits the constraints of all restraints, then those of the ties, always in the same order.
-template <int Dim, class Visit>
-void for_each_constraint(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
-                         const std::vector<TiedFacets>& ties, const Visit& visit) {
+template <int Dim, class Visit> void for_each_constraint(const FineSpace<Dim>& space,
+                                                         const std::vector<Restraint<Dim>>& restraints,
+                                                         const std::vector<TiedFacets>& ties, const Visit& visit) {
   const auto pairs = by_facet(space.mesh(), restraints);
   for (std::size_t s = 0; s < pairs.size();) {
     const Index f = pairs[s].first;
@@ -304,8 +304,8 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
 
   // One row for each K on the boundary: the nodes whose stress or whose jump it sees.
   struct Entry {
-    Block jump = Block::Zero();                        // int Phi_K phi_a sum_d d (B(n) d)^T
-    Block flux = Block::Zero();                        // (C B_a)^T
+    Block jump = Block::Zero();  // int Phi_K phi_a sum_d d (B(n) d)^T
+    Block flux = Block::Zero();  // (C B_a)^T
   };
   Ragged<Index> nodes;
   std::vector<Entry> entries;
@@ -329,8 +329,7 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
     }
     nodes.close_row();
   }
-  const auto by_node =
-      places_of_nodes(shape.num_nodes(), nodes.rows(), [&](Index row) { return nodes[row]; });
+  const auto by_node = places_of_nodes(shape.num_nodes(), nodes.rows(), [&](Index row) { return nodes[row]; });
   return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     for (const auto& [row, k] : by_node[a]) {
       const auto row_nodes = nodes[row];
@@ -343,12 +342,11 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
 }
 
 /// int beta [u].[v] along the directions held.
-template <int Dim>
-SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                               const std::vector<StiffnessTerm<Dim>>& terms,
-                               const std::vector<std::vector<double>>& penalty,
-                               const std::vector<Restraint<Dim>>& restraints, const std::vector<TiedFacets>& ties,
-                               Points<Dim>& rhs) {
+template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                  const std::vector<StiffnessTerm<Dim>>& terms,
+                                                  const std::vector<std::vector<double>>& penalty,
+                                                  const std::vector<Restraint<Dim>>& restraints,
+                                                  const std::vector<TiedFacets>& ties, Points<Dim>& rhs) {
   std::vector<std::pair<std::pair<Index, Index>, Mat<Dim>>> fine;
   Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
@@ -397,7 +395,7 @@ SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim
 }
 
 /// Rigid motions of Dim dimensions: translations along the axes, then rotations about them (one in the plane).
-template <int Dim> constexpr int rigid_motions = Dim * (Dim + 1) / 2;
+template <int Dim> constexpr int rigid_motions = Dim*(Dim + 1) / 2;
 template <int Dim> using Motion = Eigen::Matrix<double, rigid_motions<Dim>, 1>;
 
 /// Displacement along d, at `arm` from the centre, of each rigid motion; rotations by 1/radius.
@@ -412,8 +410,7 @@ template <int Dim> Motion<Dim> motion_along(const Vec<Dim>& d, const Vec<Dim>& a
 }
 
 /// Names of motions that span the columns of `free` (orthonormal): translations along axes first, then the rest.
-template <int Dim>
-std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre, double radius) {
+template <int Dim> std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre, double radius) {
   std::vector<std::string> names;
   const auto is_free = [&](const Motion<Dim>& motion) {
     return free.cols() > 0 && (motion - free * (free.transpose() * motion)).norm() < 1e-4 * motion.norm();
@@ -444,8 +441,8 @@ std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre
       names.push_back(fmt::format("translation along ({:.4g})", fmt::join(shift.normalized(), ", ")));
     } else if constexpr (Dim == 2) {
       const double rate = spin[0] / radius;
-      names.push_back(fmt::format("rotation about ({:.4g}, {:.4g})", centre[0] - shift[1] / rate,
-                                  centre[1] + shift[0] / rate));
+      names.push_back(
+          fmt::format("rotation about ({:.4g}, {:.4g})", centre[0] - shift[1] / rate, centre[1] + shift[0] / rate));
     } else {
       const Vec<3> rate = spin / radius, at = centre + rate.cross(shift) / rate.squaredNorm();
       names.push_back(fmt::format("rotation about the axis through ({:.4g}) along ({:.4g})", fmt::join(at, ", "),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The spherical cavity that studies and tests share: one eighth of a cube with the exact tractions of the infinite body
-/// on its outer sides (Goodier 1933).
+/// The spherical cavity that studies and tests share: one eighth of a cube with the exact tractions of the infinite
+/// body on its outer sides (Goodier 1933).
 #pragma once
 
 #include "efree/geometry/solid_shapes.hpp"
@@ -59,7 +59,8 @@ struct Cavity {
     double r, c, f, g, f_r, f_c, g_r, g_c;
 
     explicit Terms(const Vec<3>& x) : n(x.normalized()), r(x.norm()), c(n.z()) {
-      constexpr double nu = material.nu, G = material.E / (2.0 * (1.0 + nu)), share = 1.0 / (8.0 * G * (7.0 - 5.0 * nu));
+      constexpr double nu = material.nu, G = material.E / (2.0 * (1.0 + nu)),
+                       share = 1.0 / (8.0 * G * (7.0 - 5.0 * nu));
       constexpr double A = -(13.0 - 10.0 * nu) * share, B = share, C = 5.0 * (1.0 - 2.0 * nu) * share;
       constexpr double k = (5.0 - 4.0 * nu) / (1.0 - 2.0 * nu);
       const double q = 1.0 / (r * r), q2 = q * q;

@@ -23,7 +23,8 @@ namespace {
 
 template <int Dim> Matrix dense_stiffness(const Discretization<Dim>& discretization) {
   const Lame lame = lame_constants<Dim>({1.0, 0.3}, Plane::stress);
-  const SymmetricMatrix full = stiffness_matrix(discretization, stiffness<Dim>(lame)).template selfadjointView<Eigen::Lower>();
+  const SymmetricMatrix full =
+      stiffness_matrix(discretization, stiffness<Dim>(lame)).template selfadjointView<Eigen::Lower>();
   return Matrix(full);
 }
 
@@ -84,5 +85,6 @@ int main(int argc, char** argv) {
   if (solid)
     study<3>(bench::Cavity::mesh(spacing / 4.0), spacing, seeds);
   else
-    study<2>(triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, spacing / 8.0), {.size = spacing / 8.0}), spacing, seeds);
+    study<2>(triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, spacing / 8.0), {.size = spacing / 8.0}), spacing,
+             seeds);
 }

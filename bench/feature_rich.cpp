@@ -96,8 +96,8 @@ Kind porous_image(Index pixels, const RandomSpheres& pores) {
             const LabelImage<2> image = without_small_pores(keep_largest(random_spheres<2>(pixels, seeded)).image,
                                                             std::numbers::pi * dropped * dropped);
             return [image](const Mesh& sizes) {
-              return FineMesh<2>(mesh_image<2>(
-                  image, {.size = sizes.size, .contour = Contour::smooth, .simplify = sizes.detail}));
+              return FineMesh<2>(
+                  mesh_image<2>(image, {.size = sizes.size, .contour = Contour::smooth, .simplify = sizes.detail}));
             };
           }};
 }
@@ -181,8 +181,7 @@ Plan plan_of_image() {
           {16.0, 10.0, 7.0, 5.0}};
 }
 
-int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, int repeats,
-        const std::string& only) {
+int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, int repeats, const std::string& only) {
   std::printf("plate,seed,method,detail,size,spacing,vertices,unknowns,fewer,seconds,cpu_seconds,stiffness,error\n");
   std::fflush(stdout);
   for (int s = 1; s <= seeds; ++s) {
@@ -223,11 +222,13 @@ int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, 
 int main(int argc, char** argv) {
   const std::string name = argc > 1 ? argv[1] : "holes", only = argc > 4 ? argv[4] : "";
   const int seeds = argc > 2 ? std::atoi(argv[2]) : 3, repeats = argc > 3 ? std::atoi(argv[3]) : 3;
-  if (name == "holes") return run(name, discs(10.0, 160, 0.04, 0.4, 0.03), plan_of_discs(0.4, 1.0), seeds, repeats, only);
-  if (name == "porous") return run(name, discs(5.0, 500, 0.02, 0.1, 0.01), plan_of_discs(0.1, 0.3), seeds, repeats, only);
+  if (name == "holes")
+    return run(name, discs(10.0, 160, 0.04, 0.4, 0.03), plan_of_discs(0.4, 1.0), seeds, repeats, only);
+  if (name == "porous")
+    return run(name, discs(5.0, 500, 0.02, 0.1, 0.01), plan_of_discs(0.1, 0.3), seeds, repeats, only);
   if (name == "image")
-    return run(name, porous_image(1024, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0}), plan_of_image(), seeds, repeats,
-               only);
+    return run(name, porous_image(1024, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0}), plan_of_image(), seeds,
+               repeats, only);
   std::fprintf(stderr, "bench_feature_rich: no plate '%s', expected holes, porous or image\n", name.c_str());
   return 2;
 }

@@ -47,7 +47,8 @@ int main(int argc, char** argv) {
   const double finest = argc > 1 ? std::atof(argv[1]) : 0.1;
   const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
   std::printf(
-      "| semi-axes | E / E matrix | method | nodes | displacement, L2 | order | energy norm | order | recovered | order |\n"
+      "| semi-axes | E / E matrix | method | nodes | displacement, L2 | order | energy norm | order | recovered | "
+      "order |\n"
       "|---|---|---|---|---|---|---|---|---|---|\n");
   for (const double b : {1.0, 0.5})
     for (const double ratio : {10.0, 1000.0}) {

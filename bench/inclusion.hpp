@@ -23,10 +23,10 @@ class Inclusion {
   using Complex = std::complex<double>;
   static constexpr double half_width = 3.0;  ///< of the quarter that is analysed
 
-  Inclusion(double a, double b, double ratio)
-      : a_(a), b_(b), ratio_(ratio), R_(0.5 * (a + b)), m_((a - b) / (a + b)) {
+  Inclusion(double a, double b, double ratio) : a_(a), b_(b), ratio_(ratio), R_(0.5 * (a + b)), m_((a - b) / (a + b)) {
     const double g = ratio, alpha = 2.0 + (kappa - 1.0) / g, beta = 1.0 - 1.0 / g, k = kappa + 1.0;
-    // D alpha + m E beta = k Gamma;  2 m D + E - 2 Gamma m - p / R = Gamma';  p / R = (m D alpha + E beta) / k - Gamma m
+    // D alpha + m E beta = k Gamma;  2 m D + E - 2 Gamma m - p / R = Gamma';  p / R = (m D alpha + E beta) / k - Gamma
+    // m
     Mat<2> M{{alpha, m_ * beta}, {2.0 * m_ - m_ * alpha / k, 1.0 - beta / k}};
     const Vec<2> rhs(k * Gamma, Gamma_prime + Gamma * m_);
     const double det = M(0, 0) * M(1, 1) - M(0, 1) * M(1, 0);
@@ -52,8 +52,8 @@ class Inclusion {
     return {0.5 * (sum - difference.real()), 0.5 * (sum + difference.real()), 0.5 * difference.imag()};
   }
 
-  /// Quarter of the plate; regions "matrix" and "inclusion", sides left, bottom, right, top. Chords of the interface are
-  /// no longer than `size`.
+  /// Quarter of the plate; regions "matrix" and "inclusion", sides left, bottom, right, top. Chords of the interface
+  /// are no longer than `size`.
   MeshData<2> mesh(double size) const {
     PlanarDomain domain = shapes::rectangle(0.0, 0.0, half_width, half_width);
     const int chords = static_cast<int>(std::ceil(std::max(8.0, 0.5 * std::numbers::pi * std::max(a_, b_) / size)));
@@ -106,7 +106,8 @@ class Inclusion {
     Complex root = std::sqrt(z * z - 4.0 * R_ * R_ * m_);
     if ((std::conj(z) * root).real() < 0.0) root = -root;  // the branch outside the unit circle
     const Complex q = (z + root) / (2.0 * R_), q2 = q * q, dz = R_ * (1.0 - m_ / q2);
-    const Complex s = 1.0 / q + m_ * q, ds = -1.0 / q2 + m_, t = p_ / (q2 - m_), dt = -2.0 * q * p_ / ((q2 - m_) * (q2 - m_));
+    const Complex s = 1.0 / q + m_ * q, ds = -1.0 / q2 + m_, t = p_ / (q2 - m_),
+                  dt = -2.0 * q * p_ / ((q2 - m_) * (q2 - m_));
     const Complex psi = 2.0 * (D_ - Gamma) * R_ * s + E_ * z - p_ * q + s * t;
     const Complex dpsi = 2.0 * (D_ - Gamma) * R_ * ds + E_ * dz - p_ + ds * t + s * dt;
     return {Gamma * z + p_ / q, Gamma - t / R_, -dt / (R_ * dz), psi, dpsi / dz, mu};

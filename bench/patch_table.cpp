@@ -29,7 +29,8 @@ template <int Dim> AnyBody<Dim> find_body(const std::string& name) {
     return {body.mesh, body.spacing, body.outer, body.inner};
   } else {
     const bool slit = name == "slit_box";
-    return {testing::solid(name), 0.4, testing::box_sides, slit ? std::vector<std::string>{"slit"} : std::vector<std::string>{}};
+    return {testing::solid(name), 0.4, testing::box_sides,
+            slit ? std::vector<std::string>{"slit"} : std::vector<std::string>{}};
   }
 }
 

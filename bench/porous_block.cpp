@@ -3,7 +3,8 @@
 /// and memory of the coarse cloud against P1 tetrahedra on the same fine mesh. Every line is a process of its own, so
 /// that peak memory is that of the method.
 ///
-/// With --surface the block comes as an STL file, the boundary of a mesh of that image, and is meshed again from that alone.
+/// With --surface the block comes as an STL file, the boundary of a mesh of that image, and is meshed again from that
+/// alone.
 ///
 ///   bench_porous_block [--surface] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 | SPACING]
 #include "efree/geometry/image_mesh.hpp"
@@ -57,7 +58,8 @@ void write_stl(const FineMesh<3>& mesh) {
 FineMesh<3> from_surface(Index voxels, double size) {
   // Necks thinner than cells are lost, so that there may be islands.
   FineMesh<3> mesh(keep_largest(mesh_surface(read_surface(stl_file()),
-                                             {.size = size, .feature_angle = 60.0, .distance = 0.1 * size})).mesh);
+                                             {.size = size, .feature_angle = 60.0, .distance = 0.1 * size}))
+                       .mesh);
   std::vector<FineMesh<3>::Group> sides;
   for (const auto& [name, axis, at] : {std::tuple{"left", 0, 0}, {"front", 1, 0}, {"bottom", 2, 0}, {"top", 2, voxels}})
     sides.push_back({name, select_facets<3>(mesh, OnPlane<3>{Vec<3>::Constant(at), Vec<3>::Unit(axis), 0.01})});
@@ -78,10 +80,9 @@ void run(bool surface, Index voxels, double size, double spacing) {
       approximate(*mesh, {.kind = elements ? BasisKind::p1 : BasisKind::mls, .spacing = spacing}, &times);
   const double basis_bytes = (peak_gib() - before) * 1024.0 * 1024.0 * 1024.0 / mesh->num_vertices();
   DisplacementCondition<3> pulled{"top", {}, [voxels](const Vec<3>&) { return 0.01 * voxels; }};
-  const ElasticSolver<3> solver(approximation,
-                                {.material = {1.0, 0.3}, .essential = elements ? Essential::strong : Essential::nitsche},
-                                {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled},
-                                &times);
+  const ElasticSolver<3> solver(
+      approximation, {.material = {1.0, 0.3}, .essential = elements ? Essential::strong : Essential::nitsche},
+      {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled}, &times);
   Solution<3> solution;
   {
     const Stage stage("solve", times, {});
@@ -89,11 +90,12 @@ void run(bool surface, Index voxels, double size, double spacing) {
   }
   // Effective modulus: energy = E_eff strain^2 volume / 2.
   const double modulus = 2.0 * solution.strain_energy / (1e-4 * std::pow(voxels, 3));
-  std::printf("| %s | %d | %d | %td | %d | %.5f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.2f | %.0f |\n",
-              elements ? "P1" : std::to_string(spacing).substr(0, 5).c_str(), mesh->num_cells(), mesh->num_vertices(),
-              approximation.nodes.cols(), approximation.quadrature.size(), modulus, times["mesh"], times["cloud"],
-              times["weights"], times["basis"], times["quadrature"], times["assembly"], times["solve"],
-              times.total() - times["mesh"], peak_gib(), basis_bytes);
+  std::printf(
+      "| %s | %d | %d | %td | %d | %.5f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.2f | %.0f |\n",
+      elements ? "P1" : std::to_string(spacing).substr(0, 5).c_str(), mesh->num_cells(), mesh->num_vertices(),
+      approximation.nodes.cols(), approximation.quadrature.size(), modulus, times["mesh"], times["cloud"],
+      times["weights"], times["basis"], times["quadrature"], times["assembly"], times["solve"],
+      times.total() - times["mesh"], peak_gib(), basis_bytes);
   std::fflush(stdout);
 }
 
@@ -108,7 +110,8 @@ int main(int argc, char** argv) {
   if (surface) write_stl(from_image(voxels, 3.0));
   if (method != "all") return run(surface, voxels, size, method == "p1" ? 0.0 : std::atof(method.c_str())), 0;
   std::printf(
-      "| spacing [voxels] | tetrahedra | fine vertices | nodes | points | effective modulus / E | mesh [s] | cloud | weights "
+      "| spacing [voxels] | tetrahedra | fine vertices | nodes | points | effective modulus / E | mesh [s] | cloud | "
+      "weights "
       "| basis | quadrature | assembly | solve | all but mesh [s] | peak [GiB] | basis, bytes per fine vertex |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   std::fflush(stdout);

@@ -49,9 +49,8 @@ template <class F> double median_cpu(int repetitions, const F& run) {
 }
 
 /// `per_spacing`: H over the edge of the regular triangle or tetrahedron of mean measure.
-template <int Dim>
-void measure(const char* name, const FineMesh<Dim>& mesh, double per_spacing,
-             const std::vector<DisplacementCondition<Dim>>& conditions, int repetitions) {
+template <int Dim> void measure(const char* name, const FineMesh<Dim>& mesh, double per_spacing,
+                                const std::vector<DisplacementCondition<Dim>>& conditions, int repetitions) {
   const double mean = mesh.volumes().sum() / mesh.num_cells();
   const double h = Dim == 2 ? std::sqrt(mean * 4.0 / std::sqrt(3.0)) : std::cbrt(mean * 6.0 * std::sqrt(2.0));
   const ApproximationOptions options{.spacing = per_spacing * h};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Convergence on the spherical cavity: errors against nodes and against time, one line a run, for both secondary bases,
-/// full integration, and P1 and P2 tetrahedra. Writes CSV to standard output, observed orders to standard error.
+/// Convergence on the spherical cavity: errors against nodes and against time, one line a run, for both secondary
+/// bases, full integration, and P1 and P2 tetrahedra. Writes CSV to standard output, observed orders to standard error.
 ///
 ///   bench_spherical_cavity [finest spacing = 0.2] [seeds = 3] [H/h = 4] [first method = 0] [last method = 4]
 #include "efree/bench/cavity.hpp"
@@ -40,7 +40,9 @@ int main(int argc, char** argv) {
   const int first = argc > 4 ? std::atoi(argv[4]) : 0, last = argc > 5 ? std::atoi(argv[5]) : 4;
   std::vector<double> spacings;
   for (double H = 0.8; H > 0.99 * finest; H *= std::sqrt(0.5)) spacings.push_back(H);
-  std::printf("method,spacing,seed,fine_vertices,fine_cells,nodes,points,l2,energy,recovered,seconds,mesh,cloud,weights,basis,quadrature,assembly,solve\n");
+  std::printf(
+      "method,spacing,seed,fine_vertices,fine_cells,nodes,points,l2,energy,recovered,seconds,mesh,cloud,weights,basis,"
+      "quadrature,assembly,solve\n");
   for (int m = first; m <= last; ++m) {
     const Method& method = methods[m];
     const bool elements = method.kind != BasisKind::mls;
@@ -86,7 +88,9 @@ int main(int argc, char** argv) {
       recovered.push_back(median(of_seeds[2]));
     }
     const double span = std::log(spacings.front() / spacings.back());
-    const auto order = [&](const std::vector<double>& errors) { return std::log(errors.front() / errors.back()) / span; };
+    const auto order = [&](const std::vector<double>& errors) {
+      return std::log(errors.front() / errors.back()) / span;
+    };
     std::fprintf(stderr, "%s: observed orders L2 %.2f, energy %.2f, recovered %.2f\n", method.name, order(l2),
                  order(energy), order(recovered));
   }

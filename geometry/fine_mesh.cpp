@@ -277,8 +277,8 @@ template <int Dim> const std::vector<Index>& FineMesh<Dim>::group(std::string_vi
     if (group.name == name) return group.facets;
   std::vector<std::string> names;
   for (const Group& group : groups_) names.push_back(group.name);
-  throw InputError(fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name,
-                               quoted(names, "no named parts")));
+  throw InputError(
+      fmt::format("no part of the boundary is named \"{}\"; the mesh has {}", name, quoted(names, "no named parts")));
 }
 
 template <int Dim> FineMesh<Dim> FineMesh<Dim>::with_groups(std::vector<Group> groups) && {

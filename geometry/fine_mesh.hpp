@@ -23,8 +23,8 @@ template <int Dim> struct MeshData {
     std::vector<std::array<Index, Dim>> facets;  ///< vertex indices, in any order
   };
   Points<Dim> vertices;
-  Cells<Dim> cells;           ///< either orientation
-  std::vector<Group> groups;  ///< named sets of facets; sets may overlap
+  Cells<Dim> cells;                         ///< either orientation
+  std::vector<Group> groups;                ///< named sets of facets; sets may overlap
   std::vector<Index> regions{};             ///< region of each cell, counted from 0; empty: one region
   std::vector<std::string> region_names{};  ///< by region; empty: one region without a name
 };

@@ -93,8 +93,7 @@ class CornerFinder {
       corners_.push_back(farthest(first, first + count).position % count);
     }
     const std::size_t known = corners_.size();
-    for (std::size_t i = 0; i < known; ++i)
-      refine(corners_[i], i + 1 < known ? corners_[i + 1] : corners_[0] + count);
+    for (std::size_t i = 0; i < known; ++i) refine(corners_[i], i + 1 < known ? corners_[i + 1] : corners_[0] + count);
     for (Index& k : corners_) k %= count;
     std::sort(corners_.begin(), corners_.end());
     return corners_;
@@ -228,7 +227,8 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
     s = end;
   }
   std::vector<int> count(mesh.num_vertices(), 0);
-  Points<3> sum = Points<3>::Zero(3, mesh.num_vertices());  // of the unit vectors along the ridges, away from the vertex
+  Points<3> sum =
+      Points<3>::Zero(3, mesh.num_vertices());  // of the unit vectors along the ridges, away from the vertex
   for (const auto& [a, b] : ridges) {
     const Vec<3> along = (mesh.vertex(b) - mesh.vertex(a)).normalized();
     sum.col(a) += along, sum.col(b) -= along;

@@ -154,7 +154,8 @@ std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const
   std::vector<std::pair<Surface::Face_index, Surface::Face_index>> pairs;
   pmp::self_intersections<CGAL::Sequential_tag>(surface, std::back_inserter(pairs));
   // Copies of a point or an edge in which sheets touch are counted as meetings, too.
-  std::erase_if(pairs, [&](const auto& pair) { return only_touch(corners(surface, pair.first), corners(surface, pair.second)); });
+  std::erase_if(
+      pairs, [&](const auto& pair) { return only_touch(corners(surface, pair.first), corners(surface, pair.second)); });
   return pairs;
 }
 

@@ -13,11 +13,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <type_traits>
 #include <limits>
 #include <mutex>
 #include <numeric>
 #include <optional>
+#include <type_traits>
 
 namespace efree {
 namespace {
@@ -117,7 +117,8 @@ template <int Dim> Ragged<Index> clusters(const FineMesh<Dim>& mesh, const std::
 template <int Dim> Weight resolved(Weight weight) {
   if (weight == Weight::automatic) return Dim == 2 ? Weight::visibility : Weight::fast_marching;
   if (Dim == 3 && weight == Weight::visibility)
-    throw InputError("weights by exact visibility exist in 2D only; in 3D take fast_marching, heat_geodesic or heat_flow");
+    throw InputError(
+        "weights by exact visibility exist in 2D only; in 3D take fast_marching, heat_geodesic or heat_flow");
   return weight;
 }
 
@@ -343,8 +344,10 @@ NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>
 
 template class Geodesics<2>;
 template class Geodesics<3>;
-template std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, int);
-template std::vector<LocalField> heat_flow_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, int);
+template std::vector<LocalField> heat_flow_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&,
+                                                      int);
+template std::vector<LocalField> heat_flow_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&,
+                                                      int);
 template SparseRows node_weights<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
 template SparseRows node_weights<3>(const FineMesh<3>&, const std::vector<Index>&, const Vector&, const WeightOptions&);
 template SparseRows node_distances<2>(const FineMesh<2>&, const std::vector<Index>&, const Vector&, Weight);

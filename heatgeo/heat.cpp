@@ -119,8 +119,8 @@ template <int Dim> PatchHeat<Dim>::PatchHeat(const FineMesh<Dim>& mesh, double h
     : impl_(std::make_unique<Impl>(mesh, heat_time)) {}
 template <int Dim> PatchHeat<Dim>::~PatchHeat() = default;
 
-template <int Dim> std::vector<LocalField> PatchHeat<Dim>::distances(std::span<const Index> sources,
-                                                                     std::span<const double> radii) {
+template <int Dim>
+std::vector<LocalField> PatchHeat<Dim>::distances(std::span<const Index> sources, std::span<const double> radii) {
   Impl& p = *impl_;
   const Index count = static_cast<Index>(sources.size());
   p.clear();
@@ -156,8 +156,7 @@ template <int Dim> std::vector<LocalField> PatchHeat<Dim>::distances(std::span<c
   return fields;
 }
 
-template <int Dim>
-LocalField PatchHeat<Dim>::flow(Index source, double radius, int steps, double time_factor) {
+template <int Dim> LocalField PatchHeat<Dim>::flow(Index source, double radius, int steps, double time_factor) {
   Impl& p = *impl_;
   p.clear();
   const Patch<Dim>& patch = p.finder.around(source, radius);

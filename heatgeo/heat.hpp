@@ -10,8 +10,8 @@
 namespace efree {
 
 /// Solves heat and Poisson problems on patches with P1 elements, lumped masses and the natural condition on the body's
-/// boundary. The mesh should be Delaunay: otherwise heat can become negative, and is taken to be zero there. Keeps scratch
-/// memory: use one per thread.
+/// boundary. The mesh should be Delaunay: otherwise heat can become negative, and is taken to be zero there. Keeps
+/// scratch memory: use one per thread.
 template <int Dim> class PatchHeat {
  public:
   /// Keeps a reference to the mesh. `heat_time` in units of the squared mean edge length of the patch.

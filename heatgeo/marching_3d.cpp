@@ -171,8 +171,8 @@ void Horizon::lower(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c) {
 bool Horizon::in_sight(const Vec<3>& line, double distance) const {
   if (blind_) return false;
   const OnCube at(line);
-  return distance <= bounds_[(at.side * resolution + square_of(at.v, resolution)) * resolution +
-                             square_of(at.u, resolution)];
+  return distance <=
+         bounds_[(at.side * resolution + square_of(at.v, resolution)) * resolution + square_of(at.u, resolution)];
 }
 
 SpatialMarching::SpatialMarching(const SpatialSight& sight)
@@ -240,8 +240,8 @@ void SpatialMarching::spread() {
   }
 }
 
-/// Whether nothing lies between v and the origin. Where the facet through which the line leaves v's cells is in sight of
-/// the origin the line is taken to be free: only a spike thinner than that facet could be in the way.
+/// Whether nothing lies between v and the origin. Where the facet through which the line leaves v's cells is in sight
+/// of the origin the line is taken to be free: only a spike thinner than that facet could be in the way.
 bool SpatialMarching::sees(Index v, Index origin) const {
   const FineMesh<3>& mesh = sight_.mesh();
   const auto start = sight_.start(v, mesh.vertex(origin));

@@ -24,8 +24,8 @@ class SpatialSight {
     int corner = 0;
   };
   Start start(Index v, const Vec<3>& x) const;
-  /// Whether the line goes on from there to vertex `target` without leaving the body: a walk from cell to cell (visibility
-  /// walk of Devillers, Pion & Teillaud 2002). Lines along the boundary are inside.
+  /// Whether the line goes on from there to vertex `target` without leaving the body: a walk from cell to cell
+  /// (visibility walk of Devillers, Pion & Teillaud 2002). Lines along the boundary are inside.
   bool reaches(Start from, Index target) const;
 
  private:
@@ -52,15 +52,15 @@ class Horizon {
   static constexpr int resolution = 12;  ///< squares along an edge of the cube
   void lower(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c);
 
-  std::vector<double> bounds_;       ///< 6 x resolution^2
-  std::vector<Vec<3>> directions_;   ///< of the squares' middles
-  bool blind_ = false;               ///< the source lies on a slit: nothing is known
+  std::vector<double> bounds_;      ///< 6 x resolution^2
+  std::vector<Vec<3>> directions_;  ///< of the squares' middles
+  bool blind_ = false;              ///< the source lies on a slit: nothing is known
 };
 
 /// Fast marching with virtual sources (Sethian 1996; Novotni & Klein 2002) in space: Dijkstra's order, but a vertex
 /// inherits the origin of its neighbour (a source, or the boundary vertex where the path bent last) and takes the
-/// straight distance to it wherever the line of sight is free. Exact where a source is in sight; behind an edge the path
-/// bends at fine vertices. Keeps scratch memory: use one per thread.
+/// straight distance to it wherever the line of sight is free. Exact where a source is in sight; behind an edge the
+/// path bends at fine vertices. Keeps scratch memory: use one per thread.
 class SpatialMarching {
  public:
   /// Keeps a reference.

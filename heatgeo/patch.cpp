@@ -28,8 +28,7 @@ template <int Dim> double length_tolerance(const FineMesh<Dim>& mesh) {
   return 1e-12 * mesh.vertices().cwiseAbs().maxCoeff();
 }
 
-template <int Dim>
-bool shows_outer_side(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& source, double tolerance) {
+template <int Dim> bool shows_outer_side(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& source, double tolerance) {
   const auto facet = mesh.facets().col(f);
   const Vec<Dim> a = mesh.vertex(facet[0]), to_source = source - a;
   // A short facet far away magnifies the rounding of its own vertices.

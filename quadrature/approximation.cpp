@@ -26,11 +26,13 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
     throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
                                  options.spacing, extent));
   // Edge of the regular simplex of mean volume; nodes sit on fine vertices and need some to choose from.
-  const double edge = std::pow(mesh.volumes().mean() * (Dim == 2 ? 4.0 / std::sqrt(3.0) : 6.0 * std::sqrt(2.0)), 1.0 / Dim);
+  const double edge =
+      std::pow(mesh.volumes().mean() * (Dim == 2 ? 4.0 / std::sqrt(3.0) : 6.0 * std::sqrt(2.0)), 1.0 / Dim);
   if (options.kind == BasisKind::mls && options.spacing < edge)
-    throw InputError(fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
-                                 "expected a finer mesh (H/h of 3 or more) or a wider spacing",
-                                 options.spacing, edge));
+    throw InputError(
+        fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
+                    "expected a finer mesh (H/h of 3 or more) or a wider spacing",
+                    options.spacing, edge));
   if (options.kind == BasisKind::mls && mesh.num_regions() > 1)
     for (Index c = 0; c < mesh.num_cells(); ++c)
       for (Index i = 0; i <= Dim; ++i)

@@ -30,12 +30,12 @@ enum class SecondaryKind {
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
   bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
-  int order = 1;           ///< polynomials MLS reproduces: 1 or 2
-  int interpolation = 1;   ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow)
-  double spacing = 0.0;    ///< H [length]; required for MLS
-  Grading grading{};       ///< where the cloud is denser than that
-  std::uint64_t seed = 1;  ///< of the clouds
-  double support = 0.0;    ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
+  int order = 1;              ///< polynomials MLS reproduces: 1 or 2
+  int interpolation = 1;      ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow)
+  double spacing = 0.0;       ///< H [length]; required for MLS
+  Grading grading{};          ///< where the cloud is denser than that
+  std::uint64_t seed = 1;     ///< of the clouds
+  double support = 0.0;       ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
@@ -62,8 +62,9 @@ template <int Dim> struct Approximation {
 };
 
 /// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region
-/// gets functions of its own, so that strains may jump. Runs cloud, weights, basis and quadrature; adds their seconds to `times`. Throws InputError for options out of range
-/// (spacing missing or larger than the body, order, ratio, support) and NumericalError where no basis can be built.
+/// gets functions of its own, so that strains may jump. Runs cloud, weights, basis and quadrature; adds their seconds
+/// to `times`. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
+/// support) and NumericalError where no basis can be built.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
                                                   StageTimes* times = nullptr, const Progress& progress = {});
 

@@ -148,10 +148,11 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     Index& of_cluster = region[owner[c]];
     if (of_cluster >= 0 && of_cluster != mesh.region(c))
-      throw InputError(fmt::format("quadrature: the cluster around ({:.6g}) spans regions \"{}\" and \"{}\"; part the "
-                                   "mesh with cut_regions first",
-                                   fmt::join(cloud.positions.col(owner[c]), ", "), mesh.region_names()[of_cluster],
-                                   mesh.region_names()[mesh.region(c)]));
+      throw InputError(
+          fmt::format("quadrature: the cluster around ({:.6g}) spans regions \"{}\" and \"{}\"; part the "
+                      "mesh with cut_regions first",
+                      fmt::join(cloud.positions.col(owner[c]), ", "), mesh.region_names()[of_cluster],
+                      mesh.region_names()[mesh.region(c)]));
     of_cluster = mesh.region(c);
   }
   std::vector<Index> renumbered(cloud.size(), -1);

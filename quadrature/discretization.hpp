@@ -20,11 +20,11 @@ template <int Dim> struct SecondaryBasis {
 /// What physics sees of a basis: points, weights, and functions with projected gradients. All integrals are over the
 /// body: axisymmetric ones have the factor 2 pi r (FineSpace::measure).
 template <int Dim> struct Discretization {
-  Points<Dim> points;     ///< Dim x M
-  Vector weights;         ///< M, w_K = int Phi_K, positive, sum = volume
+  Points<Dim> points;  ///< Dim x M
+  Vector weights;      ///< M, w_K = int Phi_K, positive, sum = volume
   /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K
   ShapeTable<Dim> shape;
-  SparseRows on_facets;   ///< Phi_K on the boundary, see SecondaryBasis
+  SparseRows on_facets;       ///< Phi_K on the boundary, see SecondaryBasis
   std::vector<Index> region;  ///< M, region of the mesh that each point stands for
 
   Index size() const { return static_cast<Index>(weights.size()); }

@@ -191,9 +191,11 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
 
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
-template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&, const ExactSolution<2>&);
+template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&,
+                                  const ExactSolution<2>&);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
-template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&, const ExactSolution<3>&);
+template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&,
+                                  const ExactSolution<3>&);
 
 }  // namespace efree

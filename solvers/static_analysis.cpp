@@ -16,9 +16,9 @@ namespace {
 
 /// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration,
 /// volumetric part on coarser unions where the approximation has them.
-template <int Dim>
-std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation, const std::vector<Lame>& lame,
-                                                double stabilisation) {
+template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
+                                                                   const std::vector<Lame>& lame,
+                                                                   double stabilisation) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
@@ -139,10 +139,12 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
   const double rounding = 1e-20 * approximation.quadrature.weights.sum() * u.squaredNorm() /
                           (static_cast<double>(u.cols()) * diameter * diameter);
   if (there > rounding && seen < smallest_share * there)
-    throw NumericalError(fmt::format(
-        "unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest around ({:.5g}); "
-        "raise the ratio M/N, or put more nodes there",
-        approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes(), fmt::join(where, ", ")));
+    throw NumericalError(
+        fmt::format("unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest "
+                    "around ({:.5g}); "
+                    "raise the ratio M/N, or put more nodes there",
+                    approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes(),
+                    fmt::join(where, ", ")));
 }
 
 template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {

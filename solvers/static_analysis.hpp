@@ -39,7 +39,8 @@ template <int Dim> struct Solution {
   double strain_energy = 0.0;  ///< [force * length], in the plane per thickness
 };
 
-/// Regions of a mesh parted by cut_regions are tied to each other where they touch, by Nitsche. Assembles and factors once, then solves any number of load cases.
+/// Regions of a mesh parted by cut_regions are tied to each other where they touch, by Nitsche. Assembles and factors
+/// once, then solves any number of load cases.
 template <int Dim> class ElasticSolver {
  public:
   /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not

@@ -130,8 +130,7 @@ template <int Dim> PatchError patch_error(const Approximation<Dim>& approximatio
   for (const auto& part : held) conditions.push_back(displacement<Dim>(part, u));
   Loads<Dim> loads;
   for (const auto& part : loaded)
-    loads.tractions.push_back(
-        {part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction_of<Dim>(stress, n); }});
+    loads.tractions.push_back({part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction_of<Dim>(stress, n); }});
   const auto solution = ElasticSolver<Dim>(approximation, model, conditions).solve(loads);
   const auto fields = recover_fields(approximation, solution);
 

@@ -35,8 +35,8 @@ template <class NodesOf> Ragged<Place> places_of_nodes(Index nodes, Index rows, 
   return places;
 }
 
-/// Lower triangle of the matrix with Dim x Dim blocks for pairs of nodes: visit(a, sums) adds block (b, a) to sums[b] for
-/// all b >= a it has. One thread owns one column, so the sums do not depend on the threads.
+/// Lower triangle of the matrix with Dim x Dim blocks for pairs of nodes: visit(a, sums) adds block (b, a) to sums[b]
+/// for all b >= a it has. One thread owns one column, so the sums do not depend on the threads.
 template <int Dim, class Visit> SymmetricMatrix gather_blocks(Index nodes, const Visit& visit) {
   struct Part {
     std::vector<Index> count, rows;  ///< blocks per node a; their b

@@ -104,9 +104,9 @@ TEST(Mls, AtMidpointsIsWhatAMeshWithVerticesThereGives) {
 TEST(Mls, HeatFlowHasNoDistancesForMidpoints) {
   const auto body = testing::body("square");
   const auto cloud = sample_cloud(body.mesh, CloudOptions{body.spacing, 1});
-  EXPECT_THAT([&] {
-    moving_least_squares(FineSpace<2>(body.mesh, 2), cloud, {.weights = {.weight = Weight::heat_flow}});
-  }, ThrowsMessage<InputError>(HasSubstr("use degree 1")));
+  EXPECT_THAT(
+      [&] { moving_least_squares(FineSpace<2>(body.mesh, 2), cloud, {.weights = {.weight = Weight::heat_flow}}); },
+      ThrowsMessage<InputError>(HasSubstr("use degree 1")));
 }
 
 TEST(Mls, EveryWeightGivesABasis) {

@@ -26,7 +26,8 @@ double around_slit(const Vec<3>& a, const Vec<3>& b, double tip) {
   const double side = (a.x() - 0.5) * (b.x() - 0.5);
   const double share = (0.5 - a.x()) / (b.x() - a.x());
   if (side >= 0.0 || a.z() + share * (b.z() - a.z()) >= tip) return (a - b).norm();
-  const double radii = Eigen::Vector2d(a.x() - 0.5, a.z() - tip).norm() + Eigen::Vector2d(b.x() - 0.5, b.z() - tip).norm();
+  const double radii =
+      Eigen::Vector2d(a.x() - 0.5, a.z() - tip).norm() + Eigen::Vector2d(b.x() - 0.5, b.z() - tip).norm();
   return Eigen::Vector2d(radii, a.y() - b.y()).norm();
 }
 

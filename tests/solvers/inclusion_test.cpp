@@ -22,9 +22,8 @@ Result solve(const Inclusion& inclusion, double H, ApproximationOptions options 
   const auto approximation = approximate(mesh, options);
   const ElasticModel model = inclusion.model(elements ? Essential::strong : Essential::nitsche);
   const ElasticSolver<2> solver(approximation, model, {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")});
-  const auto errors =
-      errors_against(approximation, recover_fields(approximation, solver.solve(inclusion.loads())),
-                     region_lame(model, mesh), inclusion.exact());
+  const auto errors = errors_against(approximation, recover_fields(approximation, solver.solve(inclusion.loads())),
+                                     region_lame(model, mesh), inclusion.exact());
   return {*errors.l2_displacement, *errors.energy_norm, *errors.energy_norm_recovered};
 }
 
@@ -73,14 +72,12 @@ TEST(Regions, StripesInSeriesAreExact) {
   const FineMesh<2> mesh(cut_regions(data));
   // nu = 0, so that the stripes do not pull each other sideways.
   const ElasticModel model{.material = {}, .plane = Plane::strain, .regions = {{1.0, 0.0}, {ratio, 0.0}}};
-  const auto exact = [&](const Vec<2>& x) {
-    return Vec<2>(x.x() < 0.37 ? x.x() : 0.37 + (x.x() - 0.37) / ratio, 0.0);
-  };
+  const auto exact = [&](const Vec<2>& x) { return Vec<2>(x.x() < 0.37 ? x.x() : 0.37 + (x.x() - 0.37) / ratio, 0.0); };
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {
       const auto approximation = approximate(mesh, {.spacing = 0.2, .seed = seed, .secondary = secondary});
-      const auto solution =
-          ElasticSolver<2>(approximation, model, {clamp<2>("left")}).solve({.tractions = {tension<2>("right", 1.0)}, .body_force = {}});
+      const auto solution = ElasticSolver<2>(approximation, model, {clamp<2>("left")})
+                                .solve({.tractions = {tension<2>("right", 1.0)}, .body_force = {}});
       const Matrix u = interpolate(approximation.shape, solution.coefficients);
       for (Index v = 0; v < mesh.num_vertices(); ++v)
         EXPECT_LT((u.col(v) - exact(mesh.vertex(v))).norm(), 1e-11) << "at " << mesh.vertex(v).transpose();

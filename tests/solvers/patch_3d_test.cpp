@@ -15,7 +15,8 @@ class SolidPatchTest : public ::testing::TestWithParam<std::tuple<std::string, S
 TEST_P(SolidPatchTest, LinearFieldsAreExact) {
   const auto [name, secondary, essential] = GetParam();
   const auto mesh = testing::solid(name);
-  const std::vector<std::string> inner = name == "slit_box" ? std::vector<std::string>{"slit"} : std::vector<std::string>{};
+  const std::vector<std::string> inner =
+      name == "slit_box" ? std::vector<std::string>{"slit"} : std::vector<std::string>{};
   for (std::uint64_t seed = 1; seed <= (secondary == SecondaryKind::cells ? 2 : 1); ++seed) {
     ApproximationOptions options{.spacing = 0.4, .seed = seed, .secondary = secondary};
     if (essential == Essential::strong) options.vanish_on = testing::box_sides;
