@@ -2,7 +2,7 @@
 /// Convergence on the spherical cavity: errors against nodes and against time, one line a run, for both secondary
 /// bases, full integration, and P1 and P2 tetrahedra. Writes CSV to standard output, observed orders to standard error.
 ///
-///   bench_spherical_cavity [finest spacing = 0.2] [seeds = 3] [H/h = 4] [first method = 0] [last method = 4]
+///   bench_spherical_cavity [finest spacing = 0.28] [seeds = 1] [H/h = 4] [first method = 0] [last method = 4]
 #include "efree/bench/cavity.hpp"
 
 #include <algorithm>
@@ -34,8 +34,8 @@ double median(std::vector<double> values) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const double finest = argc > 1 ? std::atof(argv[1]) : 0.2;
-  const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
+  const double finest = argc > 1 ? std::atof(argv[1]) : 0.28;
+  const int seeds = argc > 2 ? std::atoi(argv[2]) : 1;
   const double ratio = argc > 3 ? std::atof(argv[3]) : 4.0;
   const int first = argc > 4 ? std::atoi(argv[4]) : 0, last = argc > 5 ? std::atoi(argv[5]) : 4;
   std::vector<double> spacings;
