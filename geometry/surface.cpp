@@ -159,23 +159,32 @@ std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const
   return pairs;
 }
 
-Surface closed_surface(const SurfaceSoup& soup) {
-  auto points = cgal_points(soup);
-  std::vector<std::vector<std::size_t>> polygons;
-  for (const auto& t : soup.triangles) {
+void check_triangles(const SurfaceSoup& soup) {
+  for (const auto& t : soup.triangles)
     for (const Index v : t)
       if (v < 0 || v >= soup.points.cols())
         throw InputError(fmt::format("surface: a triangle names point {}, but there are {}", v, soup.points.cols()));
+}
+
+Surface oriented_surface(const SurfaceSoup& soup) {
+  auto points = cgal_points(soup);
+  std::vector<std::vector<std::size_t>> polygons;
+  for (const auto& t : soup.triangles)
     polygons.push_back(
         {static_cast<std::size_t>(t[0]), static_cast<std::size_t>(t[1]), static_cast<std::size_t>(t[2])});
-  }
   pmp::repair_polygon_soup(points, polygons);
-  if (polygons.empty()) throw InputError("surface: there is no triangle in it");
   // Where sheets touch in a point or an edge this gives each its own copy.
   pmp::orient_polygon_soup(points, polygons);
   Surface surface;
   pmp::polygon_soup_to_polygon_mesh(points, polygons, surface);
   pmp::stitch_borders(surface);
+  return surface;
+}
+
+Surface closed_surface(const SurfaceSoup& soup) {
+  check_triangles(soup);
+  Surface surface = oriented_surface(soup);
+  if (surface.number_of_faces() == 0) throw InputError("surface: there is no triangle in it");
   int open = 0;
   Kernel::Point_3 first;
   for (const auto h : surface.halfedges())

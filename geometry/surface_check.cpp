@@ -8,10 +8,6 @@
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
-#include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
-#include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
-#include <CGAL/Polygon_mesh_processing/repair_polygon_soup.h>
-#include <CGAL/Polygon_mesh_processing/stitch_borders.h>
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -69,21 +65,6 @@ class Union {
  private:
   std::vector<Index> parent_;
 };
-
-/// Pairs of triangles that meet where they should not.
-Index count_crossings(const SurfaceSoup& soup) {
-  auto points = internal::cgal_points(soup);
-  std::vector<std::vector<std::size_t>> polygons;
-  for (const auto& t : soup.triangles)
-    polygons.push_back(
-        {static_cast<std::size_t>(t[0]), static_cast<std::size_t>(t[1]), static_cast<std::size_t>(t[2])});
-  pmp::repair_polygon_soup(points, polygons);
-  pmp::orient_polygon_soup(points, polygons);
-  internal::Surface surface;
-  pmp::polygon_soup_to_polygon_mesh(points, polygons, surface);
-  pmp::stitch_borders(surface);
-  return static_cast<Index>(internal::crossings(surface).size());
-}
 
 void find_groups(SurfaceCheck& check, double feature_angle) {
   const SurfaceSoup& soup = check.surface;
@@ -159,10 +140,7 @@ std::optional<SurfaceCheck::Wall> thinnest_wall(const SurfaceSoup& soup) {
 
 SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
   if (soup.triangles.empty()) throw InputError("surface: there is no triangle in it");
-  for (const auto& t : soup.triangles)
-    for (const Index v : t)
-      if (v < 0 || v >= soup.points.cols())
-        throw InputError(fmt::format("surface: a triangle names point {}, but there are {}", v, soup.points.cols()));
+  internal::check_triangles(soup);
   SurfaceCheck check;
   check.triangles = static_cast<Index>(soup.triangles.size());
   check.points = static_cast<Index>(soup.points.cols());
@@ -200,7 +178,7 @@ SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
   } catch (const InputError& error) {
     check.fault = error.what();
     check.surface = soup;
-    check.crossings = count_crossings(soup);
+    check.crossings = static_cast<Index>(internal::crossings(internal::oriented_surface(soup)).size());
   }
   find_groups(check, feature_angle);
   return check;
