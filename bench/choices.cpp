@@ -46,7 +46,8 @@ std::vector<Setting> settings() {
       list.push_back({name, text(ratio), {.secondary = secondary, .ratio = ratio}});
   list.push_back({"ratio_full", "full", {.secondary = SecondaryKind::full}});
   for (const double mesh_ratio : {2.0, 3.0, 4.0, 6.0, 8.0, 12.0})
-    list.push_back({"mesh_ratio", text(mesh_ratio), {}, Essential::nitsche, mesh_ratio});
+    for (const auto& [degree, name] : {std::pair{1, "mesh_ratio"}, {2, "mesh_ratio_quadratic"}})
+      list.push_back({name, text(mesh_ratio), {.interpolation = degree}, Essential::nitsche, mesh_ratio});
   for (const auto& [weight, name] : {std::pair{Weight::visibility, "visibility"},
                                      {Weight::fast_marching, "fast_marching"},
                                      {Weight::heat_geodesic, "heat_geodesic"},

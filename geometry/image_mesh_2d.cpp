@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <map>
 
 namespace efree {
@@ -155,6 +156,21 @@ PlanarRegions join(const std::vector<Piece>& pieces, const LabelImage<2>& image)
   return out;
 }
 
+/// Squared distance that a contour moves by, in pixels, plus less than 1e-9 by place. On a grid many distances are
+/// equal, and CGAL takes ties in the order of addresses: another one every time.
+struct CostWithoutTies {
+  template <class Triangulation, class Vertex> auto operator()(const Triangulation& plus, Vertex at) const {
+    auto cost = CGAL::Polyline_simplification_2::Squared_distance_cost()(plus, at);
+    const auto& p = (*at)->point();
+    const auto half_pixels = [](double x) { return static_cast<std::uint64_t>(std::llround(2.0 * x)); };
+    // Multipliers of Steele, Lea & Flood 2014.
+    std::uint64_t bits = (half_pixels(p.x()) << 32 | half_pixels(p.y())) * 0xbf58476d1ce4e5b9ull;
+    bits = (bits ^ bits >> 31) * 0x94d049bb133111ebull;
+    if (cost) *cost += 1e-9 * 0x1p-53 * static_cast<double>(bits >> 11);
+    return cost;
+  }
+};
+
 /// Leaves out points of chains that are no more than `tolerance` away from what replaces them.
 PlanarRegions simplify(const PlanarRegions& plane, double tolerance, const LabelImage<2>& image) {
   namespace PS = CGAL::Polyline_simplification_2;
@@ -177,7 +193,7 @@ PlanarRegions simplify(const PlanarRegions& plane, double tolerance, const Label
     for (const Index p : chain.points) points.push_back(to_pixels(p));
     ids.push_back(plus.insert_constraint(points.begin(), points.end()));
   }
-  PS::simplify(plus, PS::Squared_distance_cost(), PS::Stop_above_cost_threshold(tolerance * tolerance));
+  PS::simplify(plus, CostWithoutTies(), PS::Stop_above_cost_threshold(tolerance * tolerance));
 
   PlanarRegions out;
   std::map<std::pair<double, double>, Index> numbers;

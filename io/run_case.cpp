@@ -124,10 +124,9 @@ template <int Dim> double least_memory(const ApproximationOptions& options, cons
     return 0.5 * Dim * Dim * coupled * nodes * entry;
   }
   // Volume to a node, and nodes in a support, of a random packing; see sample_cloud.
-  const double support = options.support > 0.0 ? options.support : options.order == 1 ? 2.5 : 3.0;
   const double packing = Dim == 2 ? 1.436 : 1.363, ball = Dim == 2 ? 3.14 : 4.19;
   const double nodes = mesh.volumes().sum() / (packing * std::pow(options.spacing, Dim));
-  const double seen = std::min(nodes, ball / packing * std::pow(support, Dim));
+  const double seen = std::min(nodes, ball / packing * std::pow(options.support, Dim));
   const double coupled = std::min(nodes, std::pow(2.0, Dim) * seen);
   const double points = options.interpolation == 2 ? vertices + edges : vertices;
   return entry * (points * seen + 0.5 * Dim * Dim * nodes * coupled);
@@ -190,7 +189,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   located(analysis, analysis.file.string(), [&] {
-    require_memory(least_memory(analysis.approximation, *mesh.mesh),
+    require_memory(least_memory(with_defaults<Dim>(analysis.approximation), *mesh.mesh),
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);

@@ -19,7 +19,7 @@ template <int Dim> constexpr double volume_per_node = Dim == 2 ? 1.436 : 1.363;
 template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
   if (options.order != 1 && options.order != 2)
     throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
-  if (options.ratio != 0.0 && !(options.ratio >= 0.25 && options.ratio <= 100.0))
+  if (!(options.ratio >= 0.25 && options.ratio <= 100.0))
     throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
   const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
@@ -130,14 +130,21 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
 
 }  // namespace
 
-template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
+template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options) {
+  if (options.interpolation == 0) options.interpolation = Dim == 2 && options.weight != Weight::heat_flow ? 2 : 1;
+  if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
+  if (options.ratio == 0.0) options.ratio = options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
+  return options;
+}
+
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& asked,
                                                   StageTimes* times, const Progress& progress) {
+  const ApproximationOptions options = with_defaults<Dim>(asked);
   check(mesh, options);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
 
-  const double ratio = options.ratio > 0.0 ? options.ratio : options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
   Approximation<Dim> result;
   result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
   NodeCloud<Dim> cloud;
@@ -146,9 +153,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
     cloud = sample_cloud(mesh, graded_spacing(mesh, options.spacing, options.grading), options.seed);
   }
   const MlsOptions mls_options{.order = options.order,
-                               .support = options.support > 0.0 ? options.support
-                                          : options.order == 1  ? 2.5
-                                                                : 3.0,
+                               .support = options.support,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
   auto mls = moving_least_squares(result.space, cloud, mls_options, &clock, progress);
@@ -164,7 +169,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   if (second_cloud || options.dilatation) {
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
-    if (second_cloud) points = sample_points(mesh, cloud, nearest, ratio, options.seed + 0x9e3779b97f4a7c15ull);
+    if (second_cloud) points = sample_points(mesh, cloud, nearest, options.ratio, options.seed + 0x9e3779b97f4a7c15ull);
   }
   const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)
                          : options.secondary == SecondaryKind::mls
@@ -177,6 +182,8 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   return result;
 }
 
+template ApproximationOptions with_defaults<2>(ApproximationOptions);
+template ApproximationOptions with_defaults<3>(ApproximationOptions);
 template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
 template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);
 

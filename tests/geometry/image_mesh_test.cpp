@@ -198,6 +198,18 @@ TEST(ImageMesh2d, SimplerContoursStayClose) {
   for (const char* side : {"left", "right", "bottom", "top"}) EXPECT_NEAR(length(a, side), length(b, side), 1e-12);
 }
 
+TEST(ImageMesh2d, SimplerContoursAreTheSameEveryTime) {
+  const LabelImage<2> image = random_spheres<2>(150, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0, .seed = 1});
+  const ImageMeshOptions options{.size = 5.0, .contour = Contour::smooth, .simplify = 0.7};
+  const MeshData<2> first = mesh_image(image, options);
+  const std::vector<std::vector<char>> elsewhere(100, std::vector<char>(777));  // moves what is allocated later
+  for (int repeat = 0; repeat < 3; ++repeat) {
+    const MeshData<2> again = mesh_image(image, options);
+    ASSERT_EQ(again.vertices, first.vertices);
+    ASSERT_EQ(again.cells, first.cells);
+  }
+}
+
 TEST(ImageMesh2d, APorousImageKeepsItsAreaAndTopology) {
   const LabelImage<2> image = random_spheres<2>(256, {.porosity = 0.35, .r_min = 1.0, .r_max = 8.0, .seed = 2});
   const auto counts = count_labels(image);

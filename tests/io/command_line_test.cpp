@@ -170,9 +170,11 @@ TEST(CommandLine, NodesOfQuadraticElementsAreCounted) {
 }
 
 TEST(CommandLine, FieldsCanBeReadByVtk) {
-  for (const auto& [kind, cell_type] : {std::pair("mls", VTK_TRIANGLE), std::pair("p2", VTK_QUADRATIC_TRIANGLE)}) {
+  for (const auto& [basis, cell_type] :
+       {std::pair("kind = \"mls\"\ninterpolation = 1", VTK_TRIANGLE), {"kind = \"mls\"", VTK_QUADRATIC_TRIANGLE},
+        {"kind = \"p2\"", VTK_QUADRATIC_TRIANGLE}}) {
     const Workspace work;
-    ASSERT_EQ(solve_with(work, "kind = \"mls\"", std::string("kind = \"") + kind + "\"").status, 0);
+    ASSERT_EQ(solve_with(work, "kind = \"mls\"", basis).status, 0);
     vtkNew<vtkXMLUnstructuredGridReader> reader;
     const std::string file = (work / "out/fields.vtu").string();
     reader->SetFileName(file.c_str());

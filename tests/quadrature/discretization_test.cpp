@@ -13,23 +13,30 @@ using ::testing::ThrowsMessage;
 
 /// int p grad(phi_I) over the body for p = 1, x, y from the values of phi_I alone, by the divergence theorem:
 /// the integral over the boundary of p phi_I n less the body's integral of phi_I grad(p). 2 x N each.
-std::array<Points<2>, 3> exact_moments(const FineMesh<2>& mesh, const ShapeTable<2>& shape) {
+std::array<Points<2>, 3> exact_moments(const FineSpace<2>& space, const ShapeTable<2>& shape) {
+  const auto& mesh = space.mesh();
   std::array<Points<2>, 3> fine;
-  fine.fill(Points<2>::Zero(2, mesh.num_vertices()));
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    const Vec<2> n = mesh.facet_measure(f) * mesh.facet_normal(f);
-    for (int i = 0; i < 2; ++i) {
-      const Index v = mesh.facets()(i, f), w = mesh.facets()(1 - i, f);
-      const Vec<2> mean = mesh.vertex(v) / 3.0 + mesh.vertex(w) / 6.0;  // int x eta_v over the facet, per length
-      fine[0].col(v) += 0.5 * n;
-      fine[1].col(v) += mean.x() * n;
-      fine[2].col(v) += mean.y() * n;
+  fine.fill(Points<2>::Zero(2, space.size()));
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+      const Vec<2> n = mesh.facet_measure(f) * space.facet_rule().weights[g] * mesh.facet_normal(f);
+      const auto at = space.facet_point(f, space.facet_rule().points.col(g));
+      const Vec<2> x = space.position(mesh.facet_cell(f), at);
+      const auto eta = space.values(at);
+      const auto dofs = space.cell(mesh.facet_cell(f));
+      for (Index i = 0; i < eta.size(); ++i) {
+        fine[0].col(dofs[i]) += eta[i] * n;
+        fine[1].col(dofs[i]) += x.x() * eta[i] * n;
+        fine[2].col(dofs[i]) += x.y() * eta[i] * n;
+      }
     }
-  }
   for (Index c = 0; c < mesh.num_cells(); ++c)
-    for (int i = 0; i < 3; ++i) {
-      fine[1](0, mesh.cells()(i, c)) -= mesh.volume(c) / 3.0;
-      fine[2](1, mesh.cells()(i, c)) -= mesh.volume(c) / 3.0;
+    for (Index q = 0; q < space.cell_rule().weights.size(); ++q) {
+      const auto eta = space.values(space.cell_rule().points.col(q));
+      for (Index i = 0; i < eta.size(); ++i) {
+        fine[1](0, space.cell(c)[i]) -= space.weight(c, q) * eta[i];
+        fine[2](1, space.cell(c)[i]) -= space.weight(c, q) * eta[i];
+      }
     }
   for (auto& moments : fine) moments = moments * shape.matrix();
   return fine;
@@ -79,18 +86,18 @@ void expect_exact_sums(const FineMesh<2>& mesh, const Discretization<2>& quadrat
   EXPECT_LT((quadrature.points * quadrature.weights - first_moment).norm(), 1e-12);
 }
 
-class QuadratureOn : public ::testing::TestWithParam<std::tuple<std::string, int>> {};
+class QuadratureOn : public ::testing::TestWithParam<std::tuple<std::string, int, int>> {};
 
 TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
-  const auto [name, order] = GetParam();
+  const auto [name, order, interpolation] = GetParam();
   const auto body = testing::body(name);
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls, SecondaryKind::full}) {
     SCOPED_TRACE(static_cast<int>(secondary));
     const auto approximation =
-        approximate(body.mesh, {.order = order, .spacing = body.spacing, .secondary = secondary});
+        approximate(body.mesh, {.order = order, .interpolation = interpolation, .spacing = body.spacing, .secondary = secondary});
     const auto& quadrature = approximation.quadrature;
     expect_exact_sums(body.mesh, quadrature);
-    const auto exact = exact_moments(body.mesh, approximation.shape), found = moments(quadrature);
+    const auto exact = exact_moments(approximation.space, approximation.shape), found = moments(quadrature);
     const int reproduced = secondary == SecondaryKind::cells ? 1 : 3;  // clusters reproduce constants only
     for (int p = 0; p < reproduced; ++p)
       EXPECT_LT((found[p] - exact[p]).cwiseAbs().maxCoeff(), 1e-12) << "monomial " << p;
@@ -102,15 +109,19 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
 }
 
 TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
-  const auto [name, order] = GetParam();
+  const auto [name, order, interpolation] = GetParam();
   const auto body = testing::body(name);
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls}) {
     SCOPED_TRACE(static_cast<int>(secondary));
     const auto approximation =
-        approximate(body.mesh, {.order = order, .spacing = body.spacing, .secondary = secondary, .dilatation = true});
+        approximate(body.mesh, {.order = order,
+                                .interpolation = interpolation,
+                                .spacing = body.spacing,
+                                .secondary = secondary,
+                                .dilatation = true});
     expect_exact_sums(body.mesh, approximation.dilatation);
     EXPECT_LT(approximation.dilatation.size(), approximation.nodes.cols());
-    const auto exact = exact_moments(body.mesh, approximation.shape), found = moments(approximation.dilatation);
+    const auto exact = exact_moments(approximation.space, approximation.shape), found = moments(approximation.dilatation);
     EXPECT_LT((found[0] - exact[0]).cwiseAbs().maxCoeff(), 1e-12);
     EXPECT_LT(reproduction_error(approximation.dilatation, approximation.nodes, secondary == SecondaryKind::cells),
               1e-12);
@@ -120,16 +131,17 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
 INSTANTIATE_TEST_SUITE_P(Bodies, QuadratureOn,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
                                                               "random_holes"),
-                                            ::testing::Values(1, 2)),
+                                            ::testing::Values(1, 2), ::testing::Values(1, 2)),
                          [](const auto& test) {
                            return std::string(std::get<0>(test.param)) + "_order_" +
-                                  std::to_string(std::get<1>(test.param));
+                                  std::to_string(std::get<1>(test.param)) +
+                                  (std::get<2>(test.param) == 1 ? "_linear_cells" : "_quadratic_cells");
                          });
 
 TEST(Quadrature, EvaluatedGradientsViolateTheIntegrationConstraint) {
   const auto body = testing::body("plate_with_hole");
   const auto approximation = testing::with_point_evaluation(body.mesh, {.spacing = body.spacing});
-  const auto exact = exact_moments(body.mesh, approximation.shape), found = moments(approximation.quadrature);
+  const auto exact = exact_moments(approximation.space, approximation.shape), found = moments(approximation.quadrature);
   EXPECT_GT((found[0] - exact[0]).norm(), 0.01 * exact[0].norm());
 }
 
