@@ -133,7 +133,7 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
 template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options) {
   if (options.interpolation == 0) options.interpolation = Dim == 2 && options.weight != Weight::heat_flow ? 2 : 1;
   if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
-  if (options.ratio == 0.0) options.ratio = options.secondary == SecondaryKind::mls ? 6.0 : 4.0;
+  if (options.ratio == 0.0) options.ratio = options.secondary != SecondaryKind::mls ? 4.0 : Dim == 2 ? 6.0 : 24.0;
   return options;
 }
 

@@ -40,7 +40,7 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
-  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, 6 for mls
+  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
   bool dilatation = false;  ///< also build the coarser clusters that carry the volumetric part (B-bar)
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
