@@ -23,7 +23,7 @@ struct Setting {
   std::string choice, value;
   ApproximationOptions options{};
   Essential essential = Essential::nitsche;
-  double mesh_ratio = 4.0;  ///< H/h
+  double mesh_ratio = 3.0;  ///< H/h
 };
 
 std::string text(double value) {
@@ -46,7 +46,7 @@ std::vector<Setting> settings() {
       list.push_back({name, text(ratio), {.secondary = secondary, .ratio = ratio}});
   list.push_back({"ratio_full", "full", {.secondary = SecondaryKind::full}});
   for (const double mesh_ratio : {2.0, 3.0, 4.0, 6.0, 8.0, 12.0})
-    for (const auto& [degree, name] : {std::pair{1, "mesh_ratio"}, {2, "mesh_ratio_quadratic"}})
+    for (const auto& [degree, name] : {std::pair{2, "mesh_ratio"}, {1, "mesh_ratio_linear"}})
       list.push_back({name, text(mesh_ratio), {.interpolation = degree}, Essential::nitsche, mesh_ratio});
   for (const auto& [weight, name] : {std::pair{Weight::visibility, "visibility"},
                                      {Weight::fast_marching, "fast_marching"},

@@ -15,10 +15,10 @@ do for [d = -5:1] { do for [m = 1:3] { set ytics add (word('1 2 5', m) * 10.0**d
 set autoscale yfix
 set offsets 0, 0, graph 0.08, graph 0.08
 
-# Support and H/h: a curve for each spacing.
+# Support and H/h: a curve for each spacing; dashed: linear interpolation on the fine mesh.
 choice_names = 'support mesh_ratio'
 array xlabels[2] = ['support radius / H', 'H/h: cloud spacing / fine mesh size']
-array defaults[2] = [2.5, 4]
+array defaults[2] = [2.5, 3]
 array last[2] = [7, 5]
 do for [c = 1:2] {
   choice = word(choice_names, c)
@@ -37,6 +37,7 @@ do for [c = 1:2] {
     y = 3 * k - 1
     plot for [i = 1:3] file index choice.' '.word(spacings, i) using 1:y:y + 1:y + 2 with yerrorbars pt -1 lw 1.2 lc rgb colours[i], \
          for [i = 1:3] '' index choice.' '.word(spacings, i) using 1:y with linespoints pt points[i] lw 2.2 lc rgb colours[i], \
+         for [i = 1:(c == 2 ? 3 : 0)] '' index choice.'_linear '.word(spacings, i) using 1:y with lines lw 1.6 dt 2 lc rgb colours[i], \
          for [i = 1:3] '' index choice.' '.word(spacings, i) every ::last[c]::last[c] using 1:y:('H = '.word(spacings, i)) \
            with labels left offset 0.9,0 tc rgb colours[i]
   }
