@@ -113,19 +113,20 @@ std::vector<std::string> doubts(const ApproximationOptions& options, const Appro
 
 /// Bytes that an analysis takes at least: shape functions at the fine vertices, the stiffness and what is gathered for
 /// them, for nodes as far apart as they may be.
-template <int Dim> double least_memory(const ApproximationOptions& options, const FineMesh<Dim>& mesh) {
+template <int Dim> double least_memory(const ApproximationOptions& asked, const FineMesh<Dim>& mesh) {
   constexpr double entry = sizeof(double) + sizeof(Index);
   const double vertices = mesh.num_vertices(), cells = mesh.num_cells();
   const double edges = Dim == 2 ? 1.5 * cells : 1.2 * cells;
-  if (options.kind != BasisKind::mls) {
-    const bool linear = options.kind == BasisKind::p1;
+  if (asked.kind != BasisKind::mls) {
+    const bool linear = asked.kind == BasisKind::p1;
     const double nodes = linear ? vertices : vertices + edges;
     const double coupled = Dim == 2 ? (linear ? 7.0 : 11.5) : (linear ? 15.0 : 28.0);
     return 0.5 * Dim * Dim * coupled * nodes * entry;
   }
   // Volume to a node, and nodes in a support, of a random packing; see sample_cloud.
   const double packing = Dim == 2 ? 1.436 : 1.363, ball = Dim == 2 ? 3.14 : 4.19;
-  const double nodes = mesh.volumes().sum() / (packing * std::pow(options.spacing, Dim));
+  const double nodes = mesh.volumes().sum() / (packing * std::pow(asked.spacing, Dim));
+  const ApproximationOptions options = with_defaults<Dim>(asked, vertices / nodes);
   const double seen = std::min(nodes, ball / packing * std::pow(options.support, Dim));
   const double coupled = std::min(nodes, std::pow(2.0, Dim) * seen);
   const double points = options.interpolation == 2 ? vertices + edges : vertices;
@@ -189,7 +190,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   located(analysis, analysis.file.string(), [&] {
-    require_memory(least_memory(with_defaults<Dim>(analysis.approximation), *mesh.mesh),
+    require_memory(least_memory(analysis.approximation, *mesh.mesh),
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);

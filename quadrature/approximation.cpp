@@ -19,7 +19,7 @@ template <int Dim> constexpr double volume_per_node = Dim == 2 ? 1.436 : 1.363;
 template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
   if (options.order != 1 && options.order != 2)
     throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
-  if (!(options.ratio >= 0.25 && options.ratio <= 100.0))
+  if (options.ratio != 0.0 && !(options.ratio >= 0.25 && options.ratio <= 100.0))
     throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
   const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
@@ -130,8 +130,9 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
 
 }  // namespace
 
-template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options) {
-  if (options.interpolation == 0) options.interpolation = Dim == 2 && options.weight != Weight::heat_flow ? 2 : 1;
+template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node) {
+  const bool coarse = Dim == 2 && vertices_per_node < 50.0;  // linear cells would show: docs/method.md
+  if (options.interpolation == 0) options.interpolation = coarse && options.weight != Weight::heat_flow ? 2 : 1;
   if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
   if (options.ratio == 0.0) options.ratio = options.secondary != SecondaryKind::mls ? 4.0 : Dim == 2 ? 6.0 : 24.0;
   return options;
@@ -139,19 +140,19 @@ template <int Dim> ApproximationOptions with_defaults(ApproximationOptions optio
 
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& asked,
                                                   StageTimes* times, const Progress& progress) {
-  const ApproximationOptions options = with_defaults<Dim>(asked);
-  check(mesh, options);
+  check(mesh, asked);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
-  if (options.kind != BasisKind::mls) return finite_elements(mesh, options, clock, progress);
+  if (asked.kind != BasisKind::mls) return finite_elements(mesh, asked, clock, progress);
 
-  Approximation<Dim> result;
-  result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
   NodeCloud<Dim> cloud;
   {
     Stage stage("cloud", clock, progress);
-    cloud = sample_cloud(mesh, graded_spacing(mesh, options.spacing, options.grading), options.seed);
+    cloud = sample_cloud(mesh, graded_spacing(mesh, asked.spacing, asked.grading), asked.seed);
   }
+  const auto options = with_defaults<Dim>(asked, static_cast<double>(mesh.num_vertices()) / cloud.size());
+  Approximation<Dim> result;
+  result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
   const MlsOptions mls_options{.order = options.order,
                                .support = options.support,
                                .weights = {options.weight, options.kernel},
@@ -182,8 +183,8 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   return result;
 }
 
-template ApproximationOptions with_defaults<2>(ApproximationOptions);
-template ApproximationOptions with_defaults<3>(ApproximationOptions);
+template ApproximationOptions with_defaults<2>(ApproximationOptions, double);
+template ApproximationOptions with_defaults<3>(ApproximationOptions, double);
 template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
 template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);
 

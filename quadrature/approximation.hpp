@@ -32,7 +32,7 @@ struct ApproximationOptions {
   bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
   int order = 1;              ///< polynomials MLS reproduces: 1 or 2
   int interpolation = 0;      ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow);
-                              ///< 0: 2 in the plane, 1 in space and for heat_flow
+                              ///< 0: 2 in the plane with fewer than 50 fine vertices to a node, else 1
   double spacing = 0.0;       ///< H [length]; required for MLS
   Grading grading{};          ///< where the cloud is denser than that
   std::uint64_t seed = 1;     ///< of the clouds
@@ -48,8 +48,8 @@ struct ApproximationOptions {
   std::vector<std::string> vanish_on{};
 };
 
-/// The options with the numbers in place of the zeros that ask for a default: interpolation, support, ratio.
-template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options);
+/// The options with numbers in place of the zeros that ask for a default: interpolation, support, ratio.
+template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node);
 
 /// Immutable result. Keeps a pointer to the mesh, which must outlive it.
 template <int Dim> struct Approximation {

@@ -7,9 +7,53 @@
 #include <cholmod.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <numeric>
+#include <span>
+
 extern "C" void openblas_set_num_threads(int);
 
 namespace efree {
+namespace {
+
+/// Lower triangle by columns: which blocks of the matrix, one for each pair of nodes, hold entries.
+struct Pattern {
+  std::vector<Index> offsets{0}, rows;
+};
+Pattern node_pattern(const SymmetricMatrix& lower, const std::vector<Index>& node_of) {
+  Pattern pattern;
+  std::vector<Index> last_seen_by(node_of.back() + 1, -1);
+  for (Index column = 0; column < lower.cols();) {
+    const Index node = node_of[column];
+    while (static_cast<Index>(pattern.offsets.size()) <= node)  // of numbers without unknowns
+      pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
+    for (; column < lower.cols() && node_of[column] == node; ++column)
+      for (SymmetricMatrix::InnerIterator entry(lower, column); entry; ++entry)
+        if (Index& seen = last_seen_by[node_of[entry.row()]]; seen != node)
+          seen = node, pattern.rows.push_back(node_of[entry.row()]);
+    pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
+  }
+  return pattern;
+}
+
+/// A symmetric matrix as CHOLMOD takes it; `values` null: the pattern alone.
+cholmod_sparse symmetric_view(Index size, const Index* offsets, const Index* rows, const double* values) {
+  cholmod_sparse view{};
+  view.nrow = view.ncol = static_cast<std::size_t>(size);
+  view.nzmax = static_cast<std::size_t>(offsets[size]);
+  view.p = const_cast<Index*>(offsets);
+  view.i = const_cast<Index*>(rows);
+  view.x = const_cast<double*>(values);
+  view.stype = -1;
+  view.itype = CHOLMOD_INT;
+  view.xtype = values ? CHOLMOD_REAL : CHOLMOD_PATTERN;
+  view.dtype = CHOLMOD_DOUBLE;
+  view.sorted = values != nullptr;
+  view.packed = 1;
+  return view;
+}
+
+}  // namespace
 
 struct Cholesky::Impl {
   mutable cholmod_common common{};
@@ -29,6 +73,23 @@ struct Cholesky::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
+  std::vector<Index> node_order(const Pattern& pattern, const std::vector<Index>& node_of) {
+    const Index nodes = static_cast<Index>(pattern.offsets.size()) - 1;
+    cholmod_sparse view = symmetric_view(nodes, pattern.offsets.data(), pattern.rows.data(), nullptr);
+    cholmod_factor* analysis = cholmod_analyze(&view, &common);
+    check();
+    const std::span permutation(static_cast<const Index*>(analysis->Perm), static_cast<std::size_t>(nodes));
+    std::vector<Index> first(nodes + 1, 0), order;
+    for (const Index node : node_of) ++first[node + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    order.reserve(node_of.size());
+    for (const Index node : permutation)
+      for (Index unknown = first[node]; unknown < first[node + 1]; ++unknown) order.push_back(unknown);
+    cholmod_free_factor(&analysis, &common);
+    return order;
+  }
+
   void check() const {
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw NumericalError("Cholesky factorisation: not enough memory");
     if (common.status < 0)
@@ -36,19 +97,19 @@ struct Cholesky::Impl {
   }
 };
 
-Cholesky::Cholesky(const SymmetricMatrix& lower) : impl_(std::make_unique<Impl>()) {
-  cholmod_sparse view{};
-  view.nrow = view.ncol = static_cast<std::size_t>(lower.rows());
-  view.nzmax = static_cast<std::size_t>(lower.nonZeros());
-  view.p = const_cast<Index*>(lower.outerIndexPtr());
-  view.i = const_cast<Index*>(lower.innerIndexPtr());
-  view.x = const_cast<double*>(lower.valuePtr());
-  view.stype = -1;
-  view.itype = CHOLMOD_INT;
-  view.xtype = CHOLMOD_REAL;
-  view.dtype = CHOLMOD_DOUBLE;
-  view.sorted = view.packed = 1;
-  impl_->factor = cholmod_analyze(&view, &impl_->common);
+Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : impl_(std::make_unique<Impl>()) {
+  cholmod_sparse view = symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(),
+                                       lower.valuePtr());
+  if (node_of.empty()) {
+    impl_->factor = cholmod_analyze(&view, &impl_->common);
+  } else {
+    require(static_cast<Index>(node_of.size()) == lower.rows() && std::ranges::is_sorted(node_of),
+            "Cholesky: a node for each unknown expected, ascending");
+    std::vector<Index> order = impl_->node_order(node_pattern(lower, node_of), node_of);
+    impl_->common.nmethods = 1;
+    impl_->common.method[0].ordering = CHOLMOD_GIVEN;
+    impl_->factor = cholmod_analyze_p(&view, order.data(), nullptr, 0, &impl_->common);
+  }
   if (impl_->common.status == CHOLMOD_TOO_LARGE)
     throw InputError(
         fmt::format("Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a "

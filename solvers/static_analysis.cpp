@@ -249,6 +249,13 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     return U;
   }
 
+  /// Ascending.
+  std::vector<Index> node_of_unknowns() const {
+    std::vector<Index> nodes;
+    for (Index dof = 0; dof < Dim * approximation.shape.num_nodes(); ++dof)
+      if (unknown.empty() || unknown[dof] >= 0) nodes.push_back(dof / Dim);
+    return nodes;
+  }
   Index factor_size() const {
     if (unknown.empty()) return Dim * approximation.shape.num_nodes();
     Index count = 0;
@@ -275,7 +282,7 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
   }
   Stage stage("solve", clock, progress);
   try {
-    impl_->factor.emplace(K);
+    impl_->factor.emplace(K, impl_->node_of_unknowns());
   } catch (const NumericalError& error) {
     throw NumericalError(fmt::format(
         "{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
