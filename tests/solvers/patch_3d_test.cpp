@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// The linear patch test in space.
+#include "efree/geometry/surface.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 
@@ -63,6 +64,22 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
         EXPECT_LE(error.stress, bar) << field.name;
       }
     }
+}
+
+TEST(SolidPatchTestFiniteElements, LinearFieldsAreExactOnThePlateOfASurface) {
+  // The mesher finds four points of one plane there, and must not leave them as a cell.
+  const auto box = testing::with_sides(testing::box(1));
+  SurfaceSoup plate{Vec<3>(0.1, 1.0, 1.0).asDiagonal() * box.vertices(), {}};
+  for (const auto facet : box.facets().colwise()) plate.triangles.push_back({facet[0], facet[1], facet[2]});
+  const FineMesh<3> mesh(mesh_surface(plate, {.size = 0.9}));
+  const auto approximation = approximate(mesh, {.kind = BasisKind::p1});
+  for (const auto& field : testing::linear_fields<3>()) {
+    const auto error =
+        testing::patch_error<3>(approximation, {.material = {1.0, 0.3}, .essential = Essential::strong}, field,
+                                {"surface 1"}, {"surface 2", "surface 3", "surface 4", "surface 5", "surface 6"});
+    EXPECT_LE(error.displacement, bar) << field.name;
+    EXPECT_LE(error.stress, bar) << field.name;
+  }
 }
 
 }  // namespace
