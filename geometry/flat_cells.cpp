@@ -41,10 +41,10 @@ std::vector<Index> flat_cells(const MeshData<3>& mesh) {
 }
 
 std::vector<char> vertices_of(const MeshData<3>& mesh, const std::vector<Index>& cells) {
-  std::vector<char> is_one(mesh.vertices.cols(), 0);
+  std::vector<char> is_of_one(mesh.vertices.cols(), 0);
   for (const Index c : cells)
-    for (const Index v : mesh.cells.col(c)) is_one[v] = 1;
-  return is_one;
+    for (const Index v : mesh.cells.col(c)) is_of_one[v] = 1;
+  return is_of_one;
 }
 
 /// Facets at vertex v, of cells `star` around it, that are on the boundary or between regions.
@@ -94,31 +94,30 @@ template <int Dim> double flatness(const Points<Dim>& vertices, const Cells<Dim>
 }
 
 void peel_flat_cells(MeshData<3>& mesh) {
-  std::vector<Index> flat = flat_cells(mesh);
+  const std::vector<Index> flat = flat_cells(mesh);
   if (flat.empty()) return;
   const std::vector<char> is_near = vertices_of(mesh, flat);
-  const auto is_one = [&](const Facet& facet) {
+  const auto is_facet_near = [&](const Facet& facet) {
     return std::ranges::all_of(facet, [&](Index v) { return is_near[v]; });
   };
   std::map<Facet, int> cells_at;
   for (Index c = 0; c < mesh.cells.cols(); ++c)
     for (int i = 0; i < 4; ++i)
-      if (const Facet facet = facet_of(mesh, c, i); is_one(facet)) ++cells_at[facet];
+      if (const Facet facet = facet_of(mesh, c, i); is_facet_near(facet)) ++cells_at[facet];
   using Place = std::pair<std::size_t, std::size_t>;  // group, position in it
   std::map<Facet, Place> place_of;
   std::set<std::pair<Index, Index>> boundary_edges;
-  const auto put = [&](const Facet& facet, const Place& place) {
-    place_of[facet] = place;
-    for (int k = 0; k < 3; ++k) boundary_edges.insert(std::minmax(facet[k], facet[(k + 1) % 3]));
+  const auto add_edges = [&](const Facet& facet) {
+    for (int k = 0; k < 3; ++k)
+      if (is_near[facet[k]] && is_near[facet[(k + 1) % 3]])
+        boundary_edges.insert(std::minmax(facet[k], facet[(k + 1) % 3]));
   };
   for (std::size_t g = 0; g < mesh.groups.size(); ++g)
     for (std::size_t f = 0; f < mesh.groups[g].facets.size(); ++f) {
       Facet facet = mesh.groups[g].facets[f];
       std::ranges::sort(facet);
-      for (int k = 0; k < 3; ++k)
-        if (is_near[facet[k]] && is_near[facet[(k + 1) % 3]])
-          boundary_edges.insert(std::minmax(facet[k], facet[(k + 1) % 3]));
-      if (is_one(facet)) put(facet, {g, f});
+      add_edges(facet);
+      if (is_facet_near(facet)) place_of[facet] = {g, f};
     }
 
   const auto peel = [&](Index c) {
@@ -134,7 +133,8 @@ void peel_flat_cells(MeshData<3>& mesh) {
     for (int k = 0; k < 2; ++k) {
       const Place place = place_of.at(outer[k]);
       place_of.erase(outer[k]);
-      put(inner[k], place);
+      place_of[inner[k]] = place;
+      add_edges(inner[k]);
       mesh.groups[place.first].facets[place.second] = inner[k];
       --cells_at[outer[k]];
       --cells_at[inner[k]];
@@ -189,8 +189,7 @@ void inflate_flat_cells(MeshData<3>& mesh, double reach, const std::vector<char>
     }
     normal.stableNormalize();
     std::ranges::sort(around);
-    const auto repeated = std::ranges::unique(around);
-    around.erase(repeated.begin(), repeated.end());
+    around.erase(std::unique(around.begin(), around.end()), around.end());
     const auto quality = [&] {
       std::vector<double> values;
       for (const Index c : around) {

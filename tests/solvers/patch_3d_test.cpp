@@ -67,10 +67,15 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
 }
 
 TEST(SolidPatchTestFiniteElements, LinearFieldsAreExactOnThePlateOfASurface) {
-  // The mesher finds four points of one plane there, and must not leave them as a cell.
-  const auto box = testing::with_sides(testing::box(1));
-  SurfaceSoup plate{Vec<3>(0.1, 1.0, 1.0).asDiagonal() * box.vertices(), {}};
-  for (const auto facet : box.facets().colwise()) plate.triangles.push_back({facet[0], facet[1], facet[2]});
+  // Regular points on its edges make a cell of four of one plane, in which P1 is singular: it must not be left.
+  SurfaceSoup plate{Points<3>(3, 36), {}};
+  Index point = 0;
+  for (const auto& q : std::vector<std::array<Index, 4>>{
+           {0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}})
+    for (const std::array<Index, 3>& t : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
+      plate.triangles.push_back({point, point + 1, point + 2});
+      for (const Index corner : t) plate.points.col(point++) << 0.1 * (corner & 1), (corner >> 1) & 1, corner >> 2;
+    }
   const FineMesh<3> mesh(mesh_surface(plate, {.size = 0.9}));
   const auto approximation = approximate(mesh, {.kind = BasisKind::p1});
   for (const auto& field : testing::linear_fields<3>()) {
