@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/geometry/internal/image_regions.hpp"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -16,12 +17,9 @@
 #include <CGAL/make_mesh_3.h>
 #include <CGAL/property_map.h>
 #include <fmt/format.h>
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <map>
 #include <numeric>
-#include <random>
 #include <set>
 
 namespace efree {
@@ -278,19 +276,6 @@ MeshData<3> collect(const Complex& complex, const LabelImage<3>& image) {
   return mesh;
 }
 
-/// Six times the volume of a cell over the cube of its longest edge; about 1e-10 is what rounding leaves of nothing.
-double flatness(const MeshData<3>& mesh, Index c) {
-  Mat<3> edges;
-  double longest = 0.0;
-  for (int i = 0; i < 4; ++i)
-    for (int j = 0; j < i; ++j)
-      longest = std::max(longest, (mesh.vertices.col(mesh.cells(i, c)) - mesh.vertices.col(mesh.cells(j, c))).norm());
-  for (int k = 0; k < 3; ++k)
-    edges.col(k) = mesh.vertices.col(mesh.cells(k + 1, c)) - mesh.vertices.col(mesh.cells(0, c));
-  return edges.determinant() / (longest * longest * longest);
-}
-constexpr double least_flatness = 1e-9;
-
 /// Drops cells that lie within one side of the frame: they are flat, and so is what comes to the surface below them.
 void drop_flat_cells(const LabelImage<3>& image, MeshData<3>& mesh) {
   const Vec<3> low = image.origin,
@@ -312,43 +297,16 @@ void drop_flat_cells(const LabelImage<3>& image, MeshData<3>& mesh) {
   mesh.regions.resize(kept);
 }
 
-/// Moves a vertex of every cell without volume by a thousandth, where that gives volume to it and takes none from
-/// others. Vertices of the frame stay.
-void inflate(const LabelImage<3>& image, MeshData<3>& mesh) {
-  std::vector<Index> flat;
-  for (Index c = 0; c < mesh.cells.cols(); ++c)
-    if (flatness(mesh, c) < least_flatness) flat.push_back(c);
-  if (flat.empty()) return;
-  std::vector<char> wanted(mesh.vertices.cols(), 0);
-  for (const Index c : flat)
-    for (int i = 0; i < 4; ++i) wanted[mesh.cells(i, c)] = 1;
-  std::map<Index, std::vector<Index>> stars;
-  for (Index c = 0; c < mesh.cells.cols(); ++c)
-    for (int i = 0; i < 4; ++i)
-      if (wanted[mesh.cells(i, c)]) stars[mesh.cells(i, c)].push_back(c);
+/// By vertex: whether it lies in the frame.
+std::vector<char> on_frame(const LabelImage<3>& image, const MeshData<3>& mesh) {
   const Vec<3> low = image.origin,
                high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
-  std::mt19937_64 generator(1);
-  const auto uniform = [&] { return 0x1p-52 * static_cast<double>(generator() >> 11) - 1.0; };
-  for (const Index c : flat) {
-    for (int attempt = 0; flatness(mesh, c) < least_flatness; ++attempt) {
-      const Index v = mesh.cells(attempt % 4, c);
-      const Vec<3> old = mesh.vertices.col(v);
-      if (attempt == 400)
-        throw NumericalError(
-            fmt::format("image: a cell at ({}, {}, {}) has no volume, and none of its vertices can move", old.x(),
-                        old.y(), old.z()));
-      if ((old.array() == low.array() || old.array() == high.array()).any()) continue;
-      const auto worst = [&] {
-        double least = 1.0;
-        for (const Index other : stars[v]) least = std::min(least, flatness(mesh, other));
-        return least;
-      };
-      const double before = worst();
-      mesh.vertices.col(v) += 1e-3 * image.spacing.minCoeff() * Vec<3>(uniform(), uniform(), uniform());
-      if (!(worst() > before)) mesh.vertices.col(v) = old;
-    }
+  std::vector<char> is_on(mesh.vertices.cols());
+  for (Index v = 0; v < mesh.vertices.cols(); ++v) {
+    const auto x = mesh.vertices.col(v).array();
+    is_on[v] = (x == low.array() || x == high.array()).any();
   }
+  return is_on;
 }
 
 /// Boundary facets by the side of the frame that they lie in.
@@ -422,7 +380,7 @@ template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMes
   MeshData<3> mesh = collect(complex, image);
   complex.clear();
   drop_flat_cells(image, mesh);
-  inflate(image, mesh);
+  internal::inflate_flat_cells(mesh, 0.1 * options.facet_distance * voxel, on_frame(image, mesh));
   name_facets(image, mesh);
   mesh.region_names = regions.names;
   std::vector<std::array<Index, 3>> boundary;

@@ -2,6 +2,7 @@
 // CGAL Mesh_3, in a file of its own because it is slow to compile.
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/geometry/internal/surface_mesh.hpp"
 #include "efree/geometry/refine.hpp"
 #include "efree/geometry/surface.hpp"
@@ -16,14 +17,11 @@
 #include <CGAL/property_map.h>
 #include <fmt/format.h>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <numbers>
 #include <queue>
-#include <set>
 #include <tuple>
 #include <unordered_map>
 
@@ -192,8 +190,13 @@ void insert_initial_points(const Surface& surface, const Domain& domain, Complex
   }
 }
 
-MeshData<3> mesh_data(const Complex& complex) {
+struct Mesh {
+  MeshData<3> data;
+  std::vector<char> is_corner;  ///< by vertex: one where sharp edges meet
+};
+Mesh mesh_of(const Complex& complex) {
   MeshData<3> mesh;
+  std::vector<char> is_corner;
   const auto& triangulation = complex.triangulation();
   std::unordered_map<Complex::Vertex_handle, Index> number;
   std::vector<Vec<3>> points;
@@ -205,6 +208,7 @@ MeshData<3> mesh_data(const Complex& complex) {
       if (is_new) {
         const auto& p = triangulation.point(c->vertex(i)).point();
         points.emplace_back(p.x(), p.y(), p.z());
+        is_corner.push_back(complex.in_dimension(c->vertex(i)) == 0);
       }
       mesh.cells(i, count) = at->second;
     }
@@ -217,8 +221,9 @@ MeshData<3> mesh_data(const Complex& complex) {
   };
   std::map<Domain::Surface_patch_index, Patch> patches;
   for (auto f = complex.facets_in_complex_begin(); f != complex.facets_in_complex_end(); ++f) {
-    // Where the body is thinner than the mesh resolves, facets may have no cell on either side.
-    if (!complex.is_in_complex(f->first) && !complex.is_in_complex(f->first->neighbor(f->second))) continue;
+    // Beside flat cells, and where the body is thinner than the mesh resolves, facets may have cells on both sides or
+    // on neither.
+    if (complex.is_in_complex(f->first) == complex.is_in_complex(f->first->neighbor(f->second))) continue;
     std::array<Index, 3> facet;
     for (int k = 0; k < 3; ++k) facet[k] = number.at(f->first->vertex((f->second + 1 + k) % 4));
     Patch& patch = patches[complex.surface_patch_index(*f)];
@@ -230,63 +235,7 @@ MeshData<3> mesh_data(const Complex& complex) {
   std::ranges::stable_sort(by_area, std::ranges::greater{}, &Patch::area);
   for (auto& patch : by_area)
     mesh.groups.push_back({fmt::format("surface {}", mesh.groups.size() + 1), std::move(patch.facets)});
-  return mesh;
-}
-
-/// Takes away cells as good as flat that lie on the boundary with two facets of one patch: their other two facets take
-/// the place of those. Mesh_3 makes them of four points of a flat side, and no exudation moves such points.
-void peel_flat_cells(MeshData<3>& mesh) {
-  constexpr double flat = 1e-4;  // height over longest edge
-  using Key = std::array<Index, 3>;
-  const auto key = [](Key facet) {
-    std::sort(facet.begin(), facet.end());
-    return facet;
-  };
-  std::map<Key, std::pair<std::size_t, std::size_t>> patch_of;  // group, position in it
-  std::set<std::pair<Index, Index>> boundary_edges;
-  const auto add_edges = [&](const Key& facet) {
-    for (int k = 0; k < 3; ++k) boundary_edges.insert(std::minmax({facet[k], facet[(k + 1) % 3]}));
-  };
-  for (std::size_t g = 0; g < mesh.groups.size(); ++g)
-    for (std::size_t f = 0; f < mesh.groups[g].facets.size(); ++f) {
-      patch_of[key(mesh.groups[g].facets[f])] = {g, f};
-      add_edges(mesh.groups[g].facets[f]);
-    }
-  std::vector<Index> kept;
-  for (Index c = 0; c < mesh.cells.cols(); ++c) {
-    std::vector<Key> outer, inner;
-    double longest = 0.0, largest_area = 0.0;
-    for (int i = 0; i < 4; ++i) {
-      Key facet;
-      for (int k = 0; k < 3; ++k) facet[k] = mesh.cells((i + 1 + k) % 4, c);
-      const Vec<3> a = mesh.vertices.col(facet[1]) - mesh.vertices.col(facet[0]),
-                   b = mesh.vertices.col(facet[2]) - mesh.vertices.col(facet[0]);
-      longest = std::max({longest, a.norm(), b.norm()});
-      largest_area = std::max(largest_area, a.cross(b).norm());
-      (patch_of.contains(key(facet)) ? outer : inner).push_back(key(facet));
-    }
-    Mat<3> edges;
-    for (int k = 0; k < 3; ++k)
-      edges.col(k) = mesh.vertices.col(mesh.cells(k + 1, c)) - mesh.vertices.col(mesh.cells(0, c));
-    kept.push_back(c);
-    if (std::abs(edges.determinant()) > flat * longest * largest_area || outer.size() != 2) continue;
-    const auto first = patch_of.at(outer[0]), second = patch_of.at(outer[1]);
-    if (first.first != second.first) continue;
-    std::vector<Index>
-        ridge;  // the edge that comes to lie on the boundary: if it does already, the body would be pinched
-    std::set_intersection(inner[0].begin(), inner[0].end(), inner[1].begin(), inner[1].end(),
-                          std::back_inserter(ridge));
-    if (boundary_edges.contains({ridge[0], ridge[1]})) continue;
-    kept.pop_back();
-    for (int k = 0; k < 2; ++k) {
-      const auto place = k == 0 ? first : second;
-      mesh.groups[place.first].facets[place.second] = inner[k];
-      patch_of.erase(outer[k]);
-      patch_of[inner[k]] = place;
-      add_edges(inner[k]);
-    }
-  }
-  mesh.cells = Cells<3>(mesh.cells(Eigen::all, kept));
+  return {std::move(mesh), std::move(is_corner)};
 }
 
 /// Gives vertices and edges in which parts of the body only touch to each part.
@@ -336,8 +285,11 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
                       par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
   if (complex.number_of_cells_in_complex() == 0)
     throw NumericalError(fmt::format("surface: no tetrahedron at size {:g}; try a smaller one", size));
-  MeshData<3> mesh = mesh_data(complex);
-  peel_flat_cells(mesh);
+  auto [mesh, is_corner] = mesh_of(complex);
+  complex.clear();
+  // Exudation moves no point of a flat side, nor where all four are of the boundary.
+  internal::peel_flat_cells(mesh);
+  internal::inflate_flat_cells(mesh, 0.1 * distance, is_corner);
   return split_long_edges<3>(apart_where_touching(std::move(mesh)), size);
 }
 

@@ -4,6 +4,7 @@
 #include "efree/assembly/boundary.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
 
 #include <fmt/format.h>
@@ -101,12 +102,8 @@ template <int Dim, int Normals> double deviator_squared(const Voigt<Dim, Normals
 /// Whether a cell is so flat that gradients in it are those of interpolation, not of the field: less than a thousandth
 /// of the measure of the regular simplex with its longest edge.
 template <int Dim> bool is_sliver(const FineMesh<Dim>& mesh, Index c) {
-  double longest = 0.0;
-  for (int i = 0; i <= Dim; ++i)
-    for (int j = 0; j < i; ++j)
-      longest = std::max(longest, (mesh.vertex(mesh.cells()(i, c)) - mesh.vertex(mesh.cells()(j, c))).norm());
-  const double regular = Dim == 2 ? std::sqrt(3.0) / 4.0 : 1.0 / (6.0 * std::sqrt(2.0));
-  return mesh.volume(c) < 1e-3 * regular * std::pow(longest, Dim);
+  const double regular = Dim == 2 ? std::sqrt(3.0) / 2.0 : 1.0 / std::sqrt(2.0);
+  return internal::flatness<Dim>(mesh.vertices(), mesh.cells(), c) < 1e-3 * regular;
 }
 
 /// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.

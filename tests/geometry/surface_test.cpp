@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/surface.hpp"
+#include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/geometry/summary.hpp"
 #include "meshes.hpp"
 
@@ -109,6 +110,19 @@ TEST(Surface, BoxKeepsItsEdgesAndItsSixSides) {
     sum += *summary.groups[g].normal;
   }
   EXPECT_LT(sum.norm(), 1e-6);
+}
+
+TEST(Surface, FlatCellsGetVolumeAndSidesStayWhereTheyAre) {
+  // Regular points on the edges make a cell of four of one plane, which is not that of a side.
+  const MeshData<3> mesh = mesh_surface(box_surface({0, 0, 0}, {0.1, 1, 1}), {.size = 0.9});
+  double flattest = 1.0;
+  for (Index c = 0; c < mesh.cells.cols(); ++c)
+    flattest = std::min(flattest, internal::flatness<3>(mesh.vertices, mesh.cells, c));
+  EXPECT_GT(flattest, 1e-3);
+  const auto summary = summarize<3>(mesh);
+  EXPECT_NEAR(summary.volume, 0.1, 1e-9);
+  EXPECT_NEAR(summary.boundary, 2.4, 1e-9);
+  for (const auto& group : summary.groups) EXPECT_TRUE(group.normal.has_value());
 }
 
 TEST(Surface, ShellsInsideAreCavitiesHoweverSmall) {

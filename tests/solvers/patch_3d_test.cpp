@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// The linear patch test in space.
+#include "efree/geometry/surface.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 
@@ -63,6 +64,27 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
         EXPECT_LE(error.stress, bar) << field.name;
       }
     }
+}
+
+TEST(SolidPatchTestFiniteElements, LinearFieldsAreExactOnThePlateOfASurface) {
+  // Regular points on its edges make a cell of four of one plane, in which P1 is singular: it must not be left.
+  SurfaceSoup plate{Points<3>(3, 36), {}};
+  Index point = 0;
+  for (const auto& q : std::vector<std::array<Index, 4>>{
+           {0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}})
+    for (const std::array<Index, 3>& t : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
+      plate.triangles.push_back({point, point + 1, point + 2});
+      for (const Index corner : t) plate.points.col(point++) << 0.1 * (corner & 1), (corner >> 1) & 1, corner >> 2;
+    }
+  const FineMesh<3> mesh(mesh_surface(plate, {.size = 0.9}));
+  const auto approximation = approximate(mesh, {.kind = BasisKind::p1});
+  for (const auto& field : testing::linear_fields<3>()) {
+    const auto error =
+        testing::patch_error<3>(approximation, {.material = {1.0, 0.3}, .essential = Essential::strong}, field,
+                                {"surface 1"}, {"surface 2", "surface 3", "surface 4", "surface 5", "surface 6"});
+    EXPECT_LE(error.displacement, bar) << field.name;
+    EXPECT_LE(error.stress, bar) << field.name;
+  }
 }
 
 }  // namespace
