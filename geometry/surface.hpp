@@ -35,10 +35,11 @@ struct SurfaceMeshOptions {
 /// such ones are taken off flat sides, or a vertex moves along the surface or by up to a tenth of `distance` off it,
 /// but no corner; NumericalError with the place where that is not enough. Single thread, deterministic. Throws
 /// InputError if the surface is open, meets itself, has three triangles at an edge or encloses no volume (each with the
-/// place of the first fault), or an option is out of range. Slivers lower than the mesh's distance are taken to face as
+/// place of the first fault), an option is out of range, or parts of the body are so thin for them that a tenth of its
+/// volume would be lost. Slivers lower than the mesh's distance are taken to face as
 /// their neighbours do, so that strips of them leave no sharp edges. Known limit: where other sharp edges meet in
 /// angles near zero their protection may take minutes; a larger feature_angle, or 180 for none, helps.
-MeshData<3> mesh_surface(const SurfaceSoup& surface, const SurfaceMeshOptions& options);
+MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options);
 
 struct WrapOptions {
   double alpha = 0.0;   ///< holes and gaps narrower than about this are closed [length]; 0: diagonal of the box / 50

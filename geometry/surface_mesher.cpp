@@ -238,14 +238,6 @@ Mesh mesh_of(const Complex& complex) {
   return {std::move(mesh), std::move(is_corner)};
 }
 
-/// Gives vertices and edges in which parts of the body only touch to each part.
-MeshData<3> apart_where_touching(MeshData<3> mesh) {
-  const FineMesh<3> body(mesh);
-  std::vector<std::array<Index, 3>> boundary;
-  for (const auto facet : body.facets().colwise()) boundary.push_back({facet[0], facet[1], facet[2]});
-  return cut_open<3>(std::move(mesh), boundary);
-}
-
 }  // namespace
 
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options) {
@@ -262,8 +254,9 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
     throw InputError(fmt::format("surface: mesh size {:g} is too small for a body {:g} wide; expected at least {:g}",
                                  size, extent.maxCoeff(), extent.maxCoeff() / most));
   // About 12 tetrahedra of 1000 bytes, of CGAL's and of the mesh together, to a cube of that size.
-  require_memory(12e3 * std::abs(CGAL::to_double(CGAL::Polygon_mesh_processing::volume(surface))) / std::pow(size, 3),
-                 fmt::format("surface: a mesh of size {:g}", size), "use a larger size");
+  const double enclosed = std::abs(CGAL::to_double(CGAL::Polygon_mesh_processing::volume(surface)));
+  require_memory(12e3 * enclosed / std::pow(size, 3), fmt::format("surface: a mesh of size {:g}", size),
+                 "use a larger size");
   auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
   CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
 
@@ -290,7 +283,17 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   // Exudation moves no point of a flat side, nor where all four are of the boundary.
   internal::peel_flat_cells(mesh);
   internal::inflate_flat_cells(mesh, 0.1 * distance, is_corner);
-  return split_long_edges<3>(apart_where_touching(std::move(mesh)), size);
+  const FineMesh<3> body(mesh);
+  constexpr double most_lost = 0.1;
+  if (const double filled = body.volumes().sum(); std::abs(filled - enclosed) > most_lost * enclosed)
+    throw InputError(
+        fmt::format("surface: the tetrahedra fill {:.4g} of a volume of {:.4g}: parts of the body are too thin for a "
+                    "size of {:g} and a distance of {:g}; take smaller ones",
+                    filled, enclosed, size, distance));
+  // Vertices and edges in which parts of the body only touch are given to each part.
+  std::vector<std::array<Index, 3>> boundary;
+  for (const auto facet : body.facets().colwise()) boundary.push_back({facet[0], facet[1], facet[2]});
+  return split_long_edges<3>(cut_open<3>(std::move(mesh), boundary), size);
 }
 
 }  // namespace efree

@@ -180,6 +180,9 @@ TEST(Surface, RefusesWhatBoundsNoBody) {
   EXPECT_INPUT_ERROR(mesh_surface({}, {.size = 0.2}), "there is no triangle in it");
   EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {1, 1, 1}), {}), "size is 0, expected a positive length");
   EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {1, 1, 1}), {.size = 1e-6}), "mesh size 1e-06 is too small");
+  // No thicker than what the mesher may leave between its boundary and the surface.
+  EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {0.05, 1, 1}), {.size = 0.9}),
+                     "of a volume of 0.05: parts of the body are too thin for a size of 0.9");
   SurfaceSoup flat = box_surface({0, 0, 0}, {1, 1, 0});
   EXPECT_THROW(mesh_surface(flat, {.size = 0.2}), InputError);
 }
