@@ -2,7 +2,8 @@
 /// Thick cylinder and sphere under internal pressure: sections and solids against Lame's closed form, errors at the
 /// inner wall and over the body, by nodes through the wall. Writes a table (Markdown) to standard output.
 ///
-///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [H/h of solids = 2.5]
+///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [H/h of solids = 2.5] [order = 1]
+///              [interpolation = 1] [points per node = 4 cells, 6 MLS functions]
 #include "efree/bench/lame.hpp"
 
 #include <cstdio>
@@ -24,7 +25,8 @@ constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells},
                               {"P1", BasisKind::p1, SecondaryKind::full},
                               {"P2", BasisKind::p2, SecondaryKind::full}};
 
-template <int Dim> void run(const ThickWall& wall, const Method& method, int through, double ratio) {
+template <int Dim>
+void run(const ThickWall& wall, const Method& method, int through, double ratio, ApproximationOptions options) {
   const double H = (ThickWall::outer - ThickWall::inner) / (through - 1);
   const bool elements = method.kind != BasisKind::mls;
   // Elements with as many nodes through the wall: P2 has one at the middle of every edge.
@@ -36,8 +38,11 @@ template <int Dim> void run(const ThickWall& wall, const Method& method, int thr
     else
       return FineMesh<3>(wall.solid(2.0 * H, size));
   }();
-  const auto approximation =
-      approximate(mesh, {.kind = method.kind, .axisymmetric = Dim == 2, .spacing = H, .secondary = method.secondary});
+  options.kind = method.kind;
+  options.axisymmetric = Dim == 2;
+  options.spacing = H;
+  options.secondary = method.secondary;
+  const auto approximation = approximate(mesh, options);
   // The symmetry planes of the sphere are flat, so that elements can hold them at their nodes.
   const auto solver = wall.solver<Dim>(approximation, elements ? Essential::strong : Essential::nitsche);
   const Solution<Dim> solution = solver.solve(wall.loads<Dim>());
@@ -57,6 +62,9 @@ int main(int argc, char** argv) {
   const int most = argc > 1 ? std::atoi(argv[1]) : 8;
   const int most_solid = argc > 2 ? std::atoi(argv[2]) : 8;
   const double ratio = argc > 3 ? std::atof(argv[3]) : 2.5;
+  const ApproximationOptions options{.order = argc > 4 ? std::atoi(argv[4]) : 1,
+                                     .interpolation = argc > 5 ? std::atoi(argv[5]) : 1,
+                                     .ratio = argc > 6 ? std::atof(argv[6]) : 0.0};
   std::printf(
       "| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "
       "inner wall, mean | worst | hoop stress there, mean | worst | displacement, L2 | energy norm | recovered | CPU s "
@@ -65,7 +73,7 @@ int main(int argc, char** argv) {
   for (const bool sphere : {false, true})
     for (const Method& method : methods) {
       const ThickWall wall{sphere};
-      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, 4.0);
-      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, ratio);
+      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, 4.0, options);
+      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, ratio, options);
     }
 }
