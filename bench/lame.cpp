@@ -4,7 +4,7 @@
 /// without the mesh and the recovery. Writes a table (Markdown) to standard output.
 ///
 ///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [H/h of solids = 2.5] [order = 1]
-///              [interpolation = 1] [points per node = 4 cells, 6 MLS functions]
+///              [interpolation = 0: default] [points per node = 0: default]
 #include "efree/bench/lame.hpp"
 
 #include <algorithm>
@@ -58,9 +58,12 @@ void run(const ThickWall& wall, const Method& method, int through, double ratio,
     seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / clouds;
     nodes = std::max(nodes, static_cast<Index>(approximation.nodes.cols()));
     const auto errors = wall.errors<Dim>(approximation, solution);
-    const std::array<double, 7> found{errors.displacement.mean,        errors.displacement.worst,
-                                      errors.hoop.mean,                errors.hoop.worst,
-                                      *errors.body.l2_displacement,    *errors.body.energy_norm,
+    const std::array<double, 7> found{errors.displacement.mean,
+                                      errors.displacement.worst,
+                                      errors.hoop.mean,
+                                      errors.hoop.worst,
+                                      *errors.body.l2_displacement,
+                                      *errors.body.energy_norm,
                                       *errors.body.energy_norm_recovered};
     std::ranges::transform(largest, found, largest.begin(), [](double a, double b) { return std::max(a, b); });
   }
@@ -78,7 +81,7 @@ int main(int argc, char** argv) {
   const int most_solid = argc > 2 ? std::atoi(argv[2]) : 8;
   const double ratio = argc > 3 ? std::atof(argv[3]) : 2.5;
   const ApproximationOptions options{.order = argc > 4 ? std::atoi(argv[4]) : 1,
-                                     .interpolation = argc > 5 ? std::atoi(argv[5]) : 1,
+                                     .interpolation = argc > 5 ? std::atoi(argv[5]) : 0,
                                      .ratio = argc > 6 ? std::atof(argv[6]) : 0.0};
   std::printf(
       "| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "

@@ -34,8 +34,9 @@ template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature)
   return overlaps.transpose();
 }
 
-/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, as columns of N: the value
-/// at the node, then the derivative along each axis. The mean and no slope where the points do not determine a plane.
+/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, as columns of N: the
+/// value at the node, then the derivative along each axis. The mean and no slope where the points do not determine a
+/// plane.
 template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
   const SparseRows around = fit_weights(approximation.quadrature);

@@ -59,9 +59,9 @@ TEST_P(Recovery, AQuadraticLosesHalfOfTheSpacingSquaredAtMost) {
     const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 5.0});
     double worst = 0.0;
     for (std::uint64_t seed = 1; seed <= 3; ++seed)
-      worst =
-          std::max(worst, recovery_error<2>(approximate(mesh, {.spacing = H, .seed = seed, .secondary = GetParam()}),
-                                            [](const Vec<2>& x) { return Voigt<2>(x.x() * x.x(), x.y() * x.y(), 0.0); }));
+      worst = std::max(worst,
+                       recovery_error<2>(approximate(mesh, {.spacing = H, .seed = seed, .secondary = GetParam()}),
+                                         [](const Vec<2>& x) { return Voigt<2>(x.x() * x.x(), x.y() * x.y(), 0.0); }));
     return worst;
   };
   for (const double H : {0.2, 0.1}) {
