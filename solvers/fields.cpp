@@ -34,12 +34,14 @@ template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature)
   return overlaps.transpose();
 }
 
-/// Value at each node of a linear least-squares fit to `values` (rows x M) at the quadrature points around it; the mean
-/// where the points do not determine a plane.
+/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, as columns of N: the
+/// value at the node, then the derivative along each axis. The mean and no slope where the points do not determine a
+/// plane.
 template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
   const SparseRows around = fit_weights(approximation.quadrature);
-  Matrix nodal(values.rows(), approximation.shape.num_nodes());
+  const Index rows = values.rows();
+  Matrix fits = Matrix::Zero((Dim + 1) * rows, approximation.shape.num_nodes());
   parallel_for(approximation.shape.num_nodes(), [&](Index I) {
     const Vec<Dim> x = approximation.nodes.col(I);
     double scale = 0.0, total = 0.0;
@@ -49,7 +51,7 @@ template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, 
     }
     scale = std::sqrt(scale / total);
     Fit A = Fit::Zero();
-    Matrix b = Matrix::Zero(Dim + 1, values.rows());
+    Matrix b = Matrix::Zero(Dim + 1, rows);
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
       Eigen::Matrix<double, Dim + 1, 1> g;
       g << 1.0, (approximation.quadrature.points.col(entry.col()) - x) / scale;
@@ -59,12 +61,35 @@ template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, 
     }
     const Eigen::LLT<Fit> cholesky(A);
     const auto pivots = cholesky.matrixLLT().diagonal();
-    if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 0.1 * pivots.maxCoeff())
-      nodal.col(I) = Matrix(cholesky.solve(b)).row(0).transpose();
-    else
-      nodal.col(I) = b.row(0).transpose();
+    auto fit = fits.col(I).reshaped(rows, Dim + 1);
+    if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 0.1 * pivots.maxCoeff()) {
+      fit = cholesky.solve(b).transpose();
+      fit.template rightCols<Dim>() /= scale;
+    } else {
+      fit.col(0) = b.row(0).transpose();
+    }
   });
-  return nodal;
+  return fits;
+}
+
+/// Field at the fine degrees of freedom: sum phi_I(x) (f_I + 1/2 g_I . (x - x_I)) with the values f_I and slopes g_I of
+/// the fits. With f_I alone MLS functions smooth, at walls one-sidedly; the whole slope overshoots as much. Half of it
+/// is exact for quadratics wherever f_I and g_I are, since the functions reproduce linear ones:
+/// f_I + 1/2 g_I . (x - x_I) = f + 1/2 g . (x_I - x) for values and slopes f, g at x. Elements have x = x_I at every
+/// node.
+template <int Dim> Matrix blend(const Approximation<Dim>& approximation, const Matrix& fits) {
+  const Index rows = fits.rows() / (Dim + 1);
+  Matrix field = Matrix::Zero(rows, approximation.shape.num_points());
+  parallel_for(approximation.shape.num_points(), [&](Index p) {
+    const auto row = approximation.shape.row(p);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+      const Index I = row.nodes[k];
+      Eigen::Matrix<double, Dim + 1, 1> at;
+      at << 1.0, 0.5 * (approximation.space.points().col(p) - approximation.nodes.col(I));
+      field.col(p).noalias() += fits.col(I).reshaped(rows, Dim + 1) * (row.N[k] * at);
+    }
+  });
+  return field;
 }
 
 /// Cell that holds the point with its barycentric coordinates, or the nearest one (with a negative coordinate).
@@ -163,8 +188,8 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
   return {interpolate(approximation.shape, solution.coefficients),
-          interpolate(approximation.shape, fit_at_nodes(approximation, solution.strain)),
-          interpolate(approximation.shape, fit_at_nodes(approximation, solution.stress))};
+          blend(approximation, fit_at_nodes(approximation, solution.strain)),
+          blend(approximation, fit_at_nodes(approximation, solution.stress))};
 }
 
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Recovered fields from given values at the quadrature points: what the fits and their blending lose.
+#include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+/// Largest error anywhere of the stress recovered from the exact one at the quadrature points.
+template <int Dim> double recovery_error(const Approximation<Dim>& approximation,
+                                         const std::function<VoigtValue<Dim>(const Vec<Dim>&)>& exact) {
+  const auto at = [&](const Points<Dim>& points) {
+    VoigtPoints<Dim> values(exact(points.col(0)).size(), points.cols());
+    for (Index p = 0; p < points.cols(); ++p) values.col(p) = exact(points.col(p));
+    return values;
+  };
+  const auto stress = at(approximation.quadrature.points);
+  const Points<Dim> at_rest = Points<Dim>::Zero(Dim, approximation.shape.num_nodes());
+  const auto fields = recover_fields(approximation, Solution<Dim>{at_rest, stress, stress});
+  EXPECT_TRUE((fields.strain.array() == fields.stress.array()).all());
+  return (fields.stress - at(approximation.space.points())).cwiseAbs().maxCoeff();
+}
+
+/// Every component of another linear field.
+template <int Dim> VoigtValue<Dim> linear(const Vec<Dim>& x, int components) {
+  VoigtValue<Dim> value(components);
+  for (int i = 0; i < components; ++i) value[i] = 1.0 - 0.3 * i + (i + 1.0) * x[i % Dim] - 0.5 * x[(i + 1) % Dim];
+  return value;
+}
+
+class Recovery : public ::testing::TestWithParam<SecondaryKind> {};
+
+TEST_P(Recovery, LinearStressesAreReproduced) {
+  for (const char* name : {"square", "slivers", "plate_with_hole", "l_shape", "slit"}) {
+    const auto body = testing::body(name);
+    for (const bool axisymmetric : {false, true})
+      for (const int degree : {1, 2}) {
+        const auto approximation = approximate(body.mesh, {.axisymmetric = axisymmetric,
+                                                           .order = degree,
+                                                           .interpolation = degree,
+                                                           .spacing = body.spacing,
+                                                           .secondary = GetParam()});
+        const int components = axisymmetric ? 4 : 3;
+        EXPECT_LE(recovery_error<2>(approximation, [&](const Vec<2>& x) { return linear<2>(x, components); }), 1e-11)
+            << name << (axisymmetric ? ", axisymmetric" : "") << ", degree " << degree;
+      }
+  }
+  const auto box = testing::solid("box");
+  EXPECT_LE(recovery_error<3>(approximate(box, {.spacing = 0.4, .secondary = GetParam()}),
+                              [](const Vec<3>& x) { return linear<3>(x, 6); }),
+            1e-11);
+}
+
+TEST_P(Recovery, AQuadraticLosesHalfOfTheSpacingSquaredAtMost) {
+  // x^2: the linear fits lose this much, worst at walls where they are one-sided, and the blending next to nothing.
+  const auto error = [](double H) {
+    const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 5.0});
+    double worst = 0.0;
+    for (std::uint64_t seed = 1; seed <= 3; ++seed)
+      worst = std::max(worst,
+                       recovery_error<2>(approximate(mesh, {.spacing = H, .seed = seed, .secondary = GetParam()}),
+                                         [](const Vec<2>& x) { return Voigt<2>(x.x() * x.x(), x.y() * x.y(), 0.0); }));
+    return worst;
+  };
+  for (const double H : {0.2, 0.1}) {
+    EXPECT_LE(error(H), 0.5 * H * H) << "H = " << H;
+    EXPECT_GE(error(H), 0.2 * H * H) << "H = " << H;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Secondary, Recovery, ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                         [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
+
+}  // namespace
+}  // namespace efree
