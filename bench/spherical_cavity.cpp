@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Convergence on the spherical cavity: errors against nodes and against time, one line a run, for both secondary
-/// bases, full integration, P1 and P2 tetrahedra, and MLS functions on quadratic tetrahedra twice as large. Writes CSV to standard output, observed orders to standard error.
+/// bases and full integration on a fine mesh (which end one step before the others), for cells on a coarse mesh with
+/// linear and quadratic interpolation, and for P1 and P2 tetrahedra with about as many unknowns as the coarse mesh has
+/// vertices. Writes CSV to standard output, observed orders to standard error.
 ///
-///   bench_spherical_cavity [finest spacing = 0.28] [seeds = 1] [H/h = 4] [first method = 0] [last method = 5]
+///   bench_spherical_cavity [finest spacing = 0.2] [seeds = 1] [first method = 0] [last method = 6]
 #include "efree/bench/cavity.hpp"
 
 #include <algorithm>
@@ -19,19 +21,17 @@ struct Method {
   const char* name;
   BasisKind kind;
   SecondaryKind secondary;
-  int interpolation = 1;
-  /// Size of the tetrahedra: of finite elements such that there are about as many nodes, with quadratic interpolation
-  /// twice that with linear.
-  double size(double H, double ratio) const {
-    return kind == BasisKind::p1 ? 0.4 * H : kind == BasisKind::p2 ? 0.8 * H : interpolation * H / ratio;
-  }
+  int interpolation;
+  double ratio;  ///< spacing over size of the tetrahedra
 };
-constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells},
-                              {"mls", BasisKind::mls, SecondaryKind::mls},
-                              {"full", BasisKind::mls, SecondaryKind::full},
-                              {"p1", BasisKind::p1, SecondaryKind::full},
-                              {"p2", BasisKind::p2, SecondaryKind::full},
-                              {"quadratic", BasisKind::mls, SecondaryKind::cells, 2}};
+constexpr double fine = 4.0, coarse = 2.5;
+constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells, 1, fine},
+                              {"mls", BasisKind::mls, SecondaryKind::mls, 1, fine},
+                              {"full", BasisKind::mls, SecondaryKind::full, 1, fine},
+                              {"p1", BasisKind::p1, SecondaryKind::full, 1, 2.5},
+                              {"p2", BasisKind::p2, SecondaryKind::full, 2, 1.25},
+                              {"coarse", BasisKind::mls, SecondaryKind::cells, 1, coarse},
+                              {"quadratic", BasisKind::mls, SecondaryKind::cells, 2, coarse}};
 
 double median(std::vector<double> values) {
   std::ranges::sort(values);
@@ -41,25 +41,24 @@ double median(std::vector<double> values) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const double finest = argc > 1 ? std::atof(argv[1]) : 0.28;
+  const double finest = argc > 1 ? std::atof(argv[1]) : 0.2;
   const int seeds = argc > 2 ? std::atoi(argv[2]) : 1;
-  const double ratio = argc > 3 ? std::atof(argv[3]) : 4.0;
-  const int first = argc > 4 ? std::atoi(argv[4]) : 0, last = argc > 5 ? std::atoi(argv[5]) : 5;
-  std::vector<double> spacings;
-  for (double H = 0.8; H > 0.99 * finest; H *= std::sqrt(0.5)) spacings.push_back(H);
+  const int first = argc > 3 ? std::atoi(argv[3]) : 0, last = argc > 4 ? std::atoi(argv[4]) : 6;
   std::printf(
       "method,spacing,seed,fine_vertices,fine_cells,nodes,points,l2,energy,recovered,seconds,mesh,cloud,weights,basis,"
       "quadrature,assembly,solve\n");
   for (int m = first; m <= last; ++m) {
     const Method& method = methods[m];
     const bool elements = method.kind != BasisKind::mls;
-    std::vector<double> l2, energy, recovered;
+    std::vector<double> spacings, l2, energy, recovered;
+    const double end = method.ratio == fine ? std::sqrt(2.0) * finest : finest;
+    for (double H = 0.8; H > 0.99 * end; H *= std::sqrt(0.5)) spacings.push_back(H);
     for (const double H : spacings) {
       StageTimes mesh_time;
       std::optional<FineMesh<3>> mesh;
       {
         const Stage stage("mesh", mesh_time, {});
-        mesh.emplace(Cavity::mesh(method.size(H, ratio)));
+        mesh.emplace(Cavity::mesh(H / method.ratio));
       }
       std::vector<double> of_seeds[3];
       for (int seed = 1; seed <= (elements ? 1 : seeds); ++seed) {
