@@ -221,7 +221,13 @@ template <int Dim, class Visit> void for_each_constraint(const FineSpace<Dim>& s
   }
 }
 
-/// beta_K of one term at all its quadrature points; zero away from the constraints.
+/// Whether all stress of a term is pressure: the volumetric part of a split stiffness.
+bool is_pressure(const Lame& lame) {
+  return lame.mu == 0.0;
+}
+
+/// beta_K of one term at all its quadrature points; zero away from the constraints, and for pressures, which
+/// `consistency` holds by their own means.
 template <int Dim> std::vector<double> penalties(const FineSpace<Dim>& space, const StiffnessTerm<Dim>& term,
                                                  const std::vector<Restraint<Dim>>& restraints,
                                                  const std::vector<TiedFacets>& ties) {
@@ -236,8 +242,9 @@ template <int Dim> std::vector<double> penalties(const FineSpace<Dim>& space, co
   });
   for (std::size_t K = 0; K < measure.size(); ++K) {
     // Largest (sigma n . d)^2 / (sigma : eps) of the term: lambda + 2 mu, at least what shear alone needs.
-    const auto [lambda, mu] = term.lame[discretization.region[K]];
-    measure[K] *= 4.0 * std::max(lambda + 2.0 * mu, 2.0 * mu) / discretization.weights[static_cast<Index>(K)];
+    const Lame& lame = term.lame[discretization.region[K]];
+    const double normal = is_pressure(lame) ? 0.0 : std::max(lame.lambda + 2.0 * lame.mu, 2.0 * lame.mu);
+    measure[K] *= 4.0 * normal / discretization.weights[static_cast<Index>(K)];
   }
   return measure;
 }
@@ -265,7 +272,10 @@ template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
   return {{second / (first + second), first / (first + second)}, first * second / (first + second)};
 }
 
-/// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs.
+/// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs. The
+/// pressure lambda theta_K of a K sees of v only the volume J_K(v) = int Phi_K [v].n that crosses the boundary, so that
+/// the penalty 4 lambda / w_K J_K(u) J_K(v) is enough for it. Held point by point, with a modulus that grows beyond all
+/// bounds towards nu = 1/2, functions that are not interpolatory would lock.
 template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                             const std::vector<StiffnessTerm<Dim>>& terms,
                                                             const std::vector<std::vector<double>>& penalty,
@@ -310,8 +320,14 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
   Ragged<Index> nodes;
   std::vector<Entry> entries;
   Accumulator<Block> nodal(shape.num_nodes());
+  Strains trace = Strains::Zero();
+  trace.template head<Normals>().setOnes();
+  auto value = values.begin();
   for (std::size_t s = 0; s < jumps.size();) {
     const Index K = jumps[s].first.first;
+    while (value->first != K) ++value;
+    const Lame& lame = term.lame[discretization.region[K]];
+    const double penalty_of_pressure = is_pressure(lame) ? 4.0 * lame.lambda / discretization.weights[K] : 0.0;
     nodal.clear();
     for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
       const auto row = shape.row(jumps[s].first.second);
@@ -324,6 +340,11 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
       Entry entry{nodal[node]};
       if (k < row.nodes.size() && row.nodes[k] == node)
         entry.flux = (C[discretization.region[K]] * strain_matrix<Dim, Normals>(row, k++)).transpose();
+      if (penalty_of_pressure > 0.0) {
+        const Vec<Dim> crossing = entry.jump * trace;
+        entry.flux -= 0.5 * penalty_of_pressure * crossing * trace.transpose();  // half of it from each of the two
+        rhs.col(node) += penalty_of_pressure * trace.dot(value->second) * crossing;
+      }
       nodes.items.push_back(node);
       entries.push_back(entry);
     }

@@ -47,7 +47,9 @@ template <int Dim> struct NitscheSystem {
 /// beta = beta_1 beta_2 / (beta_1 + beta_2); gamma_1 = beta_2 / (beta_1 + beta_2) leaves the flux to the softer side,
 /// so that no ratio of moduli harms (Annavarapu, Hautefeuille & Dolbow 2012).
 /// The penalty follows from the trace inequality of the piecewise field: beta_K = 4 c |Gamma_K| / w_K, c the normal
-/// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose. Where parts
+/// stiffness, which keeps half of the coercivity whatever the shape of the cells; nothing to choose. For terms that are
+/// pressure only (mu = 0, the volumetric part of a split stiffness) 4 lambda / w_K acts on the square of the volume
+/// int Phi_K u.n that crosses the boundary, not on u: that does not lock towards nu = 1/2. Where parts
 /// overlap a direction that several restraints prescribe counts once; throws InputError naming them if they contradict
 /// each other.
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,

@@ -64,28 +64,11 @@ Kind discs(double width, int count, double r_min, double r_max, double gap) {
           }};
 }
 
-/// Fills pores (pixels that hang together by edges) of no more than `most` pixels.
+/// Fills pores of no more than `most` pixels.
 LabelImage<2> without_small_pores(LabelImage<2> image, double most) {
-  const auto [nx, ny] = image.size;
-  std::vector<Index> pore;
-  std::vector<char> seen(image.labels.size(), 0);
-  for (Index start = 0; start < nx * ny; ++start) {
-    if (seen[start] || image.labels[start] != 0) continue;
-    pore.assign(1, start);
-    seen[start] = 1;
-    for (std::size_t k = 0; k < pore.size(); ++k) {
-      const Index i = pore[k] % nx, j = pore[k] / nx;
-      const auto visit = [&](bool inside, Index next) {
-        if (!inside || seen[next] || image.labels[next] != 0) return;
-        seen[next] = 1;
-        pore.push_back(next);
-      };
-      visit(i > 0, pore[k] - 1), visit(i + 1 < nx, pore[k] + 1);
-      visit(j > 0, pore[k] - nx), visit(j + 1 < ny, pore[k] + nx);
-    }
-    if (static_cast<double>(pore.size()) <= most)
-      for (const Index pixel : pore) image.labels[pixel] = 1;
-  }
+  const auto [parts, part_of] = connected_pixels(image);
+  for (std::size_t pixel = 0; pixel < part_of.size(); ++pixel)
+    if (static_cast<double>(parts[part_of[pixel]].pixels) <= most) image.labels[pixel] = 1;
   return image;
 }
 
@@ -205,8 +188,7 @@ int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, 
     print("truth check", plan.truth_check, 0.0, coarser);
     const auto report = [&](const std::string& method, const auto& plate, const Mesh& sizes,
                             const ApproximationOptions& options) {
-      if (method.starts_with(only))
-        print(method, sizes, options.spacing, solve(kind, plate, sizes, options, repeats));
+      if (method.starts_with(only)) print(method, sizes, options.spacing, solve(kind, plate, sizes, options, repeats));
     };
     for (const Mesh& sizes : plan.p1) report("P1", all, sizes, {.kind = BasisKind::p1});
     for (const Mesh& sizes : plan.p2) report("P2", all, sizes, quadratic);

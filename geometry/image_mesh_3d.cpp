@@ -127,44 +127,16 @@ std::vector<std::vector<Kernel::Point_3>> features(const LabelImage<3>& image, c
   return out;
 }
 
-/// Connected bodies of the same region, void included.
-std::vector<Index> components(const Volume& volume, const std::array<Index, 3>& size) {
-  const auto offset = [&](const std::array<Index, 3>& v) {
-    return v[0] + static_cast<std::size_t>(size[0]) * (v[1] + static_cast<std::size_t>(size[1]) * v[2]);
-  };
-  std::vector<Index> number(static_cast<std::size_t>(size[0]) * size[1] * size[2], -1);
-  std::vector<std::array<Index, 3>> stack;
-  Index count = 0;
-  for (Index k = 0; k < size[2]; ++k)
-    for (Index j = 0; j < size[1]; ++j)
-      for (Index i = 0; i < size[0]; ++i) {
-        if (number[offset({i, j, k})] >= 0) continue;
-        stack.push_back({i, j, k});
-        number[offset({i, j, k})] = count;
-        while (!stack.empty()) {
-          const auto voxel = stack.back();
-          stack.pop_back();
-          for (int d = 0; d < 3; ++d)
-            for (const int step : {-1, 1}) {
-              auto next = voxel;
-              next[d] += step;
-              if (next[d] < 0 || next[d] >= size[d] || volume.at(next) != volume.at(voxel)) continue;
-              if (Index& n = number[offset(next)]; n < 0) {
-                n = count;
-                stack.push_back(next);
-              }
-            }
-        }
-        ++count;
-      }
-  return number;
-}
-
 /// Segments between the centres of voxels on two sides of a boundary inside the image: to every pair of bodies in every
 /// cube of `cube` voxels a side those farthest along the axes. Refinement alone finds no body smaller than its cells.
 std::vector<std::pair<Vec<3>, Vec<3>>> seeds(const LabelImage<3>& image, const Volume& volume, Index cube) {
   using Voxel = std::array<Index, 3>;
-  const std::vector<Index> number = components(volume, image.size);
+  LabelImage<3> regions = image;
+  std::size_t at = 0;
+  for (Index k = 0; k < image.size[2]; ++k)
+    for (Index j = 0; j < image.size[1]; ++j)
+      for (Index i = 0; i < image.size[0]; ++i) regions.labels[at++] = volume.at(i, j, k);
+  const std::vector<Index> number = connected_pixels(regions).part_of;
   struct Face {
     Voxel voxel;
     int axis;

@@ -37,45 +37,57 @@ template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& i
   return counts;
 }
 
-template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
-  check_image(image);
-  const std::size_t pixels = image.labels.size();
+template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image) {
   std::array<std::size_t, Dim> stride{1};
   for (int d = 1; d < Dim; ++d) stride[d] = stride[d - 1] * image.size[d - 1];
-
-  std::vector<Index> body(pixels, -1);
-  std::vector<std::size_t> volumes, stack;
-  std::size_t material = 0;
-  for (std::size_t seed = 0; seed < pixels; ++seed) {
-    if (image.labels[seed] == 0 || body[seed] >= 0) continue;
-    const Index number = static_cast<Index>(volumes.size());
-    std::size_t volume = 0;
+  ConnectedPixels out;
+  out.part_of.assign(image.labels.size(), -1);
+  std::vector<std::size_t> stack;
+  for (std::size_t seed = 0; seed < image.labels.size(); ++seed) {
+    if (out.part_of[seed] >= 0) continue;
+    const Index number = static_cast<Index>(out.parts.size());
+    const Label label = image.labels[seed];
+    std::size_t pixels = 0;
     stack.assign(1, seed);
-    body[seed] = number;
+    out.part_of[seed] = number;
     while (!stack.empty()) {
       const std::size_t pixel = stack.back();
       stack.pop_back();
-      ++volume;
+      ++pixels;
       for (int d = 0; d < Dim; ++d) {
         const Index along = static_cast<Index>(pixel / stride[d] % image.size[d]);
         const auto visit = [&](std::size_t next) {
-          if (image.labels[next] == 0 || body[next] >= 0) return;
-          body[next] = number;
+          if (image.labels[next] != label || out.part_of[next] >= 0) return;
+          out.part_of[next] = number;
           stack.push_back(next);
         };
         if (along > 0) visit(pixel - stride[d]);
         if (along + 1 < image.size[d]) visit(pixel + stride[d]);
       }
     }
-    volumes.push_back(volume);
-    material += volume;
+    out.parts.push_back({label, pixels});
   }
-  if (volumes.empty()) throw InputError("image: all of it is void");
-  const auto largest = std::max_element(volumes.begin(), volumes.end());
-  LargestBody<Dim> out{image, static_cast<Index>(volumes.size()) - 1,
-                       static_cast<double>(material - *largest) / static_cast<double>(material)};
-  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
-    if (body[pixel] != largest - volumes.begin()) out.image.labels[pixel] = 0;
+  return out;
+}
+
+template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
+  check_image(image);
+  LabelImage<Dim> material = image;
+  for (Label& label : material.labels) label = label != 0;
+  const auto [parts, part_of] = connected_pixels(material);
+  Index largest = -1, bodies = 0;
+  std::size_t pixels = 0;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    if (parts[k].label == 0) continue;
+    ++bodies;
+    pixels += parts[k].pixels;
+    if (largest < 0 || parts[k].pixels > parts[largest].pixels) largest = static_cast<Index>(k);
+  }
+  if (largest < 0) throw InputError("image: all of it is void");
+  LargestBody<Dim> out{image, bodies - 1,
+                       static_cast<double>(pixels - parts[largest].pixels) / static_cast<double>(pixels)};
+  for (std::size_t pixel = 0; pixel < part_of.size(); ++pixel)
+    if (part_of[pixel] != largest) out.image.labels[pixel] = 0;
   return out;
 }
 
@@ -127,6 +139,8 @@ template void check_image<2>(const LabelImage<2>&);
 template void check_image<3>(const LabelImage<3>&);
 template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
 template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
+template ConnectedPixels connected_pixels<2>(const LabelImage<2>&);
+template ConnectedPixels connected_pixels<3>(const LabelImage<3>&);
 template LargestBody<2> keep_largest<2>(const LabelImage<2>&);
 template LargestBody<3> keep_largest<3>(const LabelImage<3>&);
 template LabelImage<2> random_spheres<2>(Index, const RandomSpheres&);

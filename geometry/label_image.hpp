@@ -41,6 +41,18 @@ struct LabelCount {
 /// All labels of the image with their numbers of pixels, ascending by label, void included.
 template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image);
 
+/// Pixels of the same label that hang together by their edges (faces in 3D).
+struct ConnectedPixels {
+  struct Part {
+    Label label;
+    std::size_t pixels;
+  };
+  std::vector<Part> parts;     ///< in the order of their first pixels
+  std::vector<Index> part_of;  ///< by pixel
+};
+/// The connected parts of the image, void included.
+template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image);
+
 /// An image without its islands.
 template <int Dim> struct LargestBody {
   LabelImage<Dim> image;  ///< islands have become void

@@ -18,7 +18,7 @@ do for [row = 1:2] {
   do for [k = 1:3] {
     eval panel(0.075 + 0.315 * (k - 1), 0.325 + 0.315 * (k - 1), row == 1 ? 0.585 : 0.1, row == 1 ? 0.955 : 0.47)
     if (row == 1) { set title word(titles, k) offset 0,-0.4 } else { unset title }
-    set xlabel row == 1 ? 'nodes' : 'seconds, mesh included' offset 0,0.3
+    set xlabel row == 1 ? 'nodes' : 'CPU seconds, mesh included' offset 0,0.3
     if (k == 1) { set ylabel 'relative error' offset 0.8,0 } else { unset ylabel }
     if (row == 1 && k == 1) { set key top right Right samplen 1.6 spacing 1.1 font ",12" } else { unset key }
     y = 2 + 3 * k

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Cook's membrane (Cook 1974): clamped on the left, unit shear force on the right; deflection of the middle of the
 /// right side.
+#include "efree/geometry/solid_shapes.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>
@@ -35,6 +36,24 @@ TEST(Cook, NearlyIncompressiblePlaneStrainWithinTwoPercentWith120Nodes) {
 TEST(Cook, LinearFiniteElementsLockWhereUnionsDoNot) {
   const ElasticModel model{.material = {240.565, 0.4999}, .plane = Plane::strain};
   EXPECT_LT(tip_deflection(triangulate(shapes::cook(), {.size = 6.5}), {.kind = BasisKind::p1}, model), 0.8 * 0.07695);
+}
+
+/// Strain energy of a bar 2 x 1 x 1 that is clamped at one end and sheared at the other.
+double sheared_bar(const FineMesh<3>& mesh, const ApproximationOptions& options, double nu, Essential essential) {
+  const auto approximation = approximate(mesh, options);
+  const ScalarField<3> zero = [](const Vec<3>&) { return 0.0; };
+  const ElasticSolver<3> solver(approximation, {.material = {1.0, nu}, .essential = essential},
+                                {{"left", {zero, zero, zero}, nullptr}});
+  const auto down = [](const Vec<3>&, const Vec<3>&) -> Vec<3> { return {0.0, 0.0, -1.0}; };
+  return solver.solve({.tractions = {{"right", down}}, .body_force = {}}).strain_energy;
+}
+
+TEST(NearlyIncompressibleBar, NitscheDoesNotLockHoweverNearPoissonsRatioIsToOneHalf) {
+  const FineMesh<3> mesh(solids::box({2, 1, 1}, 0.14)), coarse(solids::box({2, 1, 1}, 0.3));
+  const double elements = sheared_bar(coarse, {.kind = BasisKind::p2}, 0.4999, Essential::strong);
+  for (const double nu : {0.4999, 0.49999999})
+    EXPECT_NEAR(sheared_bar(mesh, {.spacing = 0.35, .dilatation = true}, nu, Essential::nitsche) / elements, 1.0, 0.04)
+        << nu;
 }
 
 }  // namespace
