@@ -164,13 +164,8 @@ void peel_flat_cells(MeshData<3>& mesh) {
 void inflate_flat_cells(MeshData<3>& mesh, double reach, const std::vector<char>& is_fixed) {
   constexpr int most_passes = 50, halvings = 8;
   constexpr double rounding = 1e-12;
-  std::vector<Index> flat = flat_cells(mesh);
-  if (flat.empty()) return;
-  const std::vector<char> is_near = vertices_of(mesh, flat);
   std::map<Index, std::vector<Index>> stars;
-  for (Index c = 0; c < mesh.cells.cols(); ++c)
-    for (const Index v : mesh.cells.col(c))
-      if (is_near[v]) stars[v].push_back(c);
+  std::map<Index, Vec<3>> off_surface;  // by vertex: sum of such moves
   const auto flatness_of = [&](Index c) { return flatness<3>(mesh.vertices, mesh.cells, c); };
 
   // Makes the best of all moves of its vertices, if that is better than none.
@@ -201,40 +196,52 @@ void inflate_flat_cells(MeshData<3>& mesh, double reach, const std::vector<char>
     };
     std::vector<double> best = quality();
     Index moved = -1;
-    Vec<3> to;
+    Vec<3> best_move;
     for (const Index v : mesh.cells.col(cell)) {
       if (is_fixed[v]) continue;
-      const Vec<3> from = mesh.vertices.col(v);
+      const Vec<3> from = mesh.vertices.col(v), off = off_surface.try_emplace(v, Vec<3>::Zero()).first->second;
       const Vec<3> direction =
           along_surface ? (within(mesh, surface_facets(mesh, v, stars.at(v))) * normal).eval() : normal;
       if (direction.norm() < 1e-3) continue;
       double step = along_surface ? 0.25 * longest : reach;
       for (int k = 0; k < halvings; ++k, step /= 2)
         for (const double sign : {-1.0, 1.0}) {
-          mesh.vertices.col(v) = from + sign * step * direction.normalized();
+          const Vec<3> move = sign * step * direction.normalized();
+          if (!along_surface && (off + move).norm() > reach * (1.0 + rounding)) continue;
+          mesh.vertices.col(v) = from + move;
           if (auto found = quality(); found > best) {
             best = std::move(found);
             moved = v;
-            to = mesh.vertices.col(v);
+            best_move = move;
           }
         }
       mesh.vertices.col(v) = from;
     }
-    if (moved >= 0) mesh.vertices.col(moved) = to;
-    return moved >= 0;
+    if (moved < 0) return false;
+    mesh.vertices.col(moved) += best_move;
+    if (!along_surface) off_surface.at(moved) += best_move;
+    return true;
   };
-  for (int pass = 0; !flat.empty(); ++pass) {
-    bool any = false;
-    for (const Index c : flat)
-      for (const bool along_surface : {true, false})
-        if (flatness_of(c) < least_flatness) any = improve(c, along_surface) || any;
-    std::erase_if(flat, [&](Index c) { return flatness_of(c) >= least_flatness; });
-    if (!flat.empty() && (!any || pass == most_passes)) {
+  bool any = true;
+  for (int pass = 0;; ++pass) {
+    // Anew each time: what lifts one cell may leave a neighbour flat that was not, only the least of them rises.
+    const std::vector<Index> flat = flat_cells(mesh);
+    if (flat.empty()) return;
+    if (!any || pass > most_passes) {
       const Vec<3> at = mesh.vertices.col(mesh.cells(0, flat[0]));
       throw NumericalError(
           fmt::format("mesh: the cell at ({:g}, {:g}, {:g}) has no volume, and none of its vertices can move", at.x(),
                       at.y(), at.z()));
     }
+    const std::vector<char> is_near = vertices_of(mesh, flat);
+    stars.clear();
+    for (Index c = 0; c < mesh.cells.cols(); ++c)
+      for (const Index v : mesh.cells.col(c))
+        if (is_near[v]) stars[v].push_back(c);
+    any = false;
+    for (const Index c : flat)
+      for (const bool along_surface : {true, false})
+        if (flatness_of(c) < least_flatness) any = improve(c, along_surface) || any;
   }
 }
 

@@ -38,12 +38,12 @@ struct ImageMeshOptions {
 /// of three or more labels meet in the pixels' corner. 3D: Delaunay refinement (CGAL Mesh_3; Boissonnat and Oudot 2005)
 /// of the trilinear interpolation of each label's indicator, the label with the largest winning; slivers are left in,
 /// cells as good as without volume (six times it over the cube of the longest edge below 1e-4) are not: a vertex of
-/// each that is not on the frame moves along the boundary or by up to a tenth of `facet_distance` (NumericalError if
-/// that is not enough). A body or pore smaller than `size` may be lost, and gaps and necks thinner than a
-/// voxel may close or open. Known limit: noise from voxel to voxel on the frame (contours that nearly touch everywhere)
-/// can keep Mesh_3's protection of features going without end; filter such images first. Both deterministic. Throws
-/// InputError for a broken image, one that is all void, names that do not match the labels (the message lists these), a
-/// size that is not positive, negative tolerances, and too little memory.
+/// each that is not on the frame moves inside the body, along the boundary, or off it by up to a tenth of
+/// `facet_distance` in all (NumericalError if that is not enough). A body or pore smaller than `size` may be lost, and
+/// gaps and necks thinner than a voxel may close or open. Known limit: noise from voxel to voxel on the frame (contours
+/// that nearly touch everywhere) can keep Mesh_3's protection of features going without end; filter such images first.
+/// Both deterministic. Throws InputError for a broken image, one that is all void, names that do not match the labels
+/// (the message lists these), a size that is not positive, negative tolerances, and too little memory.
 template <int Dim> MeshData<Dim> mesh_image(const LabelImage<Dim>& image, const ImageMeshOptions& options);
 template <> MeshData<2> mesh_image<2>(const LabelImage<2>& image, const ImageMeshOptions& options);
 template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMeshOptions& options);

@@ -21,7 +21,8 @@ void peel_flat_cells(MeshData<3>& mesh);
 
 /// Moves vertices of cells below `least_flatness` until none is: inside the body, in flat sides or along straight edges
 /// as far as it serves the cells around, which leaves the boundary and the interfaces between regions where they are;
-/// if that does not help, other vertices by at most `reach` at a time [length]. `is_fixed`, by vertex: not to be moved.
+/// if that does not help, any vertex off the surface, in all by at most `reach` [length]. Those inside the body, which
+/// are free already, may move further. `is_fixed`, by vertex: not to be moved.
 /// Of all moves tried for a cell, that is taken which leaves the least flat of the cells around it the best (Freitag
 /// and Ollivier-Gooch 1997). Deterministic. Throws NumericalError with the place of a cell that nothing helps.
 void inflate_flat_cells(MeshData<3>& mesh, double reach, const std::vector<char>& is_fixed);
