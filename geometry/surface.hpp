@@ -32,13 +32,14 @@ struct SurfaceMeshOptions {
 /// cavities; there may be several bodies, which make one region. Triangles may be in any order and orientation. The
 /// boundary between sharp edges becomes the groups "surface 1", "surface 2", ..., the largest first. No tetrahedron is
 /// as good as without volume (six times it over the cube of the longest edge is 1e-4 at least, before edges are split):
-/// such ones are taken off flat sides, or a vertex moves along the surface or by up to a tenth of `distance` off it,
-/// but no corner; NumericalError with the place where that is not enough. Single thread, deterministic. Throws
-/// InputError if the surface is open, meets itself, has three triangles at an edge or encloses no volume (each with the
-/// place of the first fault), an option is out of range, or parts of the body are so thin for them that a tenth of its
-/// volume would be lost. Slivers lower than the mesh's distance are taken to face as
-/// their neighbours do, so that strips of them leave no sharp edges. Known limit: where other sharp edges meet in
-/// angles near zero their protection may take minutes; a larger feature_angle, or 180 for none, helps.
+/// such ones are taken off flat sides, or a vertex moves, but no corner: freely inside the body, along the surface, or
+/// off it by up to a tenth of `distance` in all; NumericalError with the place where that is not enough. Single thread,
+/// deterministic. Throws InputError if the surface is open, meets itself, has three triangles at an edge or encloses no
+/// volume (each with the place of the first fault), an option is out of range, or the size is so coarse for thin parts,
+/// small radii or cavities that a tenth of the volume would be lost or filled. Slivers lower than the mesh's distance
+/// are taken to face as their neighbours do, so that strips of them leave no sharp edges. Known limit: where other
+/// sharp edges meet in angles near zero their protection may take minutes; a larger feature_angle, or 180 for none,
+/// helps.
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options);
 
 struct WrapOptions {

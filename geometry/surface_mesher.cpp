@@ -238,6 +238,17 @@ Mesh mesh_of(const Complex& complex) {
   return {std::move(mesh), std::move(is_corner)};
 }
 
+/// Says why the tetrahedra do not fill the volume enclosed, and what to do about it.
+std::string too_coarse(double filled, double enclosed, const SurfaceMeshOptions& options) {
+  const bool of_distance = options.distance > 0.0;
+  return fmt::format(
+      "the tetrahedra fill {:.4g} of a volume of {:.4g}: a mesh size of {:g}{} is too coarse for the "
+      "body, {}; take {}",
+      filled, enclosed, options.size, of_distance ? fmt::format(" with a distance of {:g}", options.distance) : "",
+      filled < enclosed ? "whose thin parts or small radii are lost" : "whose cavities are lost",
+      of_distance ? "smaller ones" : "a smaller one");
+}
+
 }  // namespace
 
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options) {
@@ -277,7 +288,7 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   CGAL::refine_mesh_3(complex, domain, criteria, par::no_lloyd(), par::no_odt(), par::no_perturb(),
                       par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
   if (complex.number_of_cells_in_complex() == 0)
-    throw NumericalError(fmt::format("surface: no tetrahedron at size {:g}; try a smaller one", size));
+    throw InputError(fmt::format("surface: {}", too_coarse(0.0, enclosed, options)));
   auto [mesh, is_corner] = mesh_of(complex);
   complex.clear();
   // Exudation moves no point of a flat side, nor where all four are of the boundary.
@@ -286,10 +297,7 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   const FineMesh<3> body(mesh);
   constexpr double most_lost = 0.1;
   if (const double filled = body.volumes().sum(); std::abs(filled - enclosed) > most_lost * enclosed)
-    throw InputError(
-        fmt::format("surface: the tetrahedra fill {:.4g} of a volume of {:.4g}: parts of the body are too thin for a "
-                    "size of {:g} and a distance of {:g}; take smaller ones",
-                    filled, enclosed, size, distance));
+    throw InputError(fmt::format("surface: {}", too_coarse(filled, enclosed, options)));
   // Vertices and edges in which parts of the body only touch are given to each part.
   std::vector<std::array<Index, 3>> boundary;
   for (const auto facet : body.facets().colwise()) boundary.push_back({facet[0], facet[1], facet[2]});

@@ -182,7 +182,15 @@ TEST(Surface, RefusesWhatBoundsNoBody) {
   EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {1, 1, 1}), {.size = 1e-6}), "mesh size 1e-06 is too small");
   // No thicker than what the mesher may leave between its boundary and the surface.
   EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {0.05, 1, 1}), {.size = 0.9}),
-                     "of a volume of 0.05: parts of the body are too thin for a size of 0.9");
+                     "of a volume of 0.05: a mesh size of 0.9 is too coarse for the body, whose thin parts or small "
+                     "radii are lost; take a smaller one");
+  EXPECT_INPUT_ERROR(mesh_surface(box_surface({0, 0, 0}, {0.05, 1, 1}), {.size = 0.9, .distance = 0.06}),
+                     "size of 0.9 with a distance of 0.06 is too coarse for the body, whose thin parts or small radii "
+                     "are lost; take smaller ones");
+  EXPECT_INPUT_ERROR(mesh_surface(sphere_surface({0, 0, 0}, 1.0, 16), {.size = 3.0}),
+                     "of a volume of 4.122: a mesh size of 3 is too coarse for the body, whose thin");
+  const SurfaceSoup hollow = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.5, 0.5, 0.5}, 0.3, 8));
+  EXPECT_INPUT_ERROR(mesh_surface(hollow, {.size = 5.0}), "of a volume of 0.894: a mesh size of 5 is too coarse for");
   SurfaceSoup flat = box_surface({0, 0, 0}, {1, 1, 0});
   EXPECT_THROW(mesh_surface(flat, {.size = 0.2}), InputError);
 }
