@@ -29,8 +29,10 @@ Pattern node_pattern(const SymmetricMatrix& lower, const std::vector<Index>& nod
       pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
     for (; column < lower.cols() && node_of[column] == node; ++column)
       for (SymmetricMatrix::InnerIterator entry(lower, column); entry; ++entry)
-        if (Index& seen = last_seen_by[node_of[entry.row()]]; seen != node)
-          seen = node, pattern.rows.push_back(node_of[entry.row()]);
+        if (Index& seen = last_seen_by[node_of[entry.row()]]; seen != node) {
+          seen = node;
+          pattern.rows.push_back(node_of[entry.row()]);
+        }
     pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
   }
   return pattern;
@@ -77,8 +79,9 @@ struct Cholesky::Impl {
   std::vector<Index> node_order(const Pattern& pattern, const std::vector<Index>& node_of) {
     const Index nodes = static_cast<Index>(pattern.offsets.size()) - 1;
     cholmod_sparse view = symmetric_view(nodes, pattern.offsets.data(), pattern.rows.data(), nullptr);
-    cholmod_factor* analysis = cholmod_analyze(&view, &common);
-    check();
+    const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, &common); };
+    const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, &common), free);
+    check(node_of.size());
     const std::span permutation(static_cast<const Index*>(analysis->Perm), static_cast<std::size_t>(nodes));
     std::vector<Index> first(nodes + 1, 0), order;
     for (const Index node : node_of) ++first[node + 1];
@@ -86,11 +89,13 @@ struct Cholesky::Impl {
     order.reserve(node_of.size());
     for (const Index node : permutation)
       for (Index unknown = first[node]; unknown < first[node + 1]; ++unknown) order.push_back(unknown);
-    cholmod_free_factor(&analysis, &common);
     return order;
   }
 
-  void check() const {
+  void check(std::size_t unknowns) const {
+    if (common.status == CHOLMOD_TOO_LARGE)
+      throw InputError(fmt::format(
+          "Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a coarser mesh", unknowns));
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw NumericalError("Cholesky factorisation: not enough memory");
     if (common.status < 0)
       throw NumericalError(fmt::format("Cholesky factorisation: CHOLMOD status {}", common.status));
@@ -98,8 +103,8 @@ struct Cholesky::Impl {
 };
 
 Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : impl_(std::make_unique<Impl>()) {
-  cholmod_sparse view = symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(),
-                                       lower.valuePtr());
+  cholmod_sparse view =
+      symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(), lower.valuePtr());
   if (node_of.empty()) {
     impl_->factor = cholmod_analyze(&view, &impl_->common);
   } else {
@@ -110,16 +115,12 @@ Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_
     impl_->common.method[0].ordering = CHOLMOD_GIVEN;
     impl_->factor = cholmod_analyze_p(&view, order.data(), nullptr, 0, &impl_->common);
   }
-  if (impl_->common.status == CHOLMOD_TOO_LARGE)
-    throw InputError(
-        fmt::format("Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a "
-                    "coarser mesh",
-                    lower.rows()));
-  impl_->check();
+  const auto unknowns = static_cast<std::size_t>(lower.rows());
+  impl_->check(unknowns);
   require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", lower.rows()),
                  "use a wider cloud spacing or a coarser mesh");
   cholmod_factorize(&view, impl_->factor, &impl_->common);
-  impl_->check();
+  impl_->check(unknowns);
   if (impl_->common.status == CHOLMOD_NOT_POSDEF || impl_->factor->minor < impl_->factor->n) {
     const auto* permutation = static_cast<const int*>(impl_->factor->Perm);
     throw NumericalError(fmt::format("the matrix is not positive definite (at unknown {} of {})",
@@ -148,7 +149,7 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
   view.xtype = CHOLMOD_REAL;
   view.dtype = CHOLMOD_DOUBLE;
   cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor, &view, &impl_->common);
-  impl_->check();
+  impl_->check(impl_->factor->n);
   copy = Eigen::Map<const Matrix>(static_cast<const double*>(X->x), copy.rows(), copy.cols());
   cholmod_free_dense(&X, &impl_->common);
   return copy;

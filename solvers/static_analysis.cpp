@@ -174,6 +174,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
   std::vector<Index> unknown;  ///< number of each degree of freedom among the unknowns, or -1; empty if all are unknown
   Vector fixed;                ///< prescribed values in the frames, zero elsewhere
 
+  Index num_unknowns = 0;
   std::optional<Cholesky> factor;
 
   SymmetricMatrix assemble(const ElasticModel& model, const std::vector<DisplacementCondition<Dim>>& conditions) {
@@ -231,7 +232,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     if (unknown.empty()) {
       u = factor->solve(rhs);
     } else {
-      Vector reduced(factor_size());
+      Vector reduced(num_unknowns);
       for (std::size_t dof = 0; dof < unknown.size(); ++dof)
         if (unknown[dof] >= 0) reduced[unknown[dof]] = rhs[static_cast<Index>(dof)];
       const Vector free = factor->solve(reduced);
@@ -246,25 +247,19 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     return U;
   }
 
-  /// Ascending.
+  /// The node of each unknown; ascending.
   std::vector<Index> node_of_unknowns() const {
     std::vector<Index> nodes;
     for (Index dof = 0; dof < Dim * approximation.shape.num_nodes(); ++dof)
       if (unknown.empty() || unknown[dof] >= 0) nodes.push_back(dof / Dim);
     return nodes;
   }
-  Index factor_size() const {
-    if (unknown.empty()) return Dim * approximation.shape.num_nodes();
-    Index count = 0;
-    for (Index number : unknown) count += number >= 0;
-    return count;
-  }
 };
 
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
                                                      StageTimes* times, const Progress& progress)
-    : impl_(new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}}) {
+    : impl_(new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}}) {
   if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
@@ -276,6 +271,7 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
   {
     Stage stage("assembly", clock, progress);
     K = impl_->assemble(model, conditions);
+    impl_->num_unknowns = static_cast<Index>(K.rows());
   }
   Stage stage("solve", clock, progress);
   try {
@@ -292,7 +288,7 @@ template <int Dim> ElasticSolver<Dim>::~ElasticSolver() = default;
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(ElasticSolver&&) noexcept = default;
 
 template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const {
-  return impl_->factor_size();
+  return impl_->num_unknowns;
 }
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
