@@ -67,7 +67,7 @@ void run(const ThickWall& wall, const Method& method, int through, double ratio,
                                       *errors.body.energy_norm_recovered};
     std::ranges::transform(largest, found, largest.begin(), [](double a, double b) { return std::max(a, b); });
   }
-  std::printf("| %s | %s | %s | %d | %td | %td | %.2f %% | %.2f %% | %.2f %% | %.2f %% | %.1e | %.1e | %.1e | %.2f |\n",
+  std::printf("| %s | %s | %s | %d | %d | %d | %.2f %% | %.2f %% | %.2f %% | %.2f %% | %.1e | %.1e | %.1e | %.2f |\n",
               wall.sphere ? "sphere" : "cylinder", Dim == 2 ? "axisymmetric" : "3D", method.name, through, nodes,
               mesh.num_cells(), 100.0 * largest[0], 100.0 * largest[1], 100.0 * largest[2], 100.0 * largest[3],
               largest[4], largest[5], largest[6], seconds);
