@@ -273,6 +273,8 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
     K = impl_->assemble(model, conditions);
     impl_->num_unknowns = static_cast<Index>(K.rows());
   }
+  if (!K.coeffs().allFinite())
+    throw NumericalError("the stiffness is not finite: moduli are too large for floating-point numbers");
   Stage stage("solve", clock, progress);
   try {
     impl_->factor.emplace(K, impl_->node_of_unknowns());
@@ -302,9 +304,6 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
       solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
   }
   solution.strain = strain(approximation.quadrature, solution.coefficients);
-  with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
-  });
   solution.stress = stress_at_points(approximation.quadrature, impl_->lame, solution.strain);
   if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
     const StiffnessTerm<Dim>& volumetric = impl_->terms.back();
@@ -312,6 +311,14 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
     solution.stress += stress_at_points(approximation.quadrature, volumetric.lame,
                                         VoigtPoints<Dim>(mean(Eigen::all, approximation.union_of) - solution.strain));
   }
+  if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
+    throw NumericalError(
+        fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
+                    "floating-point numbers",
+                    solution.strain_energy));
+  with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
+  });
   return solution;
 }
 

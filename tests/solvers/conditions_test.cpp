@@ -124,6 +124,23 @@ TEST(ElasticSolverInput, TooFewQuadraturePointsAreSaidToBeTheReason) {
       ThrowsMessage<NumericalError>(HasSubstr("too few quadrature points per node")));
 }
 
+TEST(ElasticSolverInput, NumbersTooLargeToComputeWithAreRefused) {
+  const auto body = testing::body("square");
+  const auto approximation = approximate(body.mesh, {.spacing = body.spacing});
+  const auto refuses = [&](double E, double shear, double traction, const char* text) {
+    const auto solve = [&] {
+      const DisplacementCondition<2> sheared{"left", {[&](const Vec<2>& x) { return shear * x.y(); }, zero}, {}};
+      const auto pull = [&](const Vec<2>&, const Vec<2>& n) -> Vec<2> { return traction * n; };
+      ElasticSolver<2>(approximation, {.material = {E, 0.3}}, {sheared}).solve({{{"right", pull}}, {}});
+    };
+    EXPECT_THAT(solve, ThrowsMessage<NumericalError>(HasSubstr(text)));
+  };
+  refuses(1.0, 1e200, 1.0, "loads or displacements are too large");
+  refuses(1.0, 0.0, 1e305, "loads or displacements are too large");
+  refuses(1e300, 1e-3, 1.0, "moduli are too large");
+  refuses(1e307, 1e-3, 1.0, "moduli are too large");
+}
+
 TEST(Probe, OutsideTheBodyIsRefusedWithTheNearestPoint) {
   const auto body = testing::body("square");
   const auto approximation = approximate(body.mesh, {.spacing = body.spacing});
