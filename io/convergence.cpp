@@ -36,12 +36,13 @@ Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   return method;
 }
 
-std::vector<Method> methods_for(const CaseSettings& analysis, bool compare) {
+template <int Dim> std::vector<Method> methods_for(const CaseSettings& analysis, bool compare) {
   if (!compare)
     return {method_of(analysis.approximation.kind, analysis.approximation.secondary, analysis.approximation.ratio)};
   std::vector<Method> methods;
   for (const double ratio : {1.0, 2.0, 4.0}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::cells, ratio));
-  for (const double ratio : {1.0, 2.0, 4.0, 6.0})
+  const double most = with_defaults<Dim>({.secondary = SecondaryKind::mls}, 0.0).ratio;
+  for (const double ratio : {1.0, 2.0, 4.0, most})
     methods.push_back(method_of(BasisKind::mls, SecondaryKind::mls, ratio));
   methods.push_back(method_of(BasisKind::mls, SecondaryKind::full, 0.0));
   methods.push_back(method_of(BasisKind::p1, SecondaryKind::full, 0.0));
@@ -168,7 +169,7 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
   if (different.size() < 2 || different.size() < options.spacings.size() || *different.begin() <= 0.0)
     throw InputError(fmt::format("spacings {}, expected at least two different positive numbers",
                                  fmt::join(options.spacings, ", ")));
-  Study study{.dimension = Dim, .methods = methods_for(analysis, options.compare)};
+  Study study{.dimension = Dim, .methods = methods_for<Dim>(analysis, options.compare)};
   struct Run {
     std::size_t method;
     double size;

@@ -267,6 +267,32 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
       EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
 }
 
+TEST(CommandLine, AComparisonEndsWithTheDefaultRatioOfItsDimension) {
+  const Workspace work(R"([geometry]
+shape = "box"
+mesh_ratio = 2
+parameters = { width = 1, depth = 1, height = 1 }
+[cloud]
+spacing = 1
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, 0, 0]
+)");
+  std::string output;
+  const int status = run_program(work / "",
+                                 {"/usr/bin/env", "PATH=/nowhere", EFREE_PROGRAM, "convergence", "case.toml",
+                                  "--compare", "--seeds", "1", "--spacing", "0.9,0.8", "--out", "out", "--quiet"},
+                                 &output);  // without charts
+  ASSERT_EQ(status, 0) << output;
+  const auto methods = json(work / "out/convergence.json")["methods"];
+  for (const char* name : {"cells-1", "cells-2", "cells-4", "mls-1", "mls-2", "mls-4", "mls-24", "full", "p1", "p2"})
+    EXPECT_TRUE(methods.contains(name)) << name;
+  EXPECT_EQ(methods.size(), 10u);
+}
+
 TEST(CommandLine, AStudyStartsFromTheSeedOfTheCase) {
   const Workspace work(replaced(replaced(strip_case, "seed = 1", "seed = 7"), "mesh_size = 0.1", "mesh_size = 0.2"));
   const auto run =
