@@ -48,7 +48,9 @@ struct ApproximationOptions {
   std::vector<std::string> vanish_on{};
 };
 
-/// The options with numbers in place of the zeros that ask for a default: interpolation, support, ratio.
+/// The options with numbers in place of the zeros that ask for a default: interpolation, support, ratio, of moving
+/// least squares (kind == mls; finite elements have none of them). `vertices_per_node`: vertices of the fine mesh over
+/// nodes of the cloud; it decides on the interpolation in the plane alone.
 template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node);
 
 /// Immutable result. Keeps a pointer to the mesh, which must outlive it.

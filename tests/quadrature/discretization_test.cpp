@@ -93,8 +93,8 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
   const auto body = testing::body(name);
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls, SecondaryKind::full}) {
     SCOPED_TRACE(static_cast<int>(secondary));
-    const auto approximation =
-        approximate(body.mesh, {.order = order, .interpolation = interpolation, .spacing = body.spacing, .secondary = secondary});
+    const auto approximation = approximate(
+        body.mesh, {.order = order, .interpolation = interpolation, .spacing = body.spacing, .secondary = secondary});
     const auto& quadrature = approximation.quadrature;
     expect_exact_sums(body.mesh, quadrature);
     const auto exact = exact_moments(approximation.space, approximation.shape), found = moments(quadrature);
@@ -113,15 +113,15 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
   const auto body = testing::body(name);
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls}) {
     SCOPED_TRACE(static_cast<int>(secondary));
-    const auto approximation =
-        approximate(body.mesh, {.order = order,
-                                .interpolation = interpolation,
-                                .spacing = body.spacing,
-                                .secondary = secondary,
-                                .dilatation = true});
+    const auto approximation = approximate(body.mesh, {.order = order,
+                                                       .interpolation = interpolation,
+                                                       .spacing = body.spacing,
+                                                       .secondary = secondary,
+                                                       .dilatation = true});
     expect_exact_sums(body.mesh, approximation.dilatation);
     EXPECT_LT(approximation.dilatation.size(), approximation.nodes.cols());
-    const auto exact = exact_moments(approximation.space, approximation.shape), found = moments(approximation.dilatation);
+    const auto exact = exact_moments(approximation.space, approximation.shape),
+               found = moments(approximation.dilatation);
     EXPECT_LT((found[0] - exact[0]).cwiseAbs().maxCoeff(), 1e-12);
     EXPECT_LT(reproduction_error(approximation.dilatation, approximation.nodes, secondary == SecondaryKind::cells),
               1e-12);
@@ -192,6 +192,27 @@ TEST(Quadrature, MergeChecksItsGroups) {
   group[3] = 7;
   EXPECT_THAT([&] { merge(quadrature, group, 2); },
               ThrowsMessage<InputError>(HasSubstr("group number 7, expected 0 to 1")));
+}
+
+TEST(Approximation, DefaultsDependOnTheDimensionAndTheFineMesh) {
+  EXPECT_EQ(with_defaults<2>({}, 49.9).interpolation, 2);
+  EXPECT_EQ(with_defaults<2>({}, 50.0).interpolation, 1);
+  EXPECT_EQ(with_defaults<2>({.weight = Weight::heat_flow}, 10.0).interpolation, 1);
+  EXPECT_EQ(with_defaults<3>({}, 10.0).interpolation, 1);
+  EXPECT_EQ(with_defaults<3>({.interpolation = 2}, 1000.0).interpolation, 2);
+  EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::mls}, 10.0).ratio, 6.0);
+  EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls}, 10.0).ratio, 24.0);
+  EXPECT_EQ(with_defaults<2>({}, 10.0).ratio, 4.0);
+  EXPECT_EQ(with_defaults<3>({}, 10.0).ratio, 4.0);
+  EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls, .ratio = 3.0}, 10.0).ratio, 3.0);
+  EXPECT_EQ(with_defaults<2>({}, 10.0).support, 2.5);
+  EXPECT_EQ(with_defaults<2>({.order = 2}, 10.0).support, 3.0);
+
+  // And approximate() goes by them: vertices to a node 4^2 / 1.25 and 10^2 / 1.25, about.
+  for (const auto& [size, degree] : {std::pair{0.06, 2}, {0.024, 1}}) {
+    const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = size});
+    EXPECT_EQ(approximate(mesh, {.spacing = 0.24}).space.degree(), degree) << "size " << size;
+  }
 }
 
 TEST(Approximation, OptionsOutOfRangeAreRefused) {
