@@ -8,15 +8,19 @@
 #include <functional>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 namespace efree {
 
+/// A count or a measure.
+using Reported = std::variant<Index, double>;
+
 /// A mesh, and what was measured while it was made.
 template <int Dim> struct MadeMesh {
   MeshData<Dim> mesh;
-  std::vector<std::pair<std::string, double>> reports{};  ///< names as in result.json, values
-  std::vector<std::string> remarks{};                     ///< the same in words
+  std::vector<std::pair<std::string, Reported>> reports{};  ///< names as in result.json, values
+  std::vector<std::string> remarks{};                       ///< the same in words
 };
 
 /// The geometry of a case: a function of the fine mesh size.

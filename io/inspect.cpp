@@ -107,7 +107,8 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
   }
   Inspection<Dim> out{.file = path, .kind = "case"};
   add_mesh(data, out);
-  out.facts.insert(out.facts.end(), made.reports.begin(), made.reports.end());
+  for (const auto& [name, reported] : made.reports)
+    out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
   return out;
 }
 

@@ -102,8 +102,7 @@ FineMesh<Dim> with_parts(const Case<Dim>& analysis, FineMesh<Dim> mesh, std::str
 template <int Dim>
 std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<Dim>& approximation) {
   if (options.kind != BasisKind::mls || options.secondary == SecondaryKind::full) return {};
-  const double reached =
-      static_cast<double>(approximation.quadrature.size()) / static_cast<double>(approximation.nodes.cols());
+  const double reached = approximation.ratio();
   const double asked = options.ratio > 0.0 ? options.ratio : std::numeric_limits<double>::infinity();
   if (asked >= 1.4 && reached >= 1.0) return {};
   return {fmt::format(

@@ -22,8 +22,8 @@ template <int Dim> struct CaseMesh {
   std::vector<LinearElastic> materials;  ///< by region of the mesh
   std::string open_interface;            ///< part along which regions are not tied; empty: tied wherever they touch
   std::vector<Part> parts;               ///< in the order of the case
-  std::vector<std::pair<std::string, double>> reports;  ///< of the geometry
-  std::vector<std::string> remarks;                     ///< what to tell the user: the same in words, the parts
+  std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
+  std::vector<std::string> remarks;                       ///< what to tell the user: the same in words, the parts
   double seconds = 0.0, cpu_seconds = 0.0;
 };
 
@@ -36,7 +36,7 @@ template <int Dim> struct CaseResult {
   std::optional<Errors> errors;                                  ///< if the case knows an exact solution
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the case
   std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary
-  std::vector<std::pair<std::string, double>> reports;           ///< of the geometry
+  std::vector<std::pair<std::string, Reported>> reports;         ///< of the geometry
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
 

@@ -207,8 +207,16 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
-                     {"quadrature_points_dropped", approximation.dropped_points}};
-  for (const auto& [name, value] : result.reports) json["reports"][name] = value;
+                     {"quadrature_points_dropped", approximation.dropped_points},
+                     {"interpolation", approximation.space.degree()}};
+  const ApproximationOptions& asked = analysis.approximation;
+  if (asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
+    const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
+    json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
+    json["reports"]["ratio_reached"] = approximation.ratio();
+  }
+  for (const auto& [name, reported] : result.reports)
+    std::visit([&, &key = name](auto value) { json["reports"][key] = value; }, reported);
   json["reports"]["warnings"] = result.warnings;
   for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = result.times.total();

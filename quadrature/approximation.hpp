@@ -65,6 +65,9 @@ template <int Dim> struct Approximation {
   Discretization<Dim> fine;        ///< full integration; empty unless asked for
   MlsReport mls;                   ///< how often supports had to grow
   Index dropped_points = 0;        ///< quadrature nodes left out to keep every weight positive
+
+  /// Quadrature points per node, M/N.
+  double ratio() const { return static_cast<double>(quadrature.size()) / static_cast<double>(nodes.cols()); }
 };
 
 /// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region

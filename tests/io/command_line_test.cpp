@@ -148,6 +148,28 @@ TEST(CommandLine, TensionOfAStripComesOutExactly) {
   }
 }
 
+TEST(CommandLine, TheResultSaysWhichInterpolationAndRatioWereUsed) {
+  const Workspace work;
+  const auto reports_with = [&](const std::string& line) {
+    const auto run = solve_with(work, "basis = \"cells\"", line);
+    EXPECT_EQ(run.status, 0) << run.output;
+    const auto result = json(work / "out/result.json");
+    if (result["reports"].contains("ratio_reached")) {
+      EXPECT_NEAR(result["reports"]["ratio_reached"],
+                  result["counts"]["quadrature_points"].get<double>() / result["counts"]["nodes"].get<double>(), 1e-12);
+    }
+    return result["reports"];
+  };
+  auto reports = reports_with("basis = \"cells\"");
+  EXPECT_EQ(reports["interpolation"], 2);  // the default on a mesh as coarse as this
+  EXPECT_EQ(reports["ratio_asked"], 4.0);
+  EXPECT_NEAR(reports["ratio_reached"], 4.0, 0.4);
+  reports = reports_with("basis = \"mls\"\nratio = 3");
+  EXPECT_EQ(reports["ratio_asked"], 3.0);
+  EXPECT_NEAR(reports["ratio_reached"], 3.0, 0.3);
+  EXPECT_FALSE(reports_with("basis = \"full\"").contains("ratio_asked"));
+}
+
 TEST(CommandLine, WarnsOfAQuadratureWithTooFewPoints) {
   const Workspace work;
   const auto run = solve_with(work, "basis = \"cells\"", "basis = \"cells\"\nratio = 1.2");
@@ -170,9 +192,9 @@ TEST(CommandLine, NodesOfQuadraticElementsAreCounted) {
 }
 
 TEST(CommandLine, FieldsCanBeReadByVtk) {
-  for (const auto& [basis, cell_type] :
-       {std::pair("kind = \"mls\"\ninterpolation = 1", VTK_TRIANGLE), {"kind = \"mls\"", VTK_QUADRATIC_TRIANGLE},
-        {"kind = \"p2\"", VTK_QUADRATIC_TRIANGLE}}) {
+  for (const auto& [basis, cell_type] : {std::pair("kind = \"mls\"\ninterpolation = 1", VTK_TRIANGLE),
+                                         {"kind = \"mls\"", VTK_QUADRATIC_TRIANGLE},
+                                         {"kind = \"p2\"", VTK_QUADRATIC_TRIANGLE}}) {
     const Workspace work;
     ASSERT_EQ(solve_with(work, "kind = \"mls\"", basis).status, 0);
     vtkNew<vtkXMLUnstructuredGridReader> reader;

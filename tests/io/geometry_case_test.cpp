@@ -421,9 +421,13 @@ TEST(ImageCase, IslandsThatAreLeftOutAreReported) {
   work.write("case.toml", replaced(content(work / "case.toml"), "at = [1.5, 0.5]", "at = [0.5, 0.5]"));
   const auto mesh = meshed<2>(work);
   ASSERT_EQ(mesh.reports.size(), 2u);
-  EXPECT_EQ(mesh.reports[0], std::pair(std::string("islands_left_out"), 1.0));
-  EXPECT_NEAR(mesh.reports[1].second, 1.0 / 13.0, 1e-12);
+  EXPECT_EQ(mesh.reports[0], std::pair(std::string("islands_left_out"), Reported(Index(1))));
+  EXPECT_NEAR(std::get<double>(mesh.reports[1].second), 1.0 / 13.0, 1e-12);
   EXPECT_NEAR(mesh.mesh->volumes().sum(), 12.0 / 16.0, 1e-12);
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--quiet"}).status, 0);
+  const auto reports = json(work / "out/result.json")["reports"];
+  EXPECT_TRUE(reports["islands_left_out"].is_number_integer());
+  EXPECT_TRUE(reports["islands_fraction"].is_number_float());
 }
 
 TEST(ImageCase, VoxelsInSpace) {
