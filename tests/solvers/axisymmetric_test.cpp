@@ -262,13 +262,11 @@ TEST_P(Lame1852, EightNodesThroughTheWallGiveTheDisplacementWithinAPercent) {
     EXPECT_LE(errors.displacement.mean, 0.01) << "cloud " << seed;
     EXPECT_LE(*errors.body.l2_displacement, 0.01) << "cloud " << seed;
     // At the pole, where the wall has next to no area, two of three clouds are off by 2 to 3 %.
-    if (!sphere || seed == 1) {
-      EXPECT_LE(errors.displacement.worst, 0.01) << "cloud " << seed;
-    }
+    EXPECT_LE(errors.displacement.worst, sphere ? 0.035 : 0.01) << "cloud " << seed;
   }
 }
 
-TEST_P(Lame1852, HoopStressAtTheWallIsThatOfTheSolutionAndConverges) {
+TEST_P(Lame1852, RecoveredStressIsWithinAFewPercentOnEightNodesAndOneOnSixteen) {
   // Radial strains of order 1 lag at the wall, where they change fastest; no fit can know. Within 1 % takes more nodes.
   const auto [sphere, secondary] = GetParam();
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
