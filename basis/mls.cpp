@@ -256,8 +256,9 @@ template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, c
     const std::size_t available = static_cast<std::size_t>(nodes_in[mesh.component()[v]]);
     if (available < static_cast<std::size_t>(monomial_count<Dim>(options.order)))
       throw NumericalError(fmt::format(
-          "moving least squares: the body around ({:.6g}) has {} nodes, order {} needs {}; use a smaller spacing",
-          fmt::join(mesh.vertex(v), ", "), available, options.order, monomial_count<Dim>(options.order)));
+          "moving least squares: the body around ({:.6g}) has {} node{}, order {} needs {}; use a smaller spacing",
+          fmt::join(mesh.vertex(v), ", "), available, available == 1 ? "" : "s", options.order,
+          monomial_count<Dim>(options.order)));
     std::vector<std::pair<double, Index>> near;
     LocalField field;
     for (double reach = 1.5 * radii.maxCoeff();; reach *= 1.5) {

@@ -295,8 +295,11 @@ template <int Dim> FineMesh<Dim> FineMesh<Dim>::with_groups(std::vector<Group> g
 
 template <int Dim> Index FineMesh<Dim>::region(std::string_view name) const {
   const auto found = std::ranges::find(region_names_, name);
-  if (found == region_names_.end())
-    throw InputError(fmt::format("no region is named \"{}\"; the mesh has {}", name, quoted(region_names_, "none")));
+  if (found == region_names_.end()) {
+    const bool unnamed = region_names_ == std::vector<std::string>{""};
+    throw InputError(fmt::format("no region is named \"{}\"; the mesh has {}", name,
+                                 unnamed ? "one region without a name" : quoted(region_names_, "none")));
+  }
   return static_cast<Index>(found - region_names_.begin());
 }
 

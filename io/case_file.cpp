@@ -72,7 +72,7 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.fine = result.model.stabilisation > 0.0;
 }
 
-template <int Dim> Grading read_grading(const Section& cloud) {
+template <int Dim> Grading read_grading(const Section& cloud, std::vector<CaseSettings::Mention>& graded) {
   Grading grading;
   grading.features = cloud.boolean("features", grading.features);
   grading.growth = cloud.number("growth", positive, grading.growth);
@@ -86,8 +86,10 @@ template <int Dim> Grading read_grading(const Section& cloud) {
     }
     grading.boxes.push_back(box);
   }
-  for (const Section& entry : cloud.sections("regions", {"region", "spacing"}))
+  for (const Section& entry : cloud.sections("regions", {"region", "spacing"})) {
     grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
+    graded.push_back({entry.text("region"), entry.where("region")});
+  }
   return grading;
 }
 
@@ -298,7 +300,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   const Expressions<Dim> expressions = read_definitions<Dim>(root);
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path());
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
-  result.approximation.grading = read_grading<Dim>(cloud);
+  result.approximation.grading = read_grading<Dim>(cloud, result.graded);
 
   result.model.plane = read_plane<Dim>(analysis);
   result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;

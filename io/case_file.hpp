@@ -31,6 +31,7 @@ struct CaseSettings {
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for
   std::vector<Material> materials;  ///< one for everything, or one for each region
   std::vector<Mention> groups;      ///< every boundary named by supports and loads, once
+  std::vector<Mention> graded;      ///< regions with a spacing of their own
 };
 
 /// A static analysis in the plane or in space, as read from a case file and before anything is computed.

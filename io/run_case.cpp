@@ -172,6 +172,8 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
                                          Dim == 2 ? "length" : "area", part.measure));
     result.parts.push_back(std::move(part));
   }
+  for (const auto& region : analysis.graded)
+    located(analysis, region.where, [&] { return result.mesh->region(region.name); });
   result.materials = region_materials(analysis, *result.mesh);
   check_probes(analysis, *result.mesh);
   return result;

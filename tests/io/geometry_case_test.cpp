@@ -643,7 +643,15 @@ TEST(GradedCase, RefusesWhatMakesNoSense) {
   expect_matches(with("features = 1"), R"(^case.toml:8: features is 1, expected true or false)");
   expect_matches(with("boxes = [{ box = [[0, 0], [1, 1]] }]"), R"(^case.toml:8: key "spacing" is missing)");
   expect_matches(with("boxes = [{ box = [[7, 7], [8, 8]], spacing = 0.2 }]"), R"(^case.toml.*7)");
-  expect_matches(with("regions = [{ region = \"stripe\", spacing = 0.2 }]"), R"(^case.toml.*stripe.*strip)");
+  expect_matches(with("regions = [{ region = \"stripe\", spacing = 0.2 }]"),
+                 R"(^case.toml:8: no region is named "stripe"; the mesh has "strip")");
+  expect_matches(
+      complaint<2>(
+          "[geometry]\nshape = \"l_shape\"\nmesh_size = 0.5\nparameters = { side = 2 }\n[cloud]\nspacing = 1\n"
+          "regions = [{ region = \"grain\", spacing = 0.5 }]\n[analysis]\nplane = \"strain\"\n[material]\nE = 1\n"
+          "nu = 0\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n",
+          true),
+      R"(^case.toml:7: no region is named "grain"; the mesh has one region without a name)");
   expect_matches(with("boxes = 3"), R"(^case.toml:8: boxes must be written)");
 }
 
