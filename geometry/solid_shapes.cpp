@@ -47,7 +47,7 @@ void name_surfaces(const GmshSession& session, const SurfaceName& name) {
   gmsh::model::setPhysicalName(3, gmsh::model::addPhysicalGroup(3, volumes), "body");
 }
 
-/// Meshes what `build` makes with OpenCASCADE.
+/// Meshes what `build` makes with OpenCASCADE. `shape`: its name and sizes, with which messages begin.
 MeshData<3> mesh(
     const std::string& shape, double size, const std::function<void()>& build, const SurfaceName& name,
     const std::function<void()>& grade = [] {}) {
@@ -79,7 +79,8 @@ MeshData<3> box(const Vec<3>& lengths, double size) {
     throw InputError(
         fmt::format("box: lengths {}, {}, {}, expected positive ones", lengths.x(), lengths.y(), lengths.z()));
   return mesh(
-      "box", size, [&] { occ::addBox(0.0, 0.0, 0.0, lengths.x(), lengths.y(), lengths.z()); },
+      fmt::format("box of {:g} x {:g} x {:g}", lengths.x(), lengths.y(), lengths.z()), size,
+      [&] { occ::addBox(0.0, 0.0, 0.0, lengths.x(), lengths.y(), lengths.z()); },
       [&](const Vec<3>& x) { return side_name(x, lengths); });
 }
 
@@ -106,7 +107,8 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
                      fmt::format("{0}+({1}-{0})*Max(0,Min(1,(Sqrt(x*x+y*y+z*z)/{2}-1)/2))", near, far, radius));
     field::setAsBackgroundMesh(ball);
   };
-  return mesh("spherical cavity", size, build, name, grade);
+  return mesh(fmt::format("spherical cavity of radius {:g} and half width {:g}", radius, half_width), size, build, name,
+              grade);
 }
 
 MeshData<3> thick_cylinder(double inner, double outer, double height, double size) {
@@ -124,7 +126,8 @@ MeshData<3> thick_cylinder(double inner, double outer, double height, double siz
     if (!side.empty()) return side;
     return std::hypot(x.x(), x.y()) < 0.5 * (inner + outer) ? "inner" : "outer";
   };
-  return mesh("thick cylinder", size, build, name);
+  return mesh(fmt::format("thick cylinder of radii {:g} and {:g} and height {:g}", inner, outer, height), size, build,
+              name);
 }
 
 MeshData<3> thick_sphere(double inner, double outer, double size) {
@@ -140,7 +143,7 @@ MeshData<3> thick_sphere(double inner, double outer, double size) {
     if (!side.empty()) return side;
     return x.norm() < 0.5 * (inner + outer) ? "inner" : "outer";
   };
-  return mesh("thick sphere", size, build, name);
+  return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, build, name);
 }
 
 MeshData<3> cylinder(double radius, double height, double size) {
@@ -151,7 +154,8 @@ MeshData<3> cylinder(double radius, double height, double size) {
     return std::abs(x.z()) < tolerance ? "bottom" : std::abs(x.z() - height) < tolerance ? "top" : "side";
   };
   return mesh(
-      "cylinder", size, [&] { occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, radius); }, name);
+      fmt::format("cylinder of radius {:g} and height {:g}", radius, height), size,
+      [&] { occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, radius); }, name);
 }
 
 }  // namespace efree::solids

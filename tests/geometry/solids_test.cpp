@@ -115,8 +115,10 @@ TEST(Solids, SameInputGivesTheSameMeshBitForBit) {
 
 TEST(Solids, RefuseLengthsThatMakeNoShape) {
   EXPECT_INPUT_ERROR(solids::box({1.0, -2.0, 1.0}, 0.1), "box: lengths 1, -2, 1, expected positive ones");
-  EXPECT_INPUT_ERROR(solids::box({1.0, 2.0, 1.0}, 0.0), "box: size is 0, expected a positive length");
-  EXPECT_INPUT_ERROR(solids::box({1.0, 2.0, 1.0}, 1e-5), "box: mesh size 1e-05 is too small for a body 2 wide");
+  EXPECT_INPUT_ERROR(solids::box({1.0, 2.0, 1.0}, 0.0), "box of 1 x 2 x 1: size is 0, expected a positive length");
+  EXPECT_INPUT_ERROR(solids::box({1.0, 2.0, 1.0}, 1e-5),
+                     "box of 1 x 2 x 1: mesh size 1e-05 is too small for a body 2 wide");
+  EXPECT_INPUT_ERROR(solids::box(Vec<3>::Constant(1e-30), 1e-30), "box of 1e-30 x 1e-30 x 1e-30: ");
   EXPECT_INPUT_ERROR(solids::spherical_cavity(2.0, 1.0, 0.1), "expected 0 < radius < half width");
   EXPECT_INPUT_ERROR(solids::thick_cylinder(2.0, 1.0, 1.0, 0.1), "expected 0 < inner < outer");
   EXPECT_INPUT_ERROR(solids::thick_sphere(2.0, 1.0, 0.1), "expected 0 < inner < outer");
