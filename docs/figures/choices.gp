@@ -37,7 +37,7 @@ do for [c = 1:2] {
     y = 3 * k - 1
     plot for [i = 1:3] file index choice.' '.word(spacings, i) using 1:y:y + 1:y + 2 with yerrorbars pt -1 lw 1.2 lc rgb colours[i], \
          for [i = 1:3] '' index choice.' '.word(spacings, i) using 1:y with linespoints pt points[i] lw 2.2 lc rgb colours[i], \
-         for [i = 1:(c == 2 ? 3 : 0)] '' index choice.'_linear '.word(spacings, i) using 1:y with lines lw 1.6 dt 2 lc rgb colours[i], \
+         for [i = 1:3] '' index (c == 2 ? choice.'_linear ' : choice.' ').word(spacings, i) using 1:y with lines lw 1.6 dt 2 lc rgb colours[i], \
          for [i = 1:3] '' index choice.' '.word(spacings, i) every ::last[c]::last[c] using 1:y:('H = '.word(spacings, i)) \
            with labels left offset 0.9,0 tc rgb colours[i]
   }

@@ -6,7 +6,7 @@ set terminal pngcairo size width,height font 'DejaVu Sans,14' fontscale 1.1 enha
 set output figures.'/plate_with_hole.png'
 set multiplot
 
-# The field's picture has 1600 x 1200 pixels: columns 150 to 1190 and rows 30 to 1020 (from below) hold the body. Every
+# The field's picture has 1600 x 1200 pixels: columns 170 to 1200 and rows 100 to 1050 (from below) hold the body. Every
 # second one is drawn, pixel by pixel. Its colour bar is drawn anew, sharper, with the range that the file of fields states.
 range(which) = real(system(sprintf("grep -a von_mises %s/fields.vtu | sed -n 's/.*%s=\"\\([^\"]*\\)\".*/\\1/p' | head -n 1", data, which)))
 unset border; unset tics; unset grid; unset key
@@ -15,8 +15,8 @@ set palette defined (0 '#440154', 1 '#414487', 2 '#2A788E', 3 '#21A884', 4 '#7AD
 set cbrange [range('RangeMin'):range('RangeMax')]
 set cbtics 0.5 offset -0.8,0 scale 0.5
 set colorbox user origin 530 / width, 12 / height size 18 / width, 470 / height noborder
-eval panel(5 / width, 525 / width, 12 / height, 507 / height)
-set xrange [112:1232]; set yrange [8:1062]
+eval panel(5 / width, 525 / width, 20 / height, 498 / height)
+set xrange [112:1232]; set yrange [62:1092]
 plot data.'/fields.png' binary filetype=png every 2:2 with rgbimage, NaN with points palette
 
 reset

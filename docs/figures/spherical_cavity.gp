@@ -20,7 +20,7 @@ do for [row = 1:2] {
     if (row == 1) { set title word(titles, k) offset 0,-0.4 } else { unset title }
     set xlabel row == 1 ? 'nodes' : 'CPU seconds, mesh included' offset 0,0.3
     if (k == 1) { set ylabel 'relative error' offset 0.8,0 } else { unset ylabel }
-    if (row == 1 && k == 1) { set key top right Right samplen 1.6 spacing 1.1 font ",12" } else { unset key }
+    if (row == 1 && k == 3) { set key bottom left Left reverse samplen 1.6 spacing 1.1 font ",12" } else { unset key }
     y = 2 + 3 * k
     plot for [i = 1:7] file index word(methods, i) using x:y with linespoints pt points[i] lw (i == 1 ? 3.5 : 1.8) \
       lc rgb colours[i] title word(names, i)
