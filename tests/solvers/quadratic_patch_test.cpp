@@ -46,8 +46,7 @@ TEST(QuadraticPatch, OrderTwoOnQuadraticCellsIsExact) {
 }
 
 TEST(QuadraticPatch, OnLinearCellsTheErrorFallsWithTheSquareOfTheFineMeshSize) {
-  const ApproximationOptions options{
-      .order = 2, .interpolation = 1, .spacing = 0.25, .secondary = SecondaryKind::full};
+  const ApproximationOptions options{.order = 2, .interpolation = 1, .spacing = 0.25, .secondary = SecondaryKind::full};
   const double coarse = quadratic_patch_error(0.05, options), fine = quadratic_patch_error(0.0125, options);
   EXPECT_LE(coarse, 2e-4);
   EXPECT_NEAR(order_between(coarse, fine, 4.0), 2.0, 0.3);
