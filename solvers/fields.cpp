@@ -34,12 +34,12 @@ template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature)
   return overlaps.transpose();
 }
 
-/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, as columns of N: the
-/// value at the node, then the derivative along each axis. The mean and no slope where the points do not determine a
-/// plane.
-template <int Dim> Matrix fit_at_nodes(const Approximation<Dim>& approximation, const Matrix& values) {
+/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, weighted by `around`, as
+/// columns of N: the value at the node, then the derivative along each axis. The mean and no slope where the points do
+/// not determine a plane.
+template <int Dim>
+Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& around, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
-  const SparseRows around = fit_weights(approximation.quadrature);
   const Index rows = values.rows();
   Matrix fits = Matrix::Zero((Dim + 1) * rows, approximation.shape.num_nodes());
   parallel_for(approximation.shape.num_nodes(), [&](Index I) {
@@ -187,9 +187,10 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
 }  // namespace
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
+  const SparseRows around = fit_weights(approximation.quadrature);
   return {interpolate(approximation.shape, solution.coefficients),
-          blend(approximation, fit_at_nodes(approximation, solution.strain)),
-          blend(approximation, fit_at_nodes(approximation, solution.stress))};
+          blend(approximation, fit_at_nodes(approximation, around, solution.strain)),
+          blend(approximation, fit_at_nodes(approximation, around, solution.stress))};
 }
 
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
