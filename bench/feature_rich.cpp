@@ -6,7 +6,8 @@
 ///   porous  5 x 5, 500 holes of radius 0.02 to 0.1, gaps at least 0.01
 ///   image   1024 x 1024 pixels, 30 % of them in 2300 pores of radius 4 to 10 that may overlap; smooth contours
 ///
-/// Unit tension on the right edge, symmetry on the left and below; stiffness = tension^2 area / (2 strain energy).
+/// Symmetry on the left and below. Plates are pulled by unit tension on the right edge, the image, whose edges run
+/// through pores, is stretched by moving it: pulled, scraps that a single ligament holds to the edge would decide.
 /// Prints CSV. Times run from the outline or image to the solution: mesh, clouds, weights, basis, quadrature, assembly,
 /// factorisation; wall-clock and CPU (all threads) seconds, the least of `repeats` runs.
 ///
@@ -36,6 +37,7 @@ struct Mesh {
 /// A kind of plate: of each seed, with all pores but those of radius below `dropped`, ready to be meshed.
 struct Kind {
   double width;
+  bool stretched;  ///< the right edge is moved by 1; else it is pulled by 1 per length
   std::function<std::function<FineMesh<2>(const Mesh&)>(std::uint64_t seed, double dropped)> plate;
 };
 
@@ -49,7 +51,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 }
 
 Kind discs(double width, int count, double r_min, double r_max, double gap) {
-  return {width, [=](std::uint64_t seed, double dropped) {
+  return {width, false, [=](std::uint64_t seed, double dropped) {
             return [=](const Mesh& sizes) {
               PlanarDomain domain =
                   shapes::plate_with_random_holes(width, count, r_min, r_max, gap, seed, sizes.detail);
@@ -73,7 +75,7 @@ LabelImage<2> without_small_pores(LabelImage<2> image, double most) {
 }
 
 Kind porous_image(Index pixels, const RandomSpheres& pores) {
-  return {static_cast<double>(pixels), [=](std::uint64_t seed, double dropped) {
+  return {static_cast<double>(pixels), true, [=](std::uint64_t seed, double dropped) {
             RandomSpheres seeded = pores;
             seeded.seed = seed;
             const LabelImage<2> image = without_small_pores(keep_largest(random_spheres<2>(pixels, seeded)).image,
@@ -93,18 +95,22 @@ Result solve(const Kind& kind, const std::function<FineMesh<2>(const Mesh&)>& ma
     const std::clock_t cpu_start = std::clock();
     const FineMesh<2> mesh = make(sizes);
     const auto approximation = approximate(mesh, options);
-    const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
+    const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; }, one = [](const Vec<2>&) { return 1.0; };
     const Essential essential = options.kind == BasisKind::mls ? Essential::nitsche : Essential::strong;
-    const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .essential = essential},
-                                  {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}});
-    const auto solution = solver.solve({{{"right",
-                                          [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
-                                            return {1.0, 0.0};
-                                          }}},
-                                        nullptr});
+    std::vector<DisplacementCondition<2>> conditions{{"left", {zero, nullptr}, nullptr},
+                                                     {"bottom", {nullptr, zero}, nullptr}};
+    Loads<2> loads;
+    if (kind.stretched)
+      conditions.push_back({"right", {one, nullptr}, nullptr});
+    else
+      loads.tractions.push_back({"right", [](const Vec<2>&, const Vec<2>&) -> Vec<2> { return {1.0, 0.0}; }});
+    const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .essential = essential}, conditions);
+    const auto solution = solver.solve(loads);
     result.seconds = std::min(result.seconds, seconds_since(start));
     result.cpu_seconds = std::min(result.cpu_seconds, static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC);
-    result.stiffness = 0.5 * kind.width * kind.width / solution.strain_energy;
+    // Of a square sheet: 2 energy = width^2 / E pulled, E stretched.
+    result.stiffness =
+        kind.stretched ? 2.0 * solution.strain_energy : 0.5 * kind.width * kind.width / solution.strain_energy;
     result.unknowns = 2 * approximation.shape.num_nodes();
     result.vertices = mesh.num_vertices();
   }
@@ -155,16 +161,16 @@ Plan plan_of_image() {
   return {{0.0, 1.5},
           {0.0, 2.5},
           true,
-          {{1.0, 8.0}, {0.5, 4.0}, {0.0, 2.0}, {0.0, 1.2}},
+          {{1.0, 8.0}, {0.5, 4.0}, {0.0, 2.0}, {0.0, 1.0}},
           {{1.0, 8.0}, {0.5, 8.0}, {0.35, 6.0}, {0.0, 8.0}, {0.0, 6.0}, {0.0, 5.0}, {0.0, 4.0}, {0.0, 3.0}},
           5.0,
           7.0,
-          {{"fine P1", {0.0, 1.2}, 1},
-           {"fine P2", {0.0, 1.2}, 2},
-           {"coarse P2", {0.5, 3.0}, 2},
-           {"coarsest P2", {0.7, 5.0}, 2}},
+          {{"fine P1", {0.0, 1.0}, 1},
+           {"fine P2", {0.0, 1.0}, 2},
+           {"coarse P2", {0.35, 4.0}, 2},
+           {"coarsest P2", {0.5, 4.0}, 2}},
           {10.0, 7.0},
-          {16.0, 10.0, 7.0}};
+          {16.0, 10.0, 7.0, 5.0, 4.0}};
 }
 
 int run(const std::string& name, const Kind& kind, const Plan& plan, int seeds, int repeats, const std::string& only) {

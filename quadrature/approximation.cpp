@@ -172,7 +172,8 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
     // Another seed, so that the two clouds do not coincide.
     if (second_cloud) points = sample_points(mesh, cloud, nearest, options.ratio, options.seed + 0x9e3779b97f4a7c15ull);
   }
-  const auto secondary = options.secondary == SecondaryKind::cells ? cell_clusters(result.space, points)
+  const auto secondary = options.secondary == SecondaryKind::cells
+                             ? cell_clusters(result.space, points, result.shape, 0.5 * options.ratio)
                          : options.secondary == SecondaryKind::mls
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);

@@ -29,15 +29,6 @@ SparseRows indicators(const std::vector<Index>& column, Index cols) {
   return from_rows(cols, offsets, column, std::vector<double>(column.size(), 1.0));
 }
 
-/// Facet rows of functions that are indicators of (unions of) cells.
-template <int Dim>
-SparseRows facet_indicators(const FineSpace<Dim>& space, const std::vector<Index>& function_of_cell, Index cols) {
-  std::vector<Index> column;
-  for (Index f = 0; f < space.mesh().num_facets(); ++f)
-    column.insert(column.end(), space.facet_rule().weights.size(), function_of_cell[space.mesh().facet_cell(f)]);
-  return indicators(column, cols);
-}
-
 /// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r.
 template <int Dim, int Normals> using Moment = Eigen::Matrix<double, 1 + Normals, 1>;
 
@@ -113,14 +104,20 @@ template <int Dim, int Normals> void emit_nodes(const ShapeTable<Dim>& shape, Ac
   out.close();
 }
 
-}  // namespace
+/// In place of a cluster's number: the cell is in none and integrated point by point.
+constexpr Index alone = -1;
 
-template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud) {
-  const FineMesh<Dim>& mesh = space.mesh();
+/// Cells in clusters.
+struct Clusters {
+  std::vector<Index> of_cell;   ///< cluster of each cell, or `alone`
+  std::vector<Index> vertices;  ///< fine vertex of each cluster
+};
+
+/// Every cell joins the candidate among its vertices' nodes that is nearest to its centroid: straight to the node, plus
+/// the detour that the vertex had to make. Clusters that get no cell are left out.
+template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud) {
   const NearestSource nearest = nearest_source(mesh, cloud.vertices);
-  // A cell joins the candidate among its vertices' nodes that is nearest to its centroid: straight to the node, plus
-  // the detour that the vertex had to make.
-  std::vector<Index> owner(mesh.num_cells(), -1);
+  Clusters clusters{std::vector<Index>(mesh.num_cells(), -1), {}};
   parallel_for(mesh.num_cells(), [&](Index c) {
     double best = std::numeric_limits<double>::infinity();
     for (int i = 0; i <= Dim; ++i) {
@@ -128,51 +125,149 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
       if (K < 0) continue;
       const double detour = std::max(0.0, nearest.distance[v] - (mesh.vertex(v) - cloud.positions.col(K)).norm());
       const double distance = (mesh.centroid(c) - cloud.positions.col(K)).norm() + detour;
-      if (distance < best || (distance == best && K < owner[c])) {
+      if (distance < best || (distance == best && K < clusters.of_cell[c])) {
         best = distance;
-        owner[c] = K;
+        clusters.of_cell[c] = K;
       }
     }
   });
-  std::vector<double> volume(cloud.size(), 0.0);
-  Points<Dim> moment = Points<Dim>::Zero(Dim, cloud.size());
+  std::vector<char> holds_cells(cloud.size(), 0);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
-    if (owner[c] < 0)
+    if (clusters.of_cell[c] < 0)
       throw NumericalError(
           fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
                       fmt::join(mesh.centroid(c), ", ")));
-    volume[owner[c]] += space.volume(c);
-    moment.col(owner[c]) += space.volume(c) * space.centre_of_mass(c);
+    holds_cells[clusters.of_cell[c]] = 1;
   }
-  std::vector<Index> region(cloud.size(), -1);
+  std::vector<Index> renumbered(cloud.size(), -1);
+  for (Index K = 0; K < cloud.size(); ++K)
+    if (holds_cells[K]) {
+      renumbered[K] = static_cast<Index>(clusters.vertices.size());
+      clusters.vertices.push_back(cloud.vertices[K]);
+    }
+  for (Index& K : clusters.of_cell) K = renumbered[K];
+  return clusters;
+}
+
+/// How many of the points at these vertices the nodes around each of them have to themselves, in the mean: with phi the
+/// values of the nodes' functions there (a partition of unity), phi phi^T 1.
+template <int Dim> Vector points_per_node(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
+  Vector of_node = Vector::Zero(shape.num_nodes()), at_point = Vector::Zero(static_cast<Index>(vertices.size()));
+  for (const Index v : vertices) {
+    const auto row = shape.row(v);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) of_node[row.nodes[k]] += row.N[k];
+  }
+  for (Index K = 0; K < at_point.size(); ++K) {
+    const auto row = shape.row(vertices[K]);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) at_point[K] += row.N[k] * of_node[row.nodes[k]];
+  }
+  return at_point;
+}
+
+/// Takes clusters apart around which nodes have fewer than `fewest` to themselves: into their cells, and those of one
+/// cell into the points of the cell rule.
+template <int Dim>
+Clusters take_apart(Clusters clusters, const FineMesh<Dim>& mesh, const ShapeTable<Dim>& shape, double fewest) {
+  const Vector points = points_per_node(shape, clusters.vertices);
+  const Index size = static_cast<Index>(points.size());
+  std::vector<Index> cells(size, 0), renumbered(size, -1);
+  for (const Index K : clusters.of_cell) ++cells[K];
+  Clusters parts{{}, {}};
+  for (Index K = 0; K < size; ++K)
+    if (points[K] >= fewest) {
+      renumbered[K] = static_cast<Index>(parts.vertices.size());
+      parts.vertices.push_back(clusters.vertices[K]);
+    }
   for (Index c = 0; c < mesh.num_cells(); ++c) {
-    Index& of_cluster = region[owner[c]];
-    if (of_cluster >= 0 && of_cluster != mesh.region(c))
+    const Index K = clusters.of_cell[c];
+    if (renumbered[K] < 0 && cells[K] > 1) {
+      parts.of_cell.push_back(static_cast<Index>(parts.vertices.size()));
+      parts.vertices.push_back(mesh.cells()(0, c));
+    } else {
+      parts.of_cell.push_back(points[K] < fewest ? alone : renumbered[K]);
+    }
+  }
+  return parts;
+}
+
+/// The functions of clusters, and after them those of the rule points of all cells that stand alone.
+template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space, Clusters clusters) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const auto& rule = space.cell_rule();
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  Index size = static_cast<Index>(clusters.vertices.size());
+  SecondaryBasis<Dim> secondary;
+  secondary.region.assign(size, -1);
+  std::vector<double> volume(size, 0.0);
+  Points<Dim> moment = Points<Dim>::Zero(Dim, size);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const Index K = clusters.of_cell[c];
+    if (K == alone) continue;
+    volume[K] += space.volume(c);
+    moment.col(K) += space.volume(c) * space.centre_of_mass(c);
+    Index& region = secondary.region[K];
+    if (region >= 0 && region != mesh.region(c))
       throw InputError(
           fmt::format("quadrature: the cluster around ({:.6g}) spans regions \"{}\" and \"{}\"; part the "
                       "mesh with cut_regions first",
-                      fmt::join(cloud.positions.col(owner[c]), ", "), mesh.region_names()[of_cluster],
+                      fmt::join(mesh.vertex(clusters.vertices[K]), ", "), mesh.region_names()[region],
                       mesh.region_names()[mesh.region(c)]));
-    of_cluster = mesh.region(c);
+    region = mesh.region(c);
   }
-  std::vector<Index> renumbered(cloud.size(), -1);
-  SecondaryBasis<Dim> secondary;
-  secondary.points.resize(Dim, cloud.size());
-  for (Index K = 0; K < cloud.size(); ++K)
-    if (volume[K] > 0.0) {
-      renumbered[K] = static_cast<Index>(secondary.vertices.size());
-      secondary.points.col(renumbered[K]) = moment.col(K) / volume[K];
-      secondary.vertices.push_back(cloud.vertices[K]);
-      secondary.region.push_back(region[K]);
+
+  std::vector<Index> column;                    // function of each rule point
+  std::vector<Index> first = clusters.of_cell;  // function of the first rule point of each cell
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    if (first[c] != alone) {
+      column.insert(column.end(), per_cell, first[c]);
+      continue;
     }
-  const Index size = static_cast<Index>(secondary.vertices.size());
-  secondary.points.conservativeResize(Dim, size);
-  for (Index& K : owner) K = renumbered[K];
-  std::vector<Index> column;
-  for (Index K : owner) column.insert(column.end(), space.cell_rule().weights.size(), K);
+    first[c] = size;
+    for (Index q = 0; q < per_cell; ++q) {
+      column.push_back(size++);
+      clusters.vertices.push_back(mesh.cells()(q % (Dim + 1), c));
+      secondary.region.push_back(mesh.region(c));
+    }
+  }
+  secondary.vertices = std::move(clusters.vertices);
+  secondary.points.resize(Dim, size);
+  for (std::size_t K = 0; K < volume.size(); ++K) secondary.points.col(K) = moment.col(K) / volume[K];
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (Index q = 0; q < per_cell && clusters.of_cell[c] == alone; ++q)
+      secondary.points.col(first[c] + q) = space.position(c, rule.points.col(q));
   secondary.in_cells = indicators(column, size);
-  secondary.on_facets = facet_indicators(space, owner, size);
+
+  // On the boundary the functions of a cell that stands alone are linear, one at their own rule point and zero at the
+  // others, so that gradients (linear in a cell of degree 2) are carried there exactly.
+  require(per_cell == 1 || per_cell == Dim + 1, "a cell rule of 1 or Dim + 1 points expected");
+  const Matrix nodal = per_cell == 1 ? Matrix(Matrix::Ones(1, Dim + 1)) : Matrix(Matrix(rule.points).inverse());
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> values;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const Index c = mesh.facet_cell(f);
+    for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+      if (clusters.of_cell[c] == alone) {
+        const Vector phi = nodal * space.facet_point(f, space.facet_rule().points.col(g));
+        for (Index q = 0; q < per_cell; ++q) columns.push_back(first[c] + q), values.push_back(phi[q]);
+      } else {
+        columns.push_back(first[c]), values.push_back(1.0);
+      }
+      offsets.push_back(static_cast<Index>(columns.size()));
+    }
+  }
+  secondary.on_facets = from_rows(size, offsets, columns, values);
   return secondary;
+}
+
+}  // namespace
+
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud) {
+  return indicators_of(space, cluster(space.mesh(), cloud));
+}
+
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+                                                     const ShapeTable<Dim>& shape, double fewest) {
+  return indicators_of(space, take_apart(cluster(space.mesh(), cloud), space.mesh(), shape, fewest));
 }
 
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
@@ -208,41 +303,7 @@ template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>
 }
 
 template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
-  const FineMesh<Dim>& mesh = space.mesh();
-  const auto& rule = space.cell_rule();
-  const Index per_cell = static_cast<Index>(rule.weights.size());
-  const Index size = mesh.num_cells() * per_cell;
-  SecondaryBasis<Dim> secondary;
-  secondary.points.resize(Dim, size);
-  secondary.vertices.resize(size);
-  std::vector<Index> column(size);
-  std::iota(column.begin(), column.end(), 0);
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    for (Index q = 0; q < per_cell; ++q) {
-      secondary.points.col(c * per_cell + q) = space.position(c, rule.points.col(q));
-      secondary.vertices[c * per_cell + q] = mesh.cells()(q % (Dim + 1), c);
-      secondary.region.push_back(mesh.region(c));
-    }
-  secondary.in_cells = indicators(column, size);
-  if (per_cell == 1) {
-    secondary.on_facets = facet_indicators(space, column, size);
-    return secondary;
-  }
-  // The Phi_K of a cell are the linear functions that are one at their own rule point and zero at the others, so that
-  // gradients (linear in a cell of degree 2) are carried to the boundary exactly.
-  require(per_cell == Dim + 1, "every_cell: a rule of Dim + 1 points expected");
-  const Matrix nodal = Matrix(rule.points).inverse();
-  std::vector<Index> offsets{0}, columns;
-  std::vector<double> values;
-  for (Index f = 0; f < mesh.num_facets(); ++f)
-    for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
-      const Vector phi = nodal * space.facet_point(f, space.facet_rule().points.col(g));
-      for (Index q = 0; q < per_cell; ++q)
-        columns.push_back(mesh.facet_cell(f) * per_cell + q), values.push_back(phi[q]);
-      offsets.push_back(static_cast<Index>(columns.size()));
-    }
-  secondary.on_facets = from_rows(size, offsets, columns, values);
-  return secondary;
+  return indicators_of(space, Clusters{std::vector<Index>(space.mesh().num_cells(), alone), {}});
 }
 
 template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
@@ -370,6 +431,7 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
 
 template struct Discretization<2>;
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&);
+template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
 template SecondaryBasis<2> secondary_from_table<2>(const FineSpace<2>&, const ShapeTable<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
 template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
@@ -378,6 +440,7 @@ template Discretization<2> evaluate_at_points<2>(const FineSpace<2>&, const Shap
 template Discretization<2> merge<2>(const Discretization<2>&, const std::vector<Index>&, Index);
 template struct Discretization<3>;
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&);
+template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
 template SecondaryBasis<3> secondary_from_table<3>(const FineSpace<3>&, const ShapeTable<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
 template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);

@@ -36,6 +36,13 @@ template <int Dim> struct Discretization {
 /// that get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
+/// The same, but where nodes lie nearly as dense as fine vertices and these run out, so that nodes have fewer than
+/// `fewest` clusters to themselves (in the mean around a cluster; `shape` has their values at the fine vertices), the
+/// projection would be too soft: there clusters are taken apart into cells, and those of one cell into the points of
+/// the cell rule.
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+                                                     const ShapeTable<Dim>& shape, double fewest);
+
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
                                                             const NodeCloud<Dim>& cloud);

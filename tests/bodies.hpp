@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/assembly/operators.hpp"
+#include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/static_analysis.hpp"
@@ -61,7 +62,7 @@ struct Body {
 };
 
 /// Bodies by name: square, slivers (the square with cells as flat as 0.1 degree), plate_with_hole, l_shape, slit (open
-/// at the lower side), random_holes.
+/// at the lower side), random_holes, pores (of an image; the nodes lie nearly as dense as the fine vertices).
 inline Body body(const std::string& name) {
   const std::vector<std::string> sides{"left", "bottom", "right", "top"};
   if (name == "square") return {triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.05}), 0.25, sides, {}};
@@ -77,6 +78,12 @@ inline Body body(const std::string& name) {
             0.1,
             sides,
             {"holes"}};
+  if (name == "pores") {
+    LabelImage<2> image = keep_largest(random_spheres<2>(32, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0})).image;
+    image.spacing = Vec<2>::Constant(1.0 / 32.0);
+    const auto mesh = mesh_image<2>(image, {.size = 5.0 / 32.0, .contour = Contour::smooth, .simplify = 0.7});
+    return {FineMesh<2>(mesh), 10.0 / 32.0, sides, {"pores"}};
+  }
   throw std::invalid_argument("no body named " + name);
 }
 

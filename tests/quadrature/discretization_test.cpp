@@ -130,7 +130,7 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
 
 INSTANTIATE_TEST_SUITE_P(Bodies, QuadratureOn,
                          ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
-                                                              "random_holes"),
+                                                              "random_holes", "pores"),
                                             ::testing::Values(1, 2), ::testing::Values(1, 2)),
                          [](const auto& test) {
                            return std::string(std::get<0>(test.param)) + "_order_" +
@@ -181,6 +181,27 @@ TEST(Quadrature, RatioIsMetWithinTenPercent) {
           static_cast<double>(approximation.quadrature.size()) / static_cast<double>(approximation.nodes.cols()), ratio,
           0.1 * ratio);
     }
+}
+
+TEST(Quadrature, ClustersAreTakenApartWhereFineVerticesRunOut) {
+  for (const std::string name : {"square", "pores"}) {
+    const auto body = testing::body(name);
+    const FineSpace<2> space(body.mesh, 2);
+    const auto nodes = sample_cloud(body.mesh, CloudOptions{.spacing = body.spacing}),
+               points = sample_cloud(body.mesh, CloudOptions{.spacing = 0.5 * body.spacing, .seed = 2});
+    const auto shape = moving_least_squares(space, nodes, {}).shape;
+    const auto whole = cell_clusters(space, points), some = cell_clusters(space, points, shape, 2.0),
+               all = cell_clusters(space, points, shape, 1e9);
+    EXPECT_EQ(whole.points, cell_clusters(space, points, shape, 0.0).points);
+    if (name == "square")
+      EXPECT_EQ(whole.points, some.points) << "nodes have some four points each, everywhere";
+    else
+      EXPECT_GT(some.points.cols(), 1.1 * whole.points.cols());
+    EXPECT_LE(some.points.cols(), all.points.cols());
+    EXPECT_GE(all.points.cols(), body.mesh.num_cells());  // every cell for itself
+    for (const auto* secondary : {&whole, &some, &all})
+      EXPECT_NEAR(secondary_weights(space, *secondary).sum(), body.mesh.volumes().sum(), 1e-12);
+  }
 }
 
 TEST(Quadrature, MergeChecksItsGroups) {

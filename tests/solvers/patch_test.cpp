@@ -61,8 +61,8 @@ TEST_P(PatchTest, LinearFieldsAreExactOnGradedCloudsAndQuadraticCells) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Bodies, PatchTest,
-                         ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape",
-                                                              "slit"),
+                         ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
+                                                              "pores"),
                                             ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
                                             ::testing::Values(Essential::nitsche, Essential::strong)),
                          [](const auto& test) {
