@@ -4,8 +4,11 @@
 ///
 ///   bench_coercivity [spacing = 0.4] [seeds = 3]             the plate with a hole
 ///   bench_coercivity --solid [spacing = 0.5] [seeds = 3]     the eighth of a cube with a spherical cavity
+///   bench_coercivity --pores [seeds = 2]                     defaults on graded clouds in porous images of 128 x 128
+///                                                            pixels, on meshes with as few as 3 vertices to a node
 #include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
+#include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
@@ -46,6 +49,13 @@ template <int Dim> Matrix without_rigid_motions(const Points<Dim>& nodes) {
   return Q.rightCols(Q.cols() - motions);
 }
 
+/// Eigenvalues, ascending, of Kbar u = lambda K u on the space that `basis` spans.
+Vector eigenvalues(const Matrix& Kbar, const Matrix& K, const Matrix& basis) {
+  return Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(basis.transpose() * Kbar * basis,
+                                                          basis.transpose() * K * basis, Eigen::EigenvaluesOnly)
+      .eigenvalues();
+}
+
 template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int seeds) {
   std::printf("secondary,support,asked,seed,nodes,points,ratio,smallest,largest,zero_modes\n");
   for (const double support : {1.5, 2.0, 2.5, 3.0})
@@ -56,16 +66,14 @@ template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int see
                                    .secondary = SecondaryKind::full};
       const auto reference = approximate(mesh, options);
       const Matrix basis = without_rigid_motions<Dim>(reference.nodes);
-      const Matrix K = basis.transpose() * dense_stiffness(reference.quadrature) * basis;
+      const Matrix K = dense_stiffness(reference.quadrature);
       for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
         for (const double ratio : {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 16.0, 24.0}) {
           if (ratio > 8.0 && (Dim == 2 || secondary == SecondaryKind::cells)) continue;
           options.secondary = secondary;
           options.ratio = ratio;
           const auto approximation = approximate(mesh, options);
-          const Matrix Kbar = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
-          const Vector lambda =
-              Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(Kbar, K, Eigen::EigenvaluesOnly).eigenvalues();
+          const Vector lambda = eigenvalues(dense_stiffness(approximation.quadrature), K, basis);
           const Index points = approximation.quadrature.size();
           std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", secondary == SecondaryKind::cells ? "cells" : "mls",
                       support, ratio, seed, approximation.nodes.cols(), points,
@@ -76,9 +84,35 @@ template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int see
     }
 }
 
+void study_pores(int seeds) {
+  std::printf("simplify,size,spacing,seed,vertices,nodes,points,smallest,below_a_fifth\n");
+  for (const auto& [simplify, size] : {std::pair{0.7, 5.0}, {0.5, 4.0}, {0.5, 3.0}, {0.0, 1.2}})
+    for (const double spacing : {16.0, 10.0, 7.0})
+      for (int seed = 1; seed <= seeds; ++seed) {
+        const auto image =
+            keep_largest(
+                random_spheres<2>(
+                    128, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0, .seed = static_cast<std::uint64_t>(seed)}))
+                .image;
+        const FineMesh<2> mesh(mesh_image<2>(image, {.size = size, .contour = Contour::smooth, .simplify = simplify}));
+        const auto approximation = approximate(mesh, {.spacing = spacing, .grading = {.features = true}, .fine = true});
+        const Vector lambda =
+            eigenvalues(dense_stiffness(approximation.quadrature), dense_stiffness(approximation.fine),
+                        without_rigid_motions<2>(approximation.nodes));
+        std::printf("%g,%g,%g,%d,%d,%td,%d,%.4f,%td\n", simplify, size, spacing, seed, mesh.num_vertices(),
+                    approximation.nodes.cols(), approximation.quadrature.size(), lambda.minCoeff(),
+                    (lambda.array() < 0.2).count());
+        std::fflush(stdout);
+      }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "--pores") {
+    study_pores(argc > 2 ? std::atoi(argv[2]) : 2);
+    return 0;
+  }
   const bool solid = argc > 1 && std::string_view(argv[1]) == "--solid";
   if (solid) --argc, ++argv;
   const double spacing = argc > 1 ? std::atof(argv[1]) : solid ? 0.5 : 0.4;

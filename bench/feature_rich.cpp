@@ -6,12 +6,15 @@
 ///   porous  5 x 5, 500 holes of radius 0.02 to 0.1, gaps at least 0.01
 ///   image   1024 x 1024 pixels, 30 % of them in 2300 pores of radius 4 to 10 that may overlap; smooth contours
 ///
-/// Symmetry on the left and below. Plates are pulled by unit tension on the right edge, the image, whose edges run
-/// through pores, is stretched by moving it: pulled, scraps that a single ligament holds to the edge would decide.
+///   pulled  the same image under another load
+///
+/// Symmetry on the left and below. Plates are pulled by unit tension on the right edge. The image, whose edges run
+/// through pores, is stretched by moving it: pulled, scraps that a single ligament holds to the edge decide.
 /// Prints CSV. Times run from the outline or image to the solution: mesh, clouds, weights, basis, quadrature, assembly,
 /// factorisation; wall-clock and CPU (all threads) seconds, the least of `repeats` runs.
 ///
-///   bench_feature_rich [holes | porous | image = holes] [seeds = 3] [repeats = 3] [only methods that begin so]
+///   bench_feature_rich [holes | porous | image | pulled = holes] [seeds = 3] [repeats = 3] [only methods that begin
+///   so]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/solvers/static_analysis.hpp"
@@ -74,8 +77,8 @@ LabelImage<2> without_small_pores(LabelImage<2> image, double most) {
   return image;
 }
 
-Kind porous_image(Index pixels, const RandomSpheres& pores) {
-  return {static_cast<double>(pixels), true, [=](std::uint64_t seed, double dropped) {
+Kind porous_image(Index pixels, const RandomSpheres& pores, bool stretched) {
+  return {static_cast<double>(pixels), stretched, [=](std::uint64_t seed, double dropped) {
             RandomSpheres seeded = pores;
             seeded.seed = seed;
             const LabelImage<2> image = without_small_pores(keep_largest(random_spheres<2>(pixels, seeded)).image,
@@ -223,9 +226,9 @@ int main(int argc, char** argv) {
     return run(name, discs(10.0, 160, 0.04, 0.4, 0.03), plan_of_discs(0.4, 1.0), seeds, repeats, only);
   if (name == "porous")
     return run(name, discs(5.0, 500, 0.02, 0.1, 0.01), plan_of_discs(0.1, 0.3), seeds, repeats, only);
-  if (name == "image")
-    return run(name, porous_image(1024, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0}), plan_of_image(), seeds,
-               repeats, only);
-  std::fprintf(stderr, "bench_feature_rich: no plate '%s', expected holes, porous or image\n", name.c_str());
+  if (name == "image" || name == "pulled")
+    return run(name, porous_image(1024, {.porosity = 0.3, .r_min = 4.0, .r_max = 10.0}, name == "image"),
+               plan_of_image(), seeds, repeats, only);
+  std::fprintf(stderr, "bench_feature_rich: no plate '%s', expected holes, porous, image or pulled\n", name.c_str());
   return 2;
 }

@@ -149,9 +149,9 @@ template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<D
   return clusters;
 }
 
-/// How many of the points at these vertices the nodes around each of them have to themselves, in the mean: with phi the
-/// values of the nodes' functions there (a partition of unity), phi phi^T 1.
-template <int Dim> Vector points_per_node(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
+/// Around each of the points at these vertices: how many of them a node has to itself, in the mean over the nodes that
+/// act there. With the values phi of the nodes' functions at the points (a partition of unity): phi phi^T 1.
+template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
   Vector of_node = Vector::Zero(shape.num_nodes()), at_point = Vector::Zero(static_cast<Index>(vertices.size()));
   for (const Index v : vertices) {
     const auto row = shape.row(v);
@@ -164,27 +164,33 @@ template <int Dim> Vector points_per_node(const ShapeTable<Dim>& shape, const st
   return at_point;
 }
 
-/// Takes clusters apart around which nodes have fewer than `fewest` to themselves: into their cells, and those of one
-/// cell into the points of the cell rule.
-template <int Dim>
-Clusters take_apart(Clusters clusters, const FineMesh<Dim>& mesh, const ShapeTable<Dim>& shape, double fewest) {
-  const Vector points = points_per_node(shape, clusters.vertices);
-  const Index size = static_cast<Index>(points.size());
+/// Takes clusters apart around which nodes have fewer than `fewest` to themselves because fine vertices run out there
+/// (they hold no more cells than there are around a vertex): into their cells, and those of one cell into the points of
+/// the cell rule.
+template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace<Dim>& space,
+                                       const ShapeTable<Dim>& shape, double fewest) {
+  constexpr Index around_a_vertex = Dim == 2 ? 6 : 24;
+  const FineMesh<Dim>& mesh = space.mesh();
+  const Vector points = points_per_node_around(shape, clusters.vertices);
+  const Index size = static_cast<Index>(points.size()),
+              parts_of_a_cell = static_cast<Index>(space.cell_rule().weights.size());
   std::vector<Index> cells(size, 0), renumbered(size, -1);
   for (const Index K : clusters.of_cell) ++cells[K];
   Clusters parts{{}, {}};
-  for (Index K = 0; K < size; ++K)
-    if (points[K] >= fewest) {
-      renumbered[K] = static_cast<Index>(parts.vertices.size());
-      parts.vertices.push_back(clusters.vertices[K]);
-    }
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    const Index K = clusters.of_cell[c];
-    if (renumbered[K] < 0 && cells[K] > 1) {
-      parts.of_cell.push_back(static_cast<Index>(parts.vertices.size()));
-      parts.vertices.push_back(mesh.cells()(0, c));
+  for (Index K = 0; K < size; ++K) {
+    const bool indivisible = cells[K] == 1 && parts_of_a_cell == 1;
+    if (points[K] < fewest && cells[K] <= around_a_vertex && !indivisible) continue;
+    renumbered[K] = static_cast<Index>(parts.vertices.size());
+    parts.vertices.push_back(clusters.vertices[K]);
+  }
+  for (const Index K : clusters.of_cell) {
+    if (renumbered[K] >= 0) {
+      parts.of_cell.push_back(renumbered[K]);
+    } else if (cells[K] == 1) {
+      parts.of_cell.push_back(alone);
     } else {
-      parts.of_cell.push_back(points[K] < fewest ? alone : renumbered[K]);
+      parts.of_cell.push_back(static_cast<Index>(parts.vertices.size()));
+      parts.vertices.push_back(clusters.vertices[K]);
     }
   }
   return parts;
@@ -240,13 +246,14 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
   // On the boundary the functions of a cell that stands alone are linear, one at their own rule point and zero at the
   // others, so that gradients (linear in a cell of degree 2) are carried there exactly.
   require(per_cell == 1 || per_cell == Dim + 1, "a cell rule of 1 or Dim + 1 points expected");
-  const Matrix nodal = per_cell == 1 ? Matrix(Matrix::Ones(1, Dim + 1)) : Matrix(Matrix(rule.points).inverse());
+  Matrix nodal;
+  if (per_cell > 1) nodal = Matrix(rule.points).inverse();
   std::vector<Index> offsets{0}, columns;
   std::vector<double> values;
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     const Index c = mesh.facet_cell(f);
     for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
-      if (clusters.of_cell[c] == alone) {
+      if (clusters.of_cell[c] == alone && per_cell > 1) {
         const Vector phi = nodal * space.facet_point(f, space.facet_rule().points.col(g));
         for (Index q = 0; q < per_cell; ++q) columns.push_back(first[c] + q), values.push_back(phi[q]);
       } else {
@@ -267,7 +274,7 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
 
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                      const ShapeTable<Dim>& shape, double fewest) {
-  return indicators_of(space, take_apart(cluster(space.mesh(), cloud), space.mesh(), shape, fewest));
+  return indicators_of(space, take_apart(cluster(space.mesh(), cloud), space, shape, fewest));
 }
 
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,

@@ -36,10 +36,10 @@ template <int Dim> struct Discretization {
 /// that get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
-/// The same, but where nodes lie nearly as dense as fine vertices and these run out, so that nodes have fewer than
-/// `fewest` clusters to themselves (in the mean around a cluster; `shape` has their values at the fine vertices), the
-/// projection would be too soft: there clusters are taken apart into cells, and those of one cell into the points of
-/// the cell rule.
+/// The same with clusters taken apart where nodes lie nearly as dense as fine vertices. There are too few of these then
+/// for clusters, and the projection would be too soft. Where nodes have fewer than `fewest` clusters to themselves (in
+/// the mean around a cluster; `shape` has their values at the fine vertices), small clusters are replaced by their
+/// cells, and those of one cell by the points of the cell rule, whose functions are linear on the boundary.
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                      const ShapeTable<Dim>& shape, double fewest);
 

@@ -23,7 +23,8 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
-  const bool integrated_fully = approximation.quadrature.size() >= approximation.space.mesh().num_cells();
+  const auto all_points = approximation.space.mesh().num_cells() * approximation.space.cell_rule().weights.size();
+  const bool integrated_fully = approximation.quadrature.size() >= all_points;
   const bool stabilised = stabilisation > 0.0 && !integrated_fully;
   if (stabilised && approximation.fine.size() == 0)
     throw InputError(
