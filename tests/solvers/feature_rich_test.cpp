@@ -13,10 +13,10 @@ struct Answer {
 };
 
 /// Effective stiffness of a plate under unit tension, held by symmetry on the left and below.
-Answer stretch(const FineMesh<2>& mesh, const ApproximationOptions& options) {
+Answer stretch(const FineMesh<2>& mesh, const ApproximationOptions& options, double stabilisation = 0.0) {
   const auto approximation = approximate(mesh, options);
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
-  const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}},
+  const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .stabilisation = stabilisation},
                                 {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}});
   const auto solution = solver.solve({{{"right", [](const Vec<2>&, const Vec<2>&) -> Vec<2> { return {1, 0}; }}}, {}});
   return {0.5 / solution.strain_energy, approximation.shape.num_nodes()};
@@ -46,6 +46,19 @@ TEST_P(RandomHoles, QuadraticCellsMakeUpForACoarseFineMesh) {
   const double error = std::abs(stretch(mesh, quadratic).stiffness / truth - 1.0);
   EXPECT_LT(error, 0.08);
   EXPECT_LT(error, 0.7 * std::abs(stretch(mesh, linear).stiffness / truth - 1.0));
+}
+
+TEST(Pores, StabilisationStiffensThoughMostClustersAreTakenApart) {
+  const auto body = testing::body("pores");
+  ApproximationOptions options{.spacing = body.spacing, .grading = {.features = true}, .ratio = 8.0, .fine = true};
+  const auto approximation = approximate(body.mesh, options);
+  EXPECT_GT(approximation.quadrature.size(), body.mesh.num_cells());
+  EXPECT_LT(approximation.quadrature.size(), approximation.fine.size());
+  const double soft = stretch(body.mesh, options).stiffness, half = stretch(body.mesh, options, 0.5).stiffness;
+  options.secondary = SecondaryKind::full;
+  const double full = stretch(body.mesh, options).stiffness;
+  EXPECT_GT(half, 1.001 * soft);
+  EXPECT_LT(half, full);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomHoles, ::testing::Values(1, 2, 3));
