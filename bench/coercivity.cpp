@@ -49,11 +49,14 @@ template <int Dim> Matrix without_rigid_motions(const Points<Dim>& nodes) {
   return Q.rightCols(Q.cols() - motions);
 }
 
-/// Eigenvalues, ascending, of Kbar u = lambda K u on the space that `basis` spans.
-Vector eigenvalues(const Matrix& Kbar, const Matrix& K, const Matrix& basis) {
-  return Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(basis.transpose() * Kbar * basis,
-                                                          basis.transpose() * K * basis, Eigen::EigenvaluesOnly)
-      .eigenvalues();
+/// Stiffness on the space that `basis` spans.
+template <int Dim> Matrix reduced_stiffness(const Discretization<Dim>& discretization, const Matrix& basis) {
+  return basis.transpose() * dense_stiffness(discretization) * basis;
+}
+
+/// Eigenvalues, ascending, of Kbar u = lambda K u.
+Vector eigenvalues(const Matrix& Kbar, const Matrix& K) {
+  return Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(Kbar, K, Eigen::EigenvaluesOnly).eigenvalues();
 }
 
 template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int seeds) {
@@ -66,14 +69,14 @@ template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int see
                                    .secondary = SecondaryKind::full};
       const auto reference = approximate(mesh, options);
       const Matrix basis = without_rigid_motions<Dim>(reference.nodes);
-      const Matrix K = dense_stiffness(reference.quadrature);
+      const Matrix K = reduced_stiffness(reference.quadrature, basis);
       for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls})
         for (const double ratio : {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 16.0, 24.0}) {
           if (ratio > 8.0 && (Dim == 2 || secondary == SecondaryKind::cells)) continue;
           options.secondary = secondary;
           options.ratio = ratio;
           const auto approximation = approximate(mesh, options);
-          const Vector lambda = eigenvalues(dense_stiffness(approximation.quadrature), K, basis);
+          const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, basis), K);
           const Index points = approximation.quadrature.size();
           std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", secondary == SecondaryKind::cells ? "cells" : "mls",
                       support, ratio, seed, approximation.nodes.cols(), points,
@@ -96,9 +99,9 @@ void study_pores(int seeds) {
                 .image;
         const FineMesh<2> mesh(mesh_image<2>(image, {.size = size, .contour = Contour::smooth, .simplify = simplify}));
         const auto approximation = approximate(mesh, {.spacing = spacing, .grading = {.features = true}, .fine = true});
-        const Vector lambda =
-            eigenvalues(dense_stiffness(approximation.quadrature), dense_stiffness(approximation.fine),
-                        without_rigid_motions<2>(approximation.nodes));
+        const Matrix basis = without_rigid_motions<2>(approximation.nodes);
+        const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, basis),
+                                          reduced_stiffness(approximation.fine, basis));
         std::printf("%g,%g,%g,%d,%d,%td,%d,%.4f,%td\n", simplify, size, spacing, seed, mesh.num_vertices(),
                     approximation.nodes.cols(), approximation.quadrature.size(), lambda.minCoeff(),
                     (lambda.array() < 0.2).count());

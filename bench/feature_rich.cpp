@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Effective stiffness of plates full of holes against the truth (P2 on converged meshes): P1, P2, P2 with the smaller
-/// holes dropped, and efree on uniform and graded clouds, all through the same code. Three kinds of plate:
+/// holes dropped, and efree on uniform and graded clouds, all through the same code. Kinds of plate:
 ///
 ///   holes   10 x 10, 160 holes of radius 0.04 to 0.4, gaps at least 0.03
 ///   porous  5 x 5, 500 holes of radius 0.02 to 0.1, gaps at least 0.01
 ///   image   1024 x 1024 pixels, 30 % of them in 2300 pores of radius 4 to 10 that may overlap; smooth contours
-///
-///   pulled  the same image under another load
+///   pulled  the same image under the load of the plates
 ///
 /// Symmetry on the left and below. Plates are pulled by unit tension on the right edge. The image, whose edges run
 /// through pores, is stretched by moving it: pulled, scraps that a single ligament holds to the edge decide.

@@ -170,7 +170,6 @@ template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, c
 template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace<Dim>& space,
                                        const ShapeTable<Dim>& shape, double fewest) {
   constexpr Index around_a_vertex = Dim == 2 ? 6 : 24;
-  const FineMesh<Dim>& mesh = space.mesh();
   const Vector points = points_per_node_around(shape, clusters.vertices);
   const Index size = static_cast<Index>(points.size()),
               parts_of_a_cell = static_cast<Index>(space.cell_rule().weights.size());
@@ -197,15 +196,16 @@ template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace
 }
 
 /// The functions of clusters, and after them those of the rule points of all cells that stand alone.
-template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space, Clusters clusters) {
+template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space, const Clusters& clusters) {
   const FineMesh<Dim>& mesh = space.mesh();
   const auto& rule = space.cell_rule();
   const Index per_cell = static_cast<Index>(rule.weights.size());
-  Index size = static_cast<Index>(clusters.vertices.size());
+  const Index whole = static_cast<Index>(clusters.vertices.size());
   SecondaryBasis<Dim> secondary;
-  secondary.region.assign(size, -1);
-  std::vector<double> volume(size, 0.0);
-  Points<Dim> moment = Points<Dim>::Zero(Dim, size);
+  secondary.vertices = clusters.vertices;
+  secondary.region.assign(whole, -1);
+  std::vector<double> volume(whole, 0.0);
+  Points<Dim> moment = Points<Dim>::Zero(Dim, whole);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const Index K = clusters.of_cell[c];
     if (K == alone) continue;
@@ -221,26 +221,24 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
     region = mesh.region(c);
   }
 
+  const Index size = whole + per_cell * static_cast<Index>(std::ranges::count(clusters.of_cell, alone));
+  secondary.points.resize(Dim, size);
+  for (Index K = 0; K < whole; ++K) secondary.points.col(K) = moment.col(K) / volume[K];
   std::vector<Index> column;                    // function of each rule point
   std::vector<Index> first = clusters.of_cell;  // function of the first rule point of each cell
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
+  for (Index c = 0, next = whole; c < mesh.num_cells(); ++c) {
     if (first[c] != alone) {
       column.insert(column.end(), per_cell, first[c]);
       continue;
     }
-    first[c] = size;
-    for (Index q = 0; q < per_cell; ++q) {
-      column.push_back(size++);
-      clusters.vertices.push_back(mesh.cells()(q % (Dim + 1), c));
+    first[c] = next;
+    for (Index q = 0; q < per_cell; ++q, ++next) {
+      secondary.points.col(next) = space.position(c, rule.points.col(q));
+      secondary.vertices.push_back(mesh.cells()(q % (Dim + 1), c));
       secondary.region.push_back(mesh.region(c));
+      column.push_back(next);
     }
   }
-  secondary.vertices = std::move(clusters.vertices);
-  secondary.points.resize(Dim, size);
-  for (std::size_t K = 0; K < volume.size(); ++K) secondary.points.col(K) = moment.col(K) / volume[K];
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    for (Index q = 0; q < per_cell && clusters.of_cell[c] == alone; ++q)
-      secondary.points.col(first[c] + q) = space.position(c, rule.points.col(q));
   secondary.in_cells = indicators(column, size);
 
   // On the boundary the functions of a cell that stands alone are linear, one at their own rule point and zero at the
