@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Thick cylinder and sphere under internal pressure: sections and solids against Lame's closed form, errors at the
-/// inner wall and over the body, by nodes through the wall: the largest of three clouds. Seconds are those of one run,
-/// without the mesh and the recovery. Writes a table (Markdown) to standard output.
+/// inner wall and over the body, by nodes through the wall, equally spaced or denser towards the inner wall: the
+/// largest of the clouds. Seconds are those of one run, without the mesh and the recovery. Writes a table (Markdown) to
+/// standard output.
 ///
-///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [H/h of solids = 2.5] [order = 1]
-///              [interpolation = 0: default] [points per node = 0: default]
+///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [clouds = 3] [points per node = 0: default]
 #include "efree/bench/lame.hpp"
 
 #include <algorithm>
@@ -20,34 +20,49 @@ namespace {
 
 struct Method {
   const char* name;
-  BasisKind kind;
-  SecondaryKind secondary;
+  BasisKind kind = BasisKind::mls;
+  SecondaryKind secondary = SecondaryKind::cells;
+  int order = 1;
+  bool graded = false;
+  // Fine edges to a spacing. Graded solids have as many fine cells with 2.5 as uniform ones with 1.5.
+  double section_ratio = 4.0, solid_ratio = 1.5;
 };
-constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells},
-                              {"MLS", BasisKind::mls, SecondaryKind::mls},
-                              {"P1", BasisKind::p1, SecondaryKind::full},
-                              {"P2", BasisKind::p2, SecondaryKind::full}};
+const Method methods[] = {
+    {.name = "cells"},
+    {.name = "cells, order 2", .order = 2},
+    {.name = "MLS", .secondary = SecondaryKind::mls},
+    {.name = "cells, graded", .graded = true, .section_ratio = 2.5, .solid_ratio = 2.5},
+    {.name = "cells, graded, order 2", .order = 2, .graded = true, .section_ratio = 2.5, .solid_ratio = 2.5},
+    // Elements with as many nodes through the wall: P2 has one at the middle of every edge.
+    {.name = "P1", .kind = BasisKind::p1, .section_ratio = 1.0 / 1.2, .solid_ratio = 1.0 / 1.2},
+    {.name = "P2", .kind = BasisKind::p2, .section_ratio = 0.5 / 1.2, .solid_ratio = 0.5 / 1.2},
+    {.name = "P1, graded", .kind = BasisKind::p1, .graded = true, .solid_ratio = 1.0 / 1.2},
+    {.name = "P2, graded", .kind = BasisKind::p2, .graded = true, .solid_ratio = 0.5 / 1.2}};
 
-template <int Dim>
-void run(const ThickWall& wall, const Method& method, int through, double ratio, ApproximationOptions options) {
-  const double H = (ThickWall::outer - ThickWall::inner) / (through - 1);
+template <int Dim> void run(const ThickWall& wall, const Method& method, int through, int clouds, double ratio) {
   const bool elements = method.kind != BasisKind::mls;
-  // Elements with as many nodes through the wall: P2 has one at the middle of every edge.
-  const double size = method.kind == BasisKind::p1 ? 1.2 * H : method.kind == BasisKind::p2 ? 2.4 * H : H / ratio;
+  if (elements && method.graded && Dim == 2) return;  // triangulate has one size
+  const auto spacing = ThickWall::spacing(through, method.graded);
+  const double height = 4.0 * (ThickWall::outer - ThickWall::inner) / (through - 1);
   const auto mesh = [&] {
     if constexpr (Dim == 2)
-      return triangulate(wall.section(4.0 * H, size), {.size = size});
+      return triangulate(wall.section(height, spacing.at_inner / method.section_ratio),
+                         {.size = spacing.at_inner / method.section_ratio});
     else
-      return FineMesh<3>(wall.solid(2.0 * H, size));
+      return FineMesh<3>(
+          wall.solid(height, spacing.at_outer / method.solid_ratio, spacing.at_inner / method.solid_ratio));
   }();
-  options.kind = method.kind;
-  options.axisymmetric = Dim == 2;
-  options.spacing = H;
-  options.secondary = method.secondary;
+  ApproximationOptions options{.kind = method.kind,
+                               .axisymmetric = Dim == 2,
+                               .order = method.order,
+                               .spacing = spacing.at_outer,
+                               .grading = spacing.grading,
+                               .secondary = method.secondary,
+                               .ratio = ratio};
   std::array<double, 7> largest{};
   double seconds = 0.0;
   Index nodes = 0;
-  const int clouds = elements ? 1 : 3;
+  if (elements) clouds = 1;
   for (int seed = 1; seed <= clouds; ++seed) {
     options.seed = static_cast<std::uint64_t>(seed);
     const std::clock_t start = std::clock();
@@ -79,10 +94,8 @@ void run(const ThickWall& wall, const Method& method, int through, double ratio,
 int main(int argc, char** argv) {
   const int most = argc > 1 ? std::atoi(argv[1]) : 8;
   const int most_solid = argc > 2 ? std::atoi(argv[2]) : 8;
-  const double ratio = argc > 3 ? std::atof(argv[3]) : 2.5;
-  const ApproximationOptions options{.order = argc > 4 ? std::atoi(argv[4]) : 1,
-                                     .interpolation = argc > 5 ? std::atoi(argv[5]) : 0,
-                                     .ratio = argc > 6 ? std::atof(argv[6]) : 0.0};
+  const int clouds = argc > 3 ? std::atoi(argv[3]) : 3;
+  const double ratio = argc > 4 ? std::atof(argv[4]) : 0.0;
   std::printf(
       "| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "
       "inner wall, mean | worst | hoop stress there, mean | worst | displacement, L2 | energy norm | recovered | CPU s "
@@ -91,7 +104,7 @@ int main(int argc, char** argv) {
   for (const bool sphere : {false, true})
     for (const Method& method : methods) {
       const ThickWall wall{sphere};
-      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, 4.0, options);
-      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, ratio, options);
+      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, clouds, ratio);
+      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, clouds, ratio);
     }
 }

@@ -5,6 +5,7 @@
 
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/spacing.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <cmath>
@@ -59,9 +60,25 @@ struct ThickWall {
                          {"axis", {{0.0, outer}, {0.0, inner}}},
                          {"inner", arc(inner, 1.0, 0.0)}}};
   }
-  /// A quarter of the slice, or an eighth of the sphere.
-  MeshData<3> solid(double height, double size) const {
-    return sphere ? solids::thick_sphere(inner, outer, size) : solids::thick_cylinder(inner, outer, height, size);
+  /// A quarter of the slice, or an eighth of the sphere. size_at_inner > 0: the size at the inner wall.
+  MeshData<3> solid(double height, double size, double size_at_inner = 0.0) const {
+    return sphere ? solids::thick_sphere(inner, outer, size, size_at_inner)
+                  : solids::thick_cylinder(inner, outer, height, size, size_at_inner);
+  }
+
+  /// Spacings of a cloud with so many nodes through the wall: equal ones, or growing from the inner wall by the default
+  /// of Grading: H(x) = at_inner + growth x solves int_0^1 dx / H(x) = through - 1 over the wall of thickness 1.
+  struct Spacing {
+    double at_inner, at_outer;
+    Grading grading;
+  };
+  static Spacing spacing(int through, bool graded) {
+    constexpr double thickness = outer - inner;
+    if (!graded) return {thickness / (through - 1), thickness / (through - 1), {}};
+    Grading grading;
+    const double at_inner = grading.growth * thickness / std::expm1(grading.growth * (through - 1));
+    grading.boundaries = {{"inner", at_inner}};
+    return {at_inner, at_inner + grading.growth * thickness, grading};
   }
 
   template <int Dim>

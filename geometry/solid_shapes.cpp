@@ -50,7 +50,7 @@ void name_surfaces(const GmshSession& session, const SurfaceName& name) {
 /// Meshes what `build` makes with OpenCASCADE. `shape`: its name and sizes, with which messages begin.
 MeshData<3> mesh(
     const std::string& shape, double size, const std::function<void()>& build, const SurfaceName& name,
-    const std::function<void()>& grade = [] {}) {
+    const std::function<void()>& sizes = [] {}) {
   if (!(size > 0.0)) throw InputError(fmt::format("{}: size is {}, expected a positive length", shape, size));
   const GmshSession session(shape);
   try {
@@ -58,7 +58,7 @@ MeshData<3> mesh(
     session.check();
     occ::synchronize();
     name_surfaces(session, name);
-    grade();
+    sizes();
     internal::generate_tetrahedra(session, size);
     return internal::gmsh_mesh<3>(session, size, {});
   } catch (const std::string& message) {
@@ -70,6 +70,23 @@ void cut(int body, int tool) {
   gmsh::vectorpair out;
   std::vector<gmsh::vectorpair> map;
   occ::cut({{3, body}}, {{3, tool}}, out, map);
+}
+
+/// Edges of about `near` where `radius` (of x, y, z) is `from`, growing linearly to `far` where it is `to`; no grading
+/// unless 0 < near < far.
+void grade(double near, double far, const char* radius, double from, double to) {
+  if (!(near > 0.0 && near < far)) return;
+  namespace field = gmsh::model::mesh::field;
+  const int sizes = field::add("MathEval");
+  field::setString(
+      sizes, "F",
+      fmt::format("{0}+({1}-{0})*Max(0,Min(1,({2}-{3})/({4}-{3})))", near / 1.2, far / 1.2, radius, from, to));
+  field::setAsBackgroundMesh(sizes);
+}
+
+void check_size_at(double size, const char* shape, const char* place) {
+  if (!(size >= 0.0))
+    throw InputError(fmt::format("{}: the size at the {} is {}, expected a positive length or 0", shape, place, size));
 }
 
 }  // namespace
@@ -88,9 +105,7 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
   if (!(radius > 0.0 && radius < half_width))
     throw InputError(fmt::format("spherical cavity: radius {} and half width {}, expected 0 < radius < half width",
                                  radius, half_width));
-  if (!(size_at_hole >= 0.0))
-    throw InputError(
-        fmt::format("spherical cavity: the size at the hole is {}, expected a positive length or 0", size_at_hole));
+  check_size_at(size_at_hole, "spherical cavity", "hole");
   const auto build = [&] {
     const int body = occ::addBox(0.0, 0.0, 0.0, half_width, half_width, half_width);
     cut(body, occ::addSphere(0.0, 0.0, 0.0, radius));
@@ -98,24 +113,16 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
   const auto name = [&](const Vec<3>& x) {
     return std::abs(x.norm() - radius) < 1e-9 * radius ? "cavity" : side_name(x, Vec<3>::Constant(half_width));
   };
-  const auto grade = [&] {
-    if (size_at_hole == 0.0 || size_at_hole >= size) return;
-    namespace field = gmsh::model::mesh::field;
-    const int ball = field::add("MathEval");
-    const double near = size_at_hole / 1.2, far = size / 1.2;
-    field::setString(ball, "F",
-                     fmt::format("{0}+({1}-{0})*Max(0,Min(1,(Sqrt(x*x+y*y+z*z)/{2}-1)/2))", near, far, radius));
-    field::setAsBackgroundMesh(ball);
-  };
   return mesh(fmt::format("spherical cavity of radius {:g} and half width {:g}", radius, half_width), size, build, name,
-              grade);
+              [&] { grade(size_at_hole, size, "Sqrt(x*x+y*y+z*z)", radius, 3.0 * radius); });
 }
 
-MeshData<3> thick_cylinder(double inner, double outer, double height, double size) {
+MeshData<3> thick_cylinder(double inner, double outer, double height, double size, double size_at_inner) {
   if (!(inner > 0.0 && inner < outer && height > 0.0))
     throw InputError(
         fmt::format("thick cylinder: radii {} and {}, height {}, expected 0 < inner < outer and a positive height",
                     inner, outer, height));
+  check_size_at(size_at_inner, "thick cylinder", "inner wall");
   const double quarter = 0.5 * std::numbers::pi;
   const auto build = [&] {
     const int body = occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, outer, -1, quarter);
@@ -127,12 +134,13 @@ MeshData<3> thick_cylinder(double inner, double outer, double height, double siz
     return std::hypot(x.x(), x.y()) < 0.5 * (inner + outer) ? "inner" : "outer";
   };
   return mesh(fmt::format("thick cylinder of radii {:g} and {:g} and height {:g}", inner, outer, height), size, build,
-              name);
+              name, [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y)", inner, outer); });
 }
 
-MeshData<3> thick_sphere(double inner, double outer, double size) {
+MeshData<3> thick_sphere(double inner, double outer, double size, double size_at_inner) {
   if (!(inner > 0.0 && inner < outer))
     throw InputError(fmt::format("thick sphere: radii {} and {}, expected 0 < inner < outer", inner, outer));
+  check_size_at(size_at_inner, "thick sphere", "inner wall");
   const double quarter = 0.5 * std::numbers::pi;
   const auto build = [&] {
     const int body = occ::addSphere(0.0, 0.0, 0.0, outer, -1, 0.0, quarter, quarter);
@@ -143,7 +151,8 @@ MeshData<3> thick_sphere(double inner, double outer, double size) {
     if (!side.empty()) return side;
     return x.norm() < 0.5 * (inner + outer) ? "inner" : "outer";
   };
-  return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, build, name);
+  return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, build, name,
+              [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y+z*z)", inner, outer); });
 }
 
 MeshData<3> cylinder(double radius, double height, double size) {

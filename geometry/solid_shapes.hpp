@@ -20,11 +20,12 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
 
 /// Quarter of a thick tube around the z axis, 0 <= z <= height, x, y >= 0. Groups inner, outer, left (x = 0) and front
 /// (y = 0), bottom, top.
-MeshData<3> thick_cylinder(double inner, double outer, double height, double size);
+/// size_at_inner > 0: edges of about that at the inner wall, growing linearly to `size` at the outer one.
+MeshData<3> thick_cylinder(double inner, double outer, double height, double size, double size_at_inner = 0.0);
 
 /// One eighth of a thick sphere around the origin, x, y, z >= 0. Groups inner, outer, left, front, bottom (x, y, z =
-/// 0).
-MeshData<3> thick_sphere(double inner, double outer, double size);
+/// 0). size_at_inner: as for the cylinder.
+MeshData<3> thick_sphere(double inner, double outer, double size, double size_at_inner = 0.0);
 
 /// Cylinder around the z axis, 0 <= z <= height. Groups bottom, top, side.
 MeshData<3> cylinder(double radius, double height, double size);

@@ -213,7 +213,14 @@ template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spaci
         for (int i = 0; i <= Dim; ++i)
           if (const Index v = mesh.cells()(i, c); out[v] > part.spacing) lower(mesh, v, part.spacing, where, out);
   }
-  if (!grading.features && grading.boxes.empty() && grading.regions.empty()) return out;
+  for (const SpacingBoundary& part : grading.boundaries) {
+    check_length(part.spacing, "the spacing of a boundary");
+    const std::string where = fmt::format("on boundary \"{}\"", part.boundary);
+    for (const Index f : mesh.group(part.boundary))
+      for (int k = 0; k < Dim; ++k)
+        if (const Index v = mesh.facets()(k, f); out[v] > part.spacing) lower(mesh, v, part.spacing, where, out);
+  }
+  if (!grading.features && grading.boxes.empty() && grading.regions.empty() && grading.boundaries.empty()) return out;
   return limit_growth(mesh, std::move(out), grading.growth);
 }
 

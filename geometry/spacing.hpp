@@ -23,6 +23,12 @@ struct SpacingRegion {
   double spacing = 0.0;
 };
 
+/// Spacing on a named part of the boundary.
+struct SpacingBoundary {
+  std::string boundary;
+  double spacing = 0.0;
+};
+
 /// What makes a cloud denser than its spacing H. Nothing of it is on by default.
 struct Grading {
   bool features = false;  ///< around features (ligaments, holes, tips) of size s < 4 H: a spacing of sqrt(s H) / 2
@@ -30,6 +36,7 @@ struct Grading {
   double least = 2.0;     ///< features are given spacings no smaller than this many mean fine edges at the place
   std::vector<SpacingBox> boxes{};
   std::vector<SpacingRegion> regions{};
+  std::vector<SpacingBoundary> boundaries{};
 };
 
 /// Packing size at every fine vertex: the least of `spacing` and of what features, boxes and regions ask for, with the

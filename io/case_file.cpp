@@ -72,58 +72,21 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.fine = result.model.stabilisation > 0.0;
 }
 
-template <int Dim> Grading read_grading(const Section& cloud, std::vector<CaseSettings::Mention>& graded) {
-  Grading grading;
-  grading.features = cloud.boolean("features", grading.features);
-  grading.growth = cloud.number("growth", positive, grading.growth);
-  grading.least = cloud.number("least", positive, grading.least);
-  for (const Section& entry : cloud.sections("boxes", {"box", "spacing"})) {
-    const auto [a, b] = entry.corners<Dim>("box");
-    SpacingBox box{.spacing = entry.number("spacing", positive)};
-    for (int d = 0; d < Dim; ++d) {
-      box.low[d] = std::min(a[d], b[d]);
-      box.high[d] = std::max(a[d], b[d]);
-    }
-    grading.boxes.push_back(box);
-  }
-  for (const Section& entry : cloud.sections("regions", {"region", "spacing"})) {
-    grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
-    graded.push_back({entry.text("region"), entry.where("region")});
-  }
-  return grading;
-}
-
-std::vector<CaseSettings::Material> read_materials(const Section& root) {
-  const Section::Keys keys{"model", "E", "nu"};
-  const auto read = [](const Section& section, std::string region) {
-    section.choice<int>("model", {{"linear_elastic", 0}}, 0);
-    return CaseSettings::Material{std::move(region),
-                                  {section.number("E", positive), section.number("nu", {-1.0, 0.5})},
-                                  section.where(region.empty() ? "E" : "region")};
-  };
-  if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
-  Section::Keys with_region = keys;
-  with_region.push_back("region");
-  std::vector<CaseSettings::Material> materials;
-  for (const Section& section : root.sections("material", with_region)) {
-    const std::string region = section.text("region");
-    for (const auto& earlier : materials)
-      if (earlier.region == region)
-        section.fail("region", fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-    materials.push_back(read(section, region));
-  }
-  if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
-  return materials;
-}
-
-/// The parts of the boundary that entries prescribe something on: names, or selections that get a name here.
+/// The parts of the boundary that entries are about: names, or selections that get a name here.
 template <int Dim> class PlaceReader {
  public:
   explicit PlaceReader(Case<Dim>& result) : result_(result) {}
 
-  /// Name of the part the entry is about. Equal selections share a name.
+  /// Name of the part the entry is about, which the case then mentions. Equal selections share a name.
   std::string name(const Section& entry) {
-    if (!entry.is_table("on")) return entry.text("on");
+    const std::string on = entry.is_table("on") ? selected(entry) : entry.text("on");
+    if (std::ranges::find(result_.groups, on, &CaseSettings::Mention::name) == result_.groups.end())
+      result_.groups.push_back({on, entry.where("on")});
+    return on;
+  }
+
+ private:
+  std::string selected(const Section& entry) {
     const auto [kind, how] = selection(entry.section("on", {"box", "plane", "normal", "angle", "nearest"}));
     for (const auto& earlier : result_.selections)
       if (earlier.how == how) return earlier.name;
@@ -131,8 +94,6 @@ template <int Dim> class PlaceReader {
     result_.selections.push_back({name, how, entry.where("on")});
     return name;
   }
-
- private:
   std::pair<std::string, Selection<Dim>> selection(const Section& on) const {
     Section::Keys found;
     for (const std::string_view key : {"box", "plane", "normal", "nearest"})
@@ -166,18 +127,63 @@ template <int Dim> class PlaceReader {
   std::map<std::string, int> count_;
 };
 
+template <int Dim>
+Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<CaseSettings::Mention>& graded) {
+  Grading grading;
+  grading.features = cloud.boolean("features", grading.features);
+  grading.growth = cloud.number("growth", positive, grading.growth);
+  grading.least = cloud.number("least", positive, grading.least);
+  for (const Section& entry : cloud.sections("boxes", {"box", "spacing"})) {
+    const auto [a, b] = entry.corners<Dim>("box");
+    SpacingBox box{.spacing = entry.number("spacing", positive)};
+    for (int d = 0; d < Dim; ++d) {
+      box.low[d] = std::min(a[d], b[d]);
+      box.high[d] = std::max(a[d], b[d]);
+    }
+    grading.boxes.push_back(box);
+  }
+  for (const Section& entry : cloud.sections("regions", {"region", "spacing"})) {
+    grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
+    graded.push_back({entry.text("region"), entry.where("region")});
+  }
+  for (const Section& entry : cloud.sections("boundaries", {"on", "spacing"}))
+    grading.boundaries.push_back({places.name(entry), entry.number("spacing", positive)});
+  return grading;
+}
+
+std::vector<CaseSettings::Material> read_materials(const Section& root) {
+  const Section::Keys keys{"model", "E", "nu"};
+  const auto read = [](const Section& section, std::string region) {
+    section.choice<int>("model", {{"linear_elastic", 0}}, 0);
+    return CaseSettings::Material{std::move(region),
+                                  {section.number("E", positive), section.number("nu", {-1.0, 0.5})},
+                                  section.where(region.empty() ? "E" : "region")};
+  };
+  if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
+  Section::Keys with_region = keys;
+  with_region.push_back("region");
+  std::vector<CaseSettings::Material> materials;
+  for (const Section& section : root.sections("material", with_region)) {
+    const std::string region = section.text("region");
+    for (const auto& earlier : materials)
+      if (earlier.region == region)
+        section.fail("region", fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
+    materials.push_back(read(section, region));
+  }
+  if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
+  return materials;
+}
+
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
 /// them.
 template <int Dim> class BoundaryReader {
  public:
-  BoundaryReader(const Expressions<Dim>& expressions, Case<Dim>& result)
-      : expressions_(expressions), places_(result), result_(result) {}
+  BoundaryReader(const Expressions<Dim>& expressions, PlaceReader<Dim>& places, Case<Dim>& result)
+      : expressions_(expressions), places_(places), result_(result) {}
 
   void read(const std::vector<Section>& entries) {
     for (const Section& entry : entries) {
       const std::string on = places_.name(entry);
-      if (std::ranges::find(result_.groups, on, &CaseSettings::Mention::name) == result_.groups.end())
-        result_.groups.push_back({on, entry.where("on")});
       read_support(entry, on, only_kind(entry));
     }
     for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry));
@@ -248,7 +254,7 @@ template <int Dim> class BoundaryReader {
   }
 
   const Expressions<Dim>& expressions_;
-  PlaceReader<Dim> places_;
+  PlaceReader<Dim>& places_;
   Case<Dim>& result_;
   std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
 };
@@ -283,8 +289,8 @@ template <int Dim> Plane read_plane(const Section& analysis) {
 }
 
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry) {
-  const Section cloud = root.section(
-      "cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth", "least", "boxes", "regions"});
+  const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
+                                               "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
   const Section::Keys analysis_keys{"plane", "essential", "body_force"};
@@ -300,7 +306,6 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   const Expressions<Dim> expressions = read_definitions<Dim>(root);
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path());
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
-  result.approximation.grading = read_grading<Dim>(cloud, result.graded);
 
   result.model.plane = read_plane<Dim>(analysis);
   result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;
@@ -312,7 +317,9 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
-  BoundaryReader<Dim>(expressions, result).read(boundaries);
+  PlaceReader<Dim> places(result);
+  BoundaryReader<Dim>(expressions, places, result).read(boundaries);
+  result.approximation.grading = read_grading(cloud, places, result.graded);
   const bool nodal = result.approximation.kind != BasisKind::mls;
   impose(result,
          analysis.choice<Essential>("essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}},

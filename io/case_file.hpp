@@ -30,7 +30,7 @@ struct CaseSettings {
   ApproximationOptions approximation;
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for
   std::vector<Material> materials;  ///< one for everything, or one for each region
-  std::vector<Mention> groups;      ///< every boundary named by supports and loads, once
+  std::vector<Mention> groups;      ///< every boundary that supports, loads and spacings name, once
   std::vector<Mention> graded;      ///< regions with a spacing of their own
 };
 

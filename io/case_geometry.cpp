@@ -96,20 +96,21 @@ template <> std::vector<Shape<2>> all_shapes<2>() {
 }
 template <> std::vector<Shape<3>> all_shapes<3>() {
   using P = std::span<const double>;
-  return {
-      {"box",
-       {{"width"}, {"depth"}, {"height"}},
-       [](P p, double size) {
-         return solids::box({p[0], p[1], p[2]}, size);
-       }},
-      {"spherical_cavity",
-       {{"radius"}, {"half_width"}, {"size_at_hole", not_negative, 0.0}},
-       [](P p, double size) { return solids::spherical_cavity(p[0], p[1], size, p[2]); }},
-      {"thick_cylinder",
-       {{"inner"}, {"outer"}, {"height"}},
-       [](P p, double size) { return solids::thick_cylinder(p[0], p[1], p[2], size); }},
-      {"thick_sphere", {{"inner"}, {"outer"}}, [](P p, double size) { return solids::thick_sphere(p[0], p[1], size); }},
-      {"cylinder", {{"radius"}, {"height"}}, [](P p, double size) { return solids::cylinder(p[0], p[1], size); }}};
+  return {{"box",
+           {{"width"}, {"depth"}, {"height"}},
+           [](P p, double size) {
+             return solids::box({p[0], p[1], p[2]}, size);
+           }},
+          {"spherical_cavity",
+           {{"radius"}, {"half_width"}, {"size_at_hole", not_negative, 0.0}},
+           [](P p, double size) { return solids::spherical_cavity(p[0], p[1], size, p[2]); }},
+          {"thick_cylinder",
+           {{"inner"}, {"outer"}, {"height"}, {"size_at_inner", not_negative, 0.0}},
+           [](P p, double size) { return solids::thick_cylinder(p[0], p[1], p[2], size, p[3]); }},
+          {"thick_sphere",
+           {{"inner"}, {"outer"}, {"size_at_inner", not_negative, 0.0}},
+           [](P p, double size) { return solids::thick_sphere(p[0], p[1], size, p[2]); }},
+          {"cylinder", {{"radius"}, {"height"}}, [](P p, double size) { return solids::cylinder(p[0], p[1], size); }}};
 }
 
 template <int Dim> const Shape<Dim>* find_shape(const std::vector<Shape<Dim>>& shapes, const std::string& name) {
