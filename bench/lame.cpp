@@ -5,6 +5,7 @@
 /// standard output.
 ///
 ///   bench_lame [most nodes through the wall = 8] [most for solids = 8] [clouds = 3] [points per node = 0: default]
+///              [growth of the spacing from the inner wall = 0.2]
 #include "efree/bench/lame.hpp"
 
 #include <algorithm>
@@ -39,11 +40,12 @@ const Method methods[] = {
     {.name = "P1, graded", .kind = BasisKind::p1, .graded = true, .solid_ratio = 1.0 / 1.2},
     {.name = "P2, graded", .kind = BasisKind::p2, .graded = true, .solid_ratio = 0.5 / 1.2}};
 
-template <int Dim> void run(const ThickWall& wall, const Method& method, int through, int clouds, double ratio) {
+template <int Dim>
+void run(const ThickWall& wall, const Method& method, int through, int clouds, double ratio, double growth) {
   const bool elements = method.kind != BasisKind::mls;
   if (elements && method.graded && Dim == 2) return;  // triangulate has one size
-  const auto spacing = ThickWall::spacing(through, method.graded);
-  const double height = 4.0 * (ThickWall::outer - ThickWall::inner) / (through - 1);
+  const auto spacing = ThickWall::spacing(through, method.graded ? growth : 0.0);
+  const double height = 4.0 / (through - 1);
   const auto mesh = [&] {
     if constexpr (Dim == 2)
       return triangulate(wall.section(height, spacing.at_inner / method.section_ratio),
@@ -96,6 +98,7 @@ int main(int argc, char** argv) {
   const int most_solid = argc > 2 ? std::atoi(argv[2]) : 8;
   const int clouds = argc > 3 ? std::atoi(argv[3]) : 3;
   const double ratio = argc > 4 ? std::atof(argv[4]) : 0.0;
+  const double growth = argc > 5 ? std::atof(argv[5]) : Grading{}.growth;
   std::printf(
       "| body | analysis | method | nodes through the wall | nodes | fine cells | displacement at the "
       "inner wall, mean | worst | hoop stress there, mean | worst | displacement, L2 | energy norm | recovered | CPU s "
@@ -104,7 +107,7 @@ int main(int argc, char** argv) {
   for (const bool sphere : {false, true})
     for (const Method& method : methods) {
       const ThickWall wall{sphere};
-      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, clouds, ratio);
-      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, clouds, ratio);
+      for (int through = 4; through <= most; through *= 2) run<2>(wall, method, through, clouds, ratio, growth);
+      for (int through = 4; through <= most_solid; through *= 2) run<3>(wall, method, through, clouds, ratio, growth);
     }
 }

@@ -66,19 +66,17 @@ struct ThickWall {
                   : solids::thick_cylinder(inner, outer, height, size, size_at_inner);
   }
 
-  /// Spacings of a cloud with so many nodes through the wall: equal ones, or growing from the inner wall by the default
-  /// of Grading: H(x) = at_inner + growth x solves int_0^1 dx / H(x) = through - 1 over the wall of thickness 1.
+  /// Spacings of a cloud with so many nodes through the wall of thickness 1: H(x) = at_inner + growth x, x from the
+  /// inner wall, with int_0^1 dx / H(x) = through - 1. growth 0: equal ones.
   struct Spacing {
     double at_inner, at_outer;
     Grading grading;
   };
-  static Spacing spacing(int through, bool graded) {
-    constexpr double thickness = outer - inner;
-    if (!graded) return {thickness / (through - 1), thickness / (through - 1), {}};
-    Grading grading;
-    const double at_inner = grading.growth * thickness / std::expm1(grading.growth * (through - 1));
-    grading.boundaries = {{"inner", at_inner}};
-    return {at_inner, at_inner + grading.growth * thickness, grading};
+  static Spacing spacing(int through, double growth) {
+    static_assert(outer - inner == 1.0);
+    if (growth == 0.0) return {1.0 / (through - 1), 1.0 / (through - 1), {}};
+    const double at_inner = growth / std::expm1(growth * (through - 1));
+    return {at_inner, at_inner + growth, {.growth = growth, .boundaries = {{"inner", at_inner}}}};
   }
 
   template <int Dim>

@@ -103,6 +103,23 @@ TEST(Solids, TubeAndShellsHaveTheirAreas) {
   EXPECT_NEAR(area(rod, "side"), 2.0 * pi, 0.02 * 2.0 * pi);
 }
 
+TEST(Solids, WallsAreMeshedFinerAtTheInside) {
+  const auto expect_finer = [](const FineMesh<3>& mesh) {
+    const auto mean_area = [&](const std::string& name) { return area(mesh, name) / mesh.group(name).size(); };
+    EXPECT_LT(mean_area("inner"), 0.5 * 0.1 * 0.1);
+    EXPECT_GT(mean_area("inner"), 0.1 * 0.1 * 0.1);
+    EXPECT_GT(mean_area("outer"), 0.15 * 0.4 * 0.4);
+  };
+  const FineMesh<3> tube(solids::thick_cylinder(1.0, 2.0, 0.8, 0.4, 0.1));
+  expect_solid(tube, 0.4);
+  expect_finer(tube);
+  EXPECT_NEAR(area(tube, "inner"), 0.5 * pi * 0.8, 0.002);
+  const FineMesh<3> shell(solids::thick_sphere(1.0, 2.0, 0.4, 0.1));
+  expect_solid(shell, 0.4);
+  expect_finer(shell);
+  EXPECT_NEAR(area(shell, "inner"), 0.5 * pi, 0.003);
+}
+
 TEST(Solids, SameInputGivesTheSameMeshBitForBit) {
   const MeshData<3> first = solids::spherical_cavity(1.0, 2.0, 0.4, 0.2);
   const std::vector<double> stir(100000, 1.0);  // moves what is allocated next
@@ -122,6 +139,10 @@ TEST(Solids, RefuseLengthsThatMakeNoShape) {
   EXPECT_INPUT_ERROR(solids::spherical_cavity(2.0, 1.0, 0.1), "expected 0 < radius < half width");
   EXPECT_INPUT_ERROR(solids::thick_cylinder(2.0, 1.0, 1.0, 0.1), "expected 0 < inner < outer");
   EXPECT_INPUT_ERROR(solids::thick_sphere(2.0, 1.0, 0.1), "expected 0 < inner < outer");
+  EXPECT_INPUT_ERROR(solids::thick_cylinder(1.0, 2.0, 1.0, 0.1, -1.0),
+                     "thick cylinder: the size at the inner wall is -1, expected a positive length or 0");
+  EXPECT_INPUT_ERROR(solids::thick_sphere(1.0, 2.0, 0.1, std::nan("")),
+                     "thick sphere: the size at the inner wall is nan");
   EXPECT_INPUT_ERROR(solids::cylinder(1.0, 0.0, 0.1), "expected positive ones");
 }
 

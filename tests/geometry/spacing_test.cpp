@@ -191,6 +191,21 @@ TEST(GradedCloud, IsDenserInBoxesAndRegionsOnly) {
   EXPECT_LE(steepest(mesh, spacing), 0.2 * (1.0 + 1e-12));
 }
 
+TEST(GradedCloud, GrowsFromNamedPartsOfTheBoundaryWithTheDistanceToThem) {
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 4, 1), {.size = 0.04});
+  const Vector spacing = graded_spacing(mesh, 0.5, {.growth = 0.25, .boundaries = {{"left", 0.1}, {"right", 0.7}}});
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    const double x = mesh.vertex(v).x(), wall = std::min(0.5, 0.1 + 0.25 * x);
+    EXPECT_GE(spacing[v], wall - 1e-12);  // a path along edges is no shorter than the distance
+    EXPECT_LE(spacing[v], wall + 0.25 * (0.2 * x + 0.02));
+  }
+  const auto cloud = sample_cloud(mesh, spacing, 1);
+  const auto within = [&](double low, double high) {
+    return (cloud.positions.row(0).array() >= low && cloud.positions.row(0).array() <= high).count();
+  };
+  EXPECT_GE(within(0.0, 0.5), 5 * within(3.5, 4.0));
+}
+
 TEST(GradedSpacing, RefusesWhatCannotBe) {
   const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.1});
   EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.0, {}), "expected a positive length");
@@ -202,6 +217,10 @@ TEST(GradedSpacing, RefusesWhatCannotBe) {
   EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.3, {.boxes = {{{0, 0, 0}, {1, 1, 0}, 0.01}}}),
                      "expected a finer mesh there");
   EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.3, {.regions = {{"steel", 0.2}}}), "steel");
+  EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.3, {.boundaries = {{"wall", 0.2}}}), "wall");
+  EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.3, {.boundaries = {{"left", -0.2}}}), "the spacing of a boundary is -0.2");
+  EXPECT_INPUT_ERROR(graded_spacing(mesh, 0.3, {.boundaries = {{"left", 0.01}}}),
+                     "spacing 0.01 on boundary \"left\" is below the edges of the fine mesh");
   EXPECT_INPUT_ERROR(limit_growth(mesh, Vector::Ones(3), 0.2), "3 spacings");
 }
 

@@ -622,6 +622,9 @@ TEST(GradedCase, BoxesRegionsAndFeaturesMakeTheCloudDenser) {
   EXPECT_GT(slowly.cols(), boxed.cols());
   const Points<2> everywhere = nodes("regions = [{ region = \"strip\", spacing = 0.2 }]");
   EXPECT_GT(everywhere.cols(), 2 * uniform.cols());
+  const Points<2> towards = nodes("boundaries = [{ on = \"left\", spacing = 0.15 }]");
+  EXPECT_GT(left(towards), 2 * left(uniform));
+  EXPECT_EQ(nodes("boundaries = [{ on = { plane = { point = [0, 0], normal = [1, 0] } }, spacing = 0.15 }]"), towards);
 
   const auto with_holes = [](const std::string& features) {
     const Workspace work(
@@ -645,6 +648,12 @@ TEST(GradedCase, RefusesWhatMakesNoSense) {
   expect_matches(with("boxes = [{ box = [[7, 7], [8, 8]], spacing = 0.2 }]"), R"(^case.toml.*7)");
   expect_matches(with("regions = [{ region = \"stripe\", spacing = 0.2 }]"),
                  R"(^case.toml:8: no region is named "stripe"; the mesh has "strip")");
+  expect_matches(with("boundaries = [{ on = \"wall\", spacing = 0.2 }]"),
+                 R"(^case.toml:8: no part of the boundary is named "wall")");
+  expect_matches(with("boundaries = [{ on = \"left\" }]"), R"(^case.toml:8: key "spacing" is missing)");
+  expect_matches(with("boundaries = [{ boundary = \"left\", spacing = 0.2 }]"), R"(^case.toml:8: .*"boundary")");
+  expect_matches(with("boundaries = [{ on = { box = [[7, 7], [8, 8]] }, spacing = 0.2 }]"),
+                 R"(^case.toml:8: the selection "box 1" is empty)");
   expect_matches(
       complaint<2>(
           "[geometry]\nshape = \"l_shape\"\nmesh_size = 0.5\nparameters = { side = 2 }\n[cloud]\nspacing = 1\n"

@@ -299,6 +299,52 @@ INSTANTIATE_TEST_SUITE_P(Walls, Lame1852,
                                   (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls");
                          });
 
+/// Eight nodes through the wall, growing from the inner wall: not more of them, but where stress changes.
+template <int Dim> bench::ThickWall::WallErrors graded_wall_errors(bool sphere, int order, std::uint64_t seed) {
+  const bench::ThickWall wall{sphere};
+  const auto [at_inner, at_outer, grading] = bench::ThickWall::spacing(8, Grading{}.growth);
+  const double height = 4.0 / 7.0;
+  const auto mesh = [&, near = at_inner / 2.5, far = at_outer / 2.5] {
+    if constexpr (Dim == 2)
+      return triangulate(wall.section(height, near), {.size = near});
+    else
+      return FineMesh<3>(wall.solid(height, far, near));
+  }();
+  const auto approximation = approximate(
+      mesh, {.axisymmetric = Dim == 2, .order = order, .spacing = at_outer, .grading = grading, .seed = seed});
+  return wall.errors<Dim>(approximation, wall.solver<Dim>(approximation).solve(wall.loads<Dim>()));
+}
+void expect_within_a_percent(const bench::ThickWall::WallErrors& errors) {
+  EXPECT_LE(errors.displacement.worst, 0.01);
+  EXPECT_LE(*errors.body.l2_displacement, 0.01);
+}
+
+class Lame1852Graded : public ::testing::TestWithParam<bool> {};
+
+TEST_P(Lame1852Graded, EightNodesGiveTheDisplacementEverywhereOnTheWallOfSectionsWithinAPercent) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    expect_within_a_percent(graded_wall_errors<2>(GetParam(), 1, seed));
+  }
+}
+TEST_P(Lame1852Graded, OrderTwoGivesTheMeanHoopStressAtTheWallOfSectionsWithinAPercentToo) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto errors = graded_wall_errors<2>(GetParam(), 2, seed);
+    expect_within_a_percent(errors);
+    EXPECT_LE(errors.hoop.mean, 0.01);
+    EXPECT_LE(errors.hoop.worst, GetParam() ? 0.025 : 0.01);
+  }
+}
+TEST_P(Lame1852Graded, OrderTwoGivesBothInSpaceWithinAPercent) {
+  const auto errors = graded_wall_errors<3>(GetParam(), 2, 1);
+  expect_within_a_percent(errors);
+  EXPECT_LE(errors.hoop.mean, 0.01);
+  EXPECT_LE(errors.hoop.worst, 0.025);
+}
+INSTANTIATE_TEST_SUITE_P(Walls, Lame1852Graded, ::testing::Bool(),
+                         [](const auto& test) { return test.param ? "sphere" : "cylinder"; });
+
 TEST(Lame1852Solids, EightNodesThroughTheWallGiveTheSameDisplacementInSpaceWithinAPercent) {
   const double H = 1.0 / 7.0;
   for (const bool sphere : {false, true}) {
