@@ -30,6 +30,7 @@
 #include "efree/geometry/surface.hpp"
 #include "efree/geometry/surface_check.hpp"
 #include "efree/heatgeo/fast_marching.hpp"
+#include "efree/heatgeo/front.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/heat.hpp"
 #include "efree/heatgeo/kernel.hpp"

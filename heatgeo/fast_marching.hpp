@@ -2,6 +2,7 @@
 /// Distances that spread from vertex to vertex, each vertex remembering where its straight line began.
 #pragma once
 
+#include "efree/heatgeo/front.hpp"
 #include "efree/heatgeo/sight_lines.hpp"
 
 namespace efree {
@@ -30,14 +31,6 @@ class FastMarching {
   void spread_straight(Index a);
   void spread_bent(Index a);
   void cross_edge(Index a, Index b, Index c);
-
-  struct Front {
-    double distance;
-    Index vertex;
-    friend bool operator<(const Front& a, const Front& b) {
-      return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
-    }
-  };
 
   const SightLines& sight_;
   double radius_ = 0.0;

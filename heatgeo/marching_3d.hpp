@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/geometry/fine_mesh.hpp"
+#include "efree/heatgeo/front.hpp"
 #include "efree/heatgeo/patch.hpp"
 
 namespace efree {
@@ -83,14 +84,6 @@ class SpatialMarching {
   void spread();
   bool sees(Index v, Index origin) const;
   void offer(Index v, double distance, Index origin);
-
-  struct Front {
-    double distance;
-    Index vertex;
-    friend bool operator<(const Front& a, const Front& b) {
-      return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
-    }
-  };
 
   const SpatialSight& sight_;
   double radius_ = 0.0;

@@ -187,10 +187,12 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
 }  // namespace
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
-  const SparseRows around = fit_weights(approximation.quadrature);
-  return {interpolate(approximation.shape, solution.coefficients),
-          blend(approximation, fit_at_nodes(approximation, around, solution.strain)),
-          blend(approximation, fit_at_nodes(approximation, around, solution.stress))};
+  // Strains and stresses together: the fits of a node share their matrix.
+  const Index strains = solution.strain.rows(), stresses = solution.stress.rows();
+  Matrix values(strains + stresses, approximation.quadrature.size());
+  values << solution.strain, solution.stress;
+  const Matrix field = blend(approximation, fit_at_nodes(approximation, fit_weights(approximation.quadrature), values));
+  return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
 
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
