@@ -2,6 +2,7 @@
 #include "efree/geometry/solid_shapes.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/geometry/internal/gmsh_session.hpp"
 
 #include <fmt/format.h>
@@ -72,16 +73,26 @@ void cut(int body, int tool) {
   occ::cut({{3, body}}, {{3, tool}}, out, map);
 }
 
-/// Edges of about `near` where `radius` (of x, y, z) is `from`, growing linearly to `far` where it is `to`; no grading
-/// unless 0 < near < far.
-void grade(double near, double far, const char* radius, double from, double to) {
+/// Edges of about `near` where `radius` (of x, y, z) is `from`, a surface of that `area`, growing linearly to `far`
+/// where it is `to`; no grading unless 0 < near < far. Throws InputError if the mesh takes more memory than there is.
+void grade(double near, double far, const char* radius, double from, double to, double area) {
   if (!(near > 0.0 && near < far)) return;
+  // As in generate_tetrahedra, over layers of that area at least: 6 int dx / h^3 with h = near + growth x.
+  const double growth = (far - near) / (to - from);
+  const double layers = 3.0 / growth * (1.0 / (near * near) - 1.0 / (far * far));
+  require_memory(300.0 * area * (2.0 / (near * near) + layers), fmt::format("a mesh of size {:g} at a wall", near),
+                 "use a larger size");
   namespace field = gmsh::model::mesh::field;
   const int sizes = field::add("MathEval");
-  field::setString(
-      sizes, "F",
-      fmt::format("{0}+({1}-{0})*Max(0,Min(1,({2}-{3})/({4}-{3})))", near / 1.2, far / 1.2, radius, from, to));
+  field::setString(sizes, "F",
+                   fmt::format("{0}+({1}-{0})*Max(0,Min(1,({2}-{3})/({4}-{3})))", near / internal::finer_than_told,
+                               far / internal::finer_than_told, radius, from, to));
   field::setAsBackgroundMesh(sizes);
+}
+
+/// Area of an eighth of a sphere.
+double eighth(double radius) {
+  return 0.5 * std::numbers::pi * radius * radius;
 }
 
 void check_size_at(double size, const char* shape, const char* place) {
@@ -114,7 +125,7 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
     return std::abs(x.norm() - radius) < 1e-9 * radius ? "cavity" : side_name(x, Vec<3>::Constant(half_width));
   };
   return mesh(fmt::format("spherical cavity of radius {:g} and half width {:g}", radius, half_width), size, build, name,
-              [&] { grade(size_at_hole, size, "Sqrt(x*x+y*y+z*z)", radius, 3.0 * radius); });
+              [&] { grade(size_at_hole, size, "Sqrt(x*x+y*y+z*z)", radius, 3.0 * radius, eighth(radius)); });
 }
 
 MeshData<3> thick_cylinder(double inner, double outer, double height, double size, double size_at_inner) {
@@ -134,7 +145,7 @@ MeshData<3> thick_cylinder(double inner, double outer, double height, double siz
     return std::hypot(x.x(), x.y()) < 0.5 * (inner + outer) ? "inner" : "outer";
   };
   return mesh(fmt::format("thick cylinder of radii {:g} and {:g} and height {:g}", inner, outer, height), size, build,
-              name, [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y)", inner, outer); });
+              name, [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y)", inner, outer, quarter * inner * height); });
 }
 
 MeshData<3> thick_sphere(double inner, double outer, double size, double size_at_inner) {
@@ -152,7 +163,7 @@ MeshData<3> thick_sphere(double inner, double outer, double size, double size_at
     return x.norm() < 0.5 * (inner + outer) ? "inner" : "outer";
   };
   return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, build, name,
-              [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y+z*z)", inner, outer); });
+              [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y+z*z)", inner, outer, eighth(inner)); });
 }
 
 MeshData<3> cylinder(double radius, double height, double size) {

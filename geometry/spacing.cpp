@@ -133,7 +133,7 @@ void check_length(double length, const char* what) {
     throw InputError(fmt::format("cloud: {} is {}, expected a positive length", what, length));
 }
 
-/// Lowers the spacing at v for a box or region.
+/// Lowers the spacing at v for a box, region or boundary.
 template <int Dim>
 void lower(const FineMesh<Dim>& mesh, Index v, double to, const std::string& where, Vector& spacing) {
   if (const double edge = mean_edge(mesh, v); to < edge)
@@ -142,6 +142,20 @@ void lower(const FineMesh<Dim>& mesh, Index v, double to, const std::string& whe
                     "expected a finer mesh there (H/h of 3 or more) or a wider spacing",
                     to, where, fmt::join(mesh.vertex(v), ", "), edge));
   spacing[v] = std::min(spacing[v], to);
+}
+
+/// Vertices that lie in the same place on the two sides of interfaces between regions; each pair both ways, ascending.
+template <int Dim> std::vector<std::pair<Index, Index>> twins(const FineMesh<Dim>& mesh) {
+  std::vector<std::pair<Index, Index>> pairs;
+  if (mesh.num_regions() < 2) return pairs;
+  for (const auto& [first, second] : tied_facets(mesh))
+    for (const Index a : mesh.facets().col(first))
+      for (const Index b : mesh.facets().col(second))
+        if (mesh.vertex(a) == mesh.vertex(b)) pairs.insert(pairs.end(), {{a, b}, {b, a}});
+  std::ranges::sort(pairs);
+  const auto same = std::ranges::unique(pairs);
+  pairs.erase(same.begin(), same.end());
+  return pairs;
 }
 
 }  // namespace
@@ -159,6 +173,7 @@ template <int Dim> Vector limit_growth(const FineMesh<Dim>& mesh, Vector spacing
     throw InputError(
         fmt::format("cloud: {} spacings for {} vertices, expected one for each", spacing.size(), mesh.num_vertices()));
   if (!(growth > 0.0)) throw InputError(fmt::format("cloud: growth is {}, expected a positive number", growth));
+  const auto across = twins(mesh);
   Queue queue;
   const double top = spacing.maxCoeff();
   for (Index v = 0; v < mesh.num_vertices(); ++v)
@@ -167,12 +182,14 @@ template <int Dim> Vector limit_growth(const FineMesh<Dim>& mesh, Vector spacing
     const auto [s, v] = queue.top();
     queue.pop();
     if (s > spacing[v]) continue;
-    for_each_neighbour(mesh, v, [&](Index w) {
+    const auto limit = [&](Index w) {
       const double allowed = s + growth * (mesh.vertex(w) - mesh.vertex(v)).norm();
       if (allowed >= spacing[w]) return;
       spacing[w] = allowed;
       queue.push({allowed, w});
-    });
+    };
+    for_each_neighbour(mesh, v, limit);
+    for (const auto& [from, to] : std::ranges::equal_range(across, v, {}, &std::pair<Index, Index>::first)) limit(to);
   }
   return spacing;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// How densely nodes should lie: a packing size for every fine vertex, finer around small features, in boxes and in
-/// regions.
+/// How densely nodes should lie: a packing size for every fine vertex, finer around small features, in boxes, in
+/// regions and towards parts of the boundary.
 #pragma once
 
 #include "efree/geometry/fine_mesh.hpp"
@@ -39,12 +39,12 @@ struct Grading {
   std::vector<SpacingBoundary> boundaries{};
 };
 
-/// Packing size at every fine vertex: the least of `spacing` and of what features, boxes and regions ask for, with the
-/// growth limited (Borouchaki, Hecht, Frey 1998). Constant where nothing is asked for. Why the square root: around a
-/// hole of radius r the error in energy of linear functions is about H^2 times the squared second derivatives, r^4 /
-/// x^6; least for a given number of nodes it is at H ~ sqrt(r) on the rim of each hole. Cost about that of sampling the
-/// cloud. Throws InputError for lengths that are not positive, a box without a fine vertex, an unknown region, and a
-/// spacing in a box or region that is below the fine edges there.
+/// Packing size at every fine vertex: the least of `spacing` and of what features, boxes, regions and boundaries ask
+/// for, with the growth limited (Borouchaki, Hecht, Frey 1998). Constant where nothing is asked for. Why the square
+/// root: around a hole of radius r the error in energy of linear functions is about H^2 times the squared second
+/// derivatives, r^4 / x^6; least for a given number of nodes it is at H ~ sqrt(r) on the rim of each hole. Cost about
+/// that of sampling the cloud. Throws InputError for lengths that are not positive, a box without a fine vertex, an
+/// unknown region or boundary, and a spacing asked for at a place that is below the fine edges there.
 template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spacing, const Grading& grading);
 
 /// Size of the feature each vertex belongs to, as far as it is below `largest`, else infinity. On boundary vertices the
@@ -53,7 +53,8 @@ template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spaci
 /// middle surface of ligaments, sheets and gaps between holes their thickness.
 template <int Dim> Vector feature_size(const FineMesh<Dim>& mesh, double largest);
 
-/// The largest field below `spacing` that differs along each fine edge by at most `growth` times its length.
+/// The largest field below `spacing` that differs along each fine edge by at most `growth` times its length, and not
+/// between the two sides of an interface (tied_facets).
 template <int Dim> Vector limit_growth(const FineMesh<Dim>& mesh, Vector spacing, double growth);
 
 }  // namespace efree

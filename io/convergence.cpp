@@ -69,6 +69,17 @@ std::vector<double> sizes_for(const Case<Dim>& analysis, const Method& method, c
   return sizes;
 }
 
+/// The grading of a case for clouds `factor` times as wide: spacings asked for at places, and how fast they grow from
+/// there, so that the clouds of a study are similar.
+Grading scaled(Grading grading, double factor) {
+  if (grading.boxes.empty() && grading.regions.empty() && grading.boundaries.empty()) return grading;
+  for (auto& part : grading.boxes) part.spacing *= factor;
+  for (auto& part : grading.regions) part.spacing *= factor;
+  for (auto& part : grading.boundaries) part.spacing *= factor;
+  grading.growth *= factor;
+  return grading;
+}
+
 template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method, double size) {
   ApproximationOptions& options = analysis.approximation;
   if (method.kind != BasisKind::mls) {
@@ -77,6 +88,7 @@ template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method
     options.dilatation = false;
   } else {
     analysis.geometry.ratio = mesh_ratio(analysis);
+    if (options.spacing > 0.0) options.grading = scaled(std::move(options.grading), size / options.spacing);
   }
   const bool same_kind = options.kind == method.kind;
   options.kind = method.kind;

@@ -103,10 +103,14 @@ std::vector<Section> Section::sections(std::string_view key, const Keys& keys) c
   std::vector<Section> result;
   if (!has(key)) return result;
   const toml::array* array = table_->get(key)->as_array();
-  if (!array) fail(key, fmt::format("{} must be written [[{}]], once for each entry", key, key));
+  const std::string label = fmt::format("[{}]", label_of(key));
+  const auto refuse = [&] {
+    fail(key, fmt::format("{} must be written {}, once for each entry, or as an array of tables", key, label));
+  };
+  if (!array) refuse();
   for (const toml::node& node : *array) {
-    if (!node.is_table()) fail(key, fmt::format("{} must be written [[{}]], once for each entry", key, key));
-    result.emplace_back(*node.as_table(), fmt::format("[[{}]]", key), file_, keys);
+    if (!node.is_table()) refuse();
+    result.emplace_back(*node.as_table(), label, file_, keys);
   }
   return result;
 }

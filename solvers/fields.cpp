@@ -36,7 +36,7 @@ template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature)
 
 /// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, weighted by `around`, as
 /// columns of N: the value at the node, then the derivative along each axis. The mean and no slope where the points do
-/// not determine a plane.
+/// not determine a plane: a single point at the node, or a row of them.
 template <int Dim>
 Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& around, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
@@ -49,7 +49,7 @@ Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& a
       total += entry.value();
       scale += entry.value() * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
     }
-    scale = std::sqrt(scale / total);
+    scale = scale > 0.0 ? std::sqrt(scale / total) : 1.0;
     Fit A = Fit::Zero();
     Matrix b = Matrix::Zero(Dim + 1, rows);
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
@@ -170,6 +170,7 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
     }
   });
   const auto relative = [&](int error, int norm) {
+    if (!std::isfinite(sums[norm])) throw InputError("the exact solution is not finite somewhere in the body");
     if (sums[norm] == 0.0) throw InputError("the exact solution is zero everywhere: there is no relative error");
     return std::sqrt(sums[error] / sums[norm]);
   };
@@ -180,7 +181,7 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
     errors.energy_norm_recovered = relative(recovered_error, energy_norm);
   }
   for (const auto& error : {errors.l2_displacement, errors.energy_norm, errors.energy_norm_recovered})
-    if (error && !std::isfinite(*error)) throw InputError("the exact solution is not finite somewhere in the body");
+    if (error && !std::isfinite(*error)) throw NumericalError("the error against the exact solution is not finite");
   return errors;
 }
 
@@ -192,6 +193,7 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   Matrix values(strains + stresses, approximation.quadrature.size());
   values << solution.strain, solution.stress;
   const Matrix field = blend(approximation, fit_at_nodes(approximation, fit_weights(approximation.quadrature), values));
+  if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
 

@@ -64,7 +64,8 @@ template <int Dim> class ElasticSolver {
 
 /// Displacement, strain and stress on the fine mesh, at the degrees of freedom of approximation.space. Strain and
 /// stress are recovered: linear least-squares fits of the quadrature-point values around each node, with half of their
-/// slopes blended by the basis. Linear fields at the quadrature points are reproduced.
+/// slopes blended by the basis. Linear fields at the quadrature points are reproduced. Throws NumericalError if a
+/// recovered value is not finite.
 template <int Dim> struct Fields {
   Points<Dim> displacement;
   VoigtPoints<Dim> strain, stress;

@@ -21,11 +21,6 @@ constexpr int simplex_type[] = {15, 1, 2, 4};
 constexpr const char* simplex_name[] = {"points", "2-node lines", "3-node triangles", "4-node tetrahedra"};
 constexpr const char* entity_name[] = {"point", "curve", "surface", "volume"};
 
-/// gmsh's Delaunay refinement leaves edges up to twice as long as it was told to make them. Asking for a little finer
-/// and splitting what is still too long is faster than asking for half (a cube with 1.6e6 tetrahedra: 9 s against
-/// 60 s), at the same mean edge, 0.63 of the longest.
-constexpr double finer_than_told = 1.2;
-
 }  // namespace
 
 GmshSession::GmshSession(std::string subject) : subject_(std::move(subject)), threads_(num_threads()) {

@@ -52,6 +52,11 @@ std::vector<GmshPart> named_entities(int dim, const std::string& fallback);
 /// surfaces) or one for each volume (3D). Fails if an entity belongs to two.
 std::vector<GmshPart> region_parts(const GmshSession& session, int dim);
 
+/// gmsh's Delaunay refinement leaves edges up to twice as long as it was told to make them. Asking for a little finer
+/// and splitting what is still too long is faster than asking for half (a cube with 1.6e6 tetrahedra: 9 s against
+/// 60 s), at the same mean edge, 0.63 of the longest.
+constexpr double finer_than_told = 1.2;
+
 /// Refuses a size that no machine could mesh before gmsh begins to sample the curves.
 void check_gmsh_size(const GmshSession& session, double size);
 

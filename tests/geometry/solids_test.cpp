@@ -143,6 +143,8 @@ TEST(Solids, RefuseLengthsThatMakeNoShape) {
                      "thick cylinder: the size at the inner wall is -1, expected a positive length or 0");
   EXPECT_INPUT_ERROR(solids::thick_sphere(1.0, 2.0, 0.1, std::nan("")),
                      "thick sphere: the size at the inner wall is nan");
+  EXPECT_INPUT_ERROR(solids::thick_sphere(1.0, 2.0, 0.2, 1e-6), "a mesh of size 1e-06 at a wall");
+  EXPECT_INPUT_ERROR(solids::spherical_cavity(1.0, 2.0, 0.2, 1e-6), "a mesh of size 1e-06 at a wall");
   EXPECT_INPUT_ERROR(solids::cylinder(1.0, 0.0, 0.1), "expected positive ones");
 }
 

@@ -5,6 +5,7 @@
 #include "meshes.hpp"
 
 #include <limits>
+#include <map>
 #include <numbers>
 
 namespace efree {
@@ -203,7 +204,29 @@ TEST(GradedCloud, GrowsFromNamedPartsOfTheBoundaryWithTheDistanceToThem) {
   const auto within = [&](double low, double high) {
     return (cloud.positions.row(0).array() >= low && cloud.positions.row(0).array() <= high).count();
   };
+  EXPECT_GE(within(3.5, 4.0), 1);
   EXPECT_GE(within(0.0, 0.5), 5 * within(3.5, 4.0));
+}
+
+TEST(GradedCloud, GrowsAcrossInterfacesBetweenRegions) {
+  const auto whole = triangulate(
+      {.boundary = shapes::rectangle(0, 0, 2, 1).boundary, .embedded = {{"", {{1, 0}, {1, 1}}}}}, {.size = 0.05});
+  MeshData<2> data;
+  data.vertices = whole.vertices();
+  data.cells = whole.cells();
+  data.region_names = {"soft", "stiff"};
+  for (Index c = 0; c < whole.num_cells(); ++c) data.regions.push_back(whole.centroid(c).x() > 1.0);
+  const FineMesh<2> parted(cut_regions(data));
+  ASSERT_GT(parted.num_vertices(), whole.num_vertices());
+  const Grading grading{.boxes = {{{0, 0, 0}, {0.5, 1, 0}, 0.1}}};
+  const Vector one = graded_spacing(whole, 0.6, grading), two = graded_spacing(parted, 0.6, grading);
+  const auto at = [](const FineMesh<2>& mesh, const Vector& spacing) {
+    std::map<std::pair<double, double>, double> by_place;
+    for (Index v = 0; v < mesh.num_vertices(); ++v) by_place[{mesh.vertex(v).x(), mesh.vertex(v).y()}] = spacing[v];
+    return by_place;
+  };
+  EXPECT_EQ(at(whole, one), at(parted, two));
+  EXPECT_LT(two.maxCoeff(), 0.5);
 }
 
 TEST(GradedSpacing, RefusesWhatCannotBe) {

@@ -289,6 +289,19 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
       EXPECT_GT(fs::file_size(work / ("out/" + std::string(chart) + type)), 1000u);
 }
 
+TEST(CommandLine, GradedCloudsOfAStudyAreSimilar) {
+  const Workspace work;
+  const std::string wall = std::string(EFREE_EXAMPLES) + "/thick_cylinder/axisymmetric.toml";
+  const auto run = work.efree({"convergence", wall, "--spacing", "0.53,0.1325", "--seeds", "3", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto method = json(work / "out/convergence.json")["methods"]["cells"];
+  const double growth = method["medians"][1]["nodes"].get<double>() / method["medians"][0]["nodes"].get<double>();
+  EXPECT_GT(growth, 6.0);  // 16 but for the boundary
+  EXPECT_LT(growth, 16.0);
+  EXPECT_GT(method["orders"]["energy_norm"], 1.0);
+  EXPECT_LT(method["orders"]["energy_norm"], 2.0);
+}
+
 TEST(CommandLine, AComparisonEndsWithTheDefaultRatioOfItsDimension) {
   const Workspace work(R"([geometry]
 shape = "box"

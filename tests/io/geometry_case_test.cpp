@@ -588,6 +588,14 @@ TEST(ShapeCase, EveryShapeCanBeNamed) {
               100.0 - 3 * pi, 0.3);
   EXPECT_NEAR(volume("shape = \"cylinder\"\nmesh_size = 0.8\nparameters = { radius = 1, height = 2 }", "side"), 2 * pi,
               0.25);
+  EXPECT_NEAR(volume("shape = \"thick_sphere\"\nmesh_size = 0.8\nparameters = { inner = 1, outer = 2, size_at_inner = "
+                     "0.2 }",
+                     "inner"),
+              7 * pi / 6, 0.15);
+  EXPECT_NEAR(volume("shape = \"thick_cylinder\"\nmesh_size = 0.8\nparameters = { inner = 1, outer = 2, height = 1, "
+                     "size_at_inner = 0.2 }",
+                     "inner"),
+              0.75 * pi, 0.1);
   EXPECT_NEAR(volume("shape = \"thick_sphere\"\nmesh_size = 0.8\nparameters = { inner = 1, outer = 2 }", "inner"),
               7 * pi / 6, 0.2);
   const auto wrong = [&](const std::string& geometry) { return complaint<2>(mesh_of(geometry, "left", true)); };
@@ -638,6 +646,25 @@ TEST(GradedCase, BoxesRegionsAndFeaturesMakeTheCloudDenser) {
   EXPECT_GT(with_holes("features = true\n"), 1.5 * with_holes(""));
 }
 
+TEST(GradedCase, CloudsInSpaceGrowFromASelectedPartWhichIsReported) {
+  const auto solved_box = [](const std::string& grading) {
+    const Workspace work(
+        "[geometry]\nshape = \"box\"\nmesh_size = 0.1\nparameters = { width = 2, depth = 0.5, height = 0.5 }\n"
+        "[cloud]\nspacing = 0.5\n" +
+        grading +
+        "[material]\nE = 1\nnu = 0.3\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0, 0]\n"
+        "[[boundary]]\non = \"right\"\ntraction = [1, 0, 0]\n");
+    return solved<3>(work);
+  };
+  const auto uniform = solved_box("");
+  const auto graded = solved_box("boundaries = [{ on = { nearest = [2, 0.2, 0.2] }, spacing = 0.2 }]\n");
+  const auto beyond = [](const auto& result) { return (result.approximation.nodes.row(0).array() > 1.5).count(); };
+  EXPECT_GT(beyond(graded), 3 * beyond(uniform));
+  ASSERT_EQ(graded.parts.size(), 3u);
+  EXPECT_EQ(graded.parts.back().name, "nearest 1");
+  EXPECT_NEAR(graded.parts.back().measure, 0.25, 1e-12);
+}
+
 TEST(GradedCase, RefusesWhatMakesNoSense) {
   const auto with = [](const std::string& grading) {
     return complaint<2>(replaced(strip_case, "seed = 1", "seed = 1\n" + grading), true);
@@ -650,7 +677,13 @@ TEST(GradedCase, RefusesWhatMakesNoSense) {
                  R"(^case.toml:8: no region is named "stripe"; the mesh has "strip")");
   expect_matches(with("boundaries = [{ on = \"wall\", spacing = 0.2 }]"),
                  R"(^case.toml:8: no part of the boundary is named "wall")");
-  expect_matches(with("boundaries = [{ on = \"left\" }]"), R"(^case.toml:8: key "spacing" is missing)");
+  expect_matches(with("boundaries = [{ on = \"left\" }]"),
+                 R"(^case.toml:8: key "spacing" is missing in \[\[cloud.boundaries\]\])");
+  for (const std::string spacing : {"0", "-1", "nan", "\"x\""})
+    expect_matches(with("boundaries = [{ on = \"left\", spacing = " + spacing + " }]"),
+                   R"(^case.toml:8: spacing is .*, expected a number > 0)");
+  expect_matches(with("boundaries = \"left\""),
+                 R"(^case.toml:8: boundaries must be written \[\[cloud.boundaries\]\], once for each entry)");
   expect_matches(with("boundaries = [{ boundary = \"left\", spacing = 0.2 }]"), R"(^case.toml:8: .*"boundary")");
   expect_matches(with("boundaries = [{ on = { box = [[7, 7], [8, 8]] }, spacing = 0.2 }]"),
                  R"(^case.toml:8: the selection "box 1" is empty)");
