@@ -46,14 +46,8 @@ void run(const ThickWall& wall, const Method& method, int through, int clouds, d
   if (elements && method.graded && Dim == 2) return;  // triangulate has one size
   const auto spacing = ThickWall::spacing(through, method.graded ? growth : 0.0);
   const double height = 4.0 / (through - 1);
-  const auto mesh = [&] {
-    if constexpr (Dim == 2)
-      return triangulate(wall.section(height, spacing.at_inner / method.section_ratio),
-                         {.size = spacing.at_inner / method.section_ratio});
-    else
-      return FineMesh<3>(
-          wall.solid(height, spacing.at_outer / method.solid_ratio, spacing.at_inner / method.solid_ratio));
-  }();
+  const double ratio_of_mesh = Dim == 2 ? method.section_ratio : method.solid_ratio;
+  const auto mesh = wall.mesh<Dim>(height, spacing.at_outer / ratio_of_mesh, spacing.at_inner / ratio_of_mesh);
   ApproximationOptions options{.kind = method.kind,
                                .axisymmetric = Dim == 2,
                                .order = method.order,

@@ -66,6 +66,14 @@ struct ThickWall {
                   : solids::thick_cylinder(inner, outer, height, size, size_at_inner);
   }
 
+  /// Fine mesh of the section (with `size_at_inner` everywhere, for triangulate has one size) or of the solid.
+  template <int Dim> FineMesh<Dim> mesh(double height, double size, double size_at_inner) const {
+    if constexpr (Dim == 2)
+      return triangulate(section(height, size_at_inner), {.size = size_at_inner});
+    else
+      return FineMesh<3>(solid(height, size, size_at_inner));
+  }
+
   /// Spacings of a cloud with so many nodes through the wall of thickness 1: H(x) = at_inner + growth x, x from the
   /// inner wall, with int_0^1 dx / H(x) = through - 1. growth 0: equal ones.
   struct Spacing {

@@ -237,7 +237,7 @@ template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spaci
       for (int k = 0; k < Dim; ++k)
         if (const Index v = mesh.facets()(k, f); out[v] > part.spacing) lower(mesh, v, part.spacing, where, out);
   }
-  if (!grading.features && grading.boxes.empty() && grading.regions.empty() && grading.boundaries.empty()) return out;
+  if (!grading.features && !grading.has_places()) return out;
   return limit_growth(mesh, std::move(out), grading.growth);
 }
 

@@ -37,6 +37,9 @@ struct Grading {
   std::vector<SpacingBox> boxes{};
   std::vector<SpacingRegion> regions{};
   std::vector<SpacingBoundary> boundaries{};
+
+  /// Whether a spacing is asked for at some place.
+  bool has_places() const { return !boxes.empty() || !regions.empty() || !boundaries.empty(); }
 };
 
 /// Packing size at every fine vertex: the least of `spacing` and of what features, boxes, regions and boundaries ask

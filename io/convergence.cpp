@@ -72,7 +72,7 @@ std::vector<double> sizes_for(const Case<Dim>& analysis, const Method& method, c
 /// The grading of a case for clouds `factor` times as wide: spacings asked for at places, and how fast they grow from
 /// there, so that the clouds of a study are similar.
 Grading scaled(Grading grading, double factor) {
-  if (grading.boxes.empty() && grading.regions.empty() && grading.boundaries.empty()) return grading;
+  if (!grading.has_places()) return grading;
   for (auto& part : grading.boxes) part.spacing *= factor;
   for (auto& part : grading.regions) part.spacing *= factor;
   for (auto& part : grading.boundaries) part.spacing *= factor;

@@ -303,13 +303,7 @@ INSTANTIATE_TEST_SUITE_P(Walls, Lame1852,
 template <int Dim> bench::ThickWall::WallErrors graded_wall_errors(bool sphere, int order, std::uint64_t seed) {
   const bench::ThickWall wall{sphere};
   const auto [at_inner, at_outer, grading] = bench::ThickWall::spacing(8, Grading{}.growth);
-  const double height = 4.0 / 7.0;
-  const auto mesh = [&, near = at_inner / 2.5, far = at_outer / 2.5] {
-    if constexpr (Dim == 2)
-      return triangulate(wall.section(height, near), {.size = near});
-    else
-      return FineMesh<3>(wall.solid(height, far, near));
-  }();
+  const auto mesh = wall.mesh<Dim>(4.0 / 7.0, at_outer / 2.5, at_inner / 2.5);
   const auto approximation = approximate(
       mesh, {.axisymmetric = Dim == 2, .order = order, .spacing = at_outer, .grading = grading, .seed = seed});
   return wall.errors<Dim>(approximation, wall.solver<Dim>(approximation).solve(wall.loads<Dim>()));
