@@ -2,8 +2,10 @@
 /// Every public header of efree.
 #pragma once
 
+#include "efree/assembly/block_matrix.hpp"
 #include "efree/assembly/boundary.hpp"
 #include "efree/assembly/conditions.hpp"
+#include "efree/assembly/finite_elements.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/mls.hpp"
@@ -52,4 +54,5 @@
 #include "efree/quadrature/approximation.hpp"
 #include "efree/quadrature/discretization.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/correction.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -53,16 +53,28 @@ void draw_picture(OutputDirectory& out, const std::string& picture, std::vector<
   display.say(fmt::format("no picture ({}): {}; everything else is written", picture, reason));
 }
 
-template <int Dim> void solve(const Case<Dim>& analysis, const Options& options, Display& display) {
+std::string estimates_text(const Estimates& estimates) {
+  const std::string of_cloud =
+      fmt::format("error in the energy norm: {:.2g} % of the cloud", 100.0 * estimates.uncorrected);
+  const std::string corrected =
+      estimates.corrections == 0
+          ? ""
+          : fmt::format(", {:.2g} % after {} corrections", 100.0 * estimates.cloud, estimates.corrections);
+  return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
+}
+
+/// Exit status.
+template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
   try {
-    const Progress progress =
-        display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "output"});
+    const Progress progress = display.stages(
+        {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "output"});
     const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
     if (!options.quiet)
       for (const std::string& remark : mesh.remarks) display.say(remark);
     CaseResult<Dim> result = solve_case(analysis, mesh, progress);
+    if (result.estimates && !options.quiet) display.say(estimates_text(*result.estimates));
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
@@ -71,14 +83,22 @@ template <int Dim> void solve(const Case<Dim>& analysis, const Options& options,
       if (!options.no_picture) draw_picture(out, "fields.png", {"fields.vtu"}, display);
     }
     write_result(out.file("result.json"), analysis, result);
-    out.supersede("failure.json");
+    if (result.refusal.empty())
+      out.supersede("failure.json");
+    else
+      write_failure(out.file("failure.json"), analysis, result.refusal, "correction");
     out.commit();
+    if (!result.refusal.empty()) {
+      display.say(fmt::format("error: {}; the results are in {} all the same", result.refusal, options.out));
+      return 3;
+    }
   } catch (const NumericalError& error) {
     write_failure(out.file("failure.json"), analysis, error.what(), display.stage());
     out.commit();
     throw NumericalError(fmt::format("{} failed: {}", display.stage(), error.what()));
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+  return 0;
 }
 
 void inspect_file(const Options& options, Display& display) {
@@ -181,15 +201,13 @@ int run(int argc, char** argv) {
       inspect_file(options, display);
       return 0;
     }
-    std::visit(
+    return std::visit(
         [&](const auto& analysis) {
-          if (solve_command.parsed())
-            solve(analysis, options, display);
-          else
-            convergence(analysis, options, display);
+          if (solve_command.parsed()) return solve(analysis, options, display);
+          convergence(analysis, options, display);
+          return 0;
         },
         read_case(options.case_file));
-    return 0;
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", error.what()));
     return 2;

@@ -280,6 +280,24 @@ template <int Dim> void read_probes(const std::vector<Section>& sections, Case<D
   }
 }
 
+/// "auto", "off" or a number of iterations.
+void read_correction(const Section& analysis, CaseSettings& result) {
+  result.largest_error = analysis.number("largest_error", positive, result.largest_error);
+  if (!analysis.has("correction")) return;
+  if (result.approximation.kind != BasisKind::mls)
+    analysis.fail("correction", "correction means nothing for finite elements: there is no cloud to correct");
+  if (!analysis.table().get("correction")->is_string()) {
+    result.correction.iterations = static_cast<int>(analysis.integer("correction", 1, 1000));
+    return;
+  }
+  result.corrected = analysis.choice<bool>("correction", {{"auto", true}, {"off", false}}, std::nullopt);
+  if (result.corrected && result.approximation.dilatation)
+    analysis.fail(
+        "correction",
+        "correction means nothing where dilatations are averaged (nearly incompressible materials): the finite "
+        "elements of the fine mesh lock");
+}
+
 template <int Dim> Plane read_plane(const Section& analysis) {
   if (Dim == 3 && analysis.has("plane"))
     analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
@@ -293,7 +311,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
                                                "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
-  const Section::Keys analysis_keys{"plane", "essential", "body_force"};
+  const Section::Keys analysis_keys{"plane", "essential", "body_force", "correction", "largest_error"};
   const Section analysis =
       Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
   const auto boundaries =
@@ -325,6 +343,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
          analysis.choice<Essential>("essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}},
                                     nodal ? Essential::strong : Essential::nitsche));
 
+  read_correction(analysis, result);
   if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
   read_probes(probes, result);
   return result;

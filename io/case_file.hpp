@@ -4,6 +4,7 @@
 
 #include "efree/geometry/selection.hpp"
 #include "efree/io/case_geometry.hpp"
+#include "efree/solvers/correction.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <filesystem>
@@ -28,6 +29,10 @@ struct CaseSettings {
   std::string title;
   std::filesystem::path file;  ///< the case file itself
   ApproximationOptions approximation;
+  bool estimated = true;            ///< say how far the answer is from the finite elements of the fine mesh
+  bool corrected = true;            ///< hand out the corrected answer, not that of the cloud
+  CorrectionOptions correction;     ///< towards the finite elements of the fine mesh
+  double largest_error = 0.5;       ///< relative, in the energy norm, beyond which the answer is no answer
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for
   std::vector<Material> materials;  ///< one for everything, or one for each region
   std::vector<Mention> groups;      ///< every boundary that supports, loads and spacings name, once

@@ -90,6 +90,7 @@ template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method
     analysis.geometry.ratio = mesh_ratio(analysis);
     if (options.spacing > 0.0) options.grading = scaled(std::move(options.grading), size / options.spacing);
   }
+  analysis.estimated = analysis.corrected = false;  // a study is of the methods themselves
   const bool same_kind = options.kind == method.kind;
   options.kind = method.kind;
   options.secondary = method.secondary;

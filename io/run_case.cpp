@@ -132,6 +132,49 @@ template <int Dim> double least_memory(const ApproximationOptions& asked, const 
   return entry * (points * seen + 0.5 * Dim * Dim * nodes * coupled);
 }
 
+/// Doubts about an answer that is far from that of the fine mesh, or, beyond what the case bears, a refusal.
+template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
+  if (!result.estimates) return;
+  constexpr double doubtful = 0.1;
+  const double error = result.estimates->cloud;
+  if (error < doubtful && error < analysis.largest_error) return;
+  const std::string message = fmt::format(
+      "the answer is {:.2g} % off that of the finite elements of this mesh in the energy norm: the cloud is too coarse "
+      "for the geometry; {}, or use a smaller spacing",
+      100.0 * error,
+      analysis.corrected ? "allow more corrections (analysis.correction = \"auto\")"
+                         : "correct it (analysis.correction = \"auto\")");
+  if (error < analysis.largest_error)
+    result.warnings.push_back(message);
+  else
+    result.refusal = fmt::format("{}; to accept it say analysis.largest_error = {:.2g}", message, 1.1 * error);
+}
+
+/// The answer of the finite elements of the fine mesh, as near as the case wants it, and how far that of the cloud is
+/// from it.
+template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
+  const Corrector<Dim> corrector(result.approximation, result.model, analysis.supports, &result.times, progress);
+  const Stage stage("correction", result.times, progress);
+  CorrectionOptions options = analysis.correction;
+  if (!analysis.corrected) options.iterations = 2;  // as many as the estimate takes
+  Correction<Dim> correction = corrector.correct(result.solution.coefficients, analysis.loads, options);
+  ApproximationOptions elements;
+  elements.kind = result.approximation.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
+  elements.axisymmetric = result.approximation.space.axisymmetric();
+  auto approximation = approximate(*result.mesh, elements);
+  Solution<Dim> solution = evaluate(approximation, result.model, std::move(correction.displacement));
+  Estimates estimates{.cloud = analysis.corrected ? correction.error : correction.cloud_error,
+                      .uncorrected = correction.cloud_error,
+                      .mesh = recovery_error(approximation, recover_fields(approximation, solution),
+                                             region_lame(result.model, *result.mesh)),
+                      .corrections = analysis.corrected ? correction.iterations : 0};
+  if (analysis.corrected) {
+    result.elements = std::move(approximation);
+    result.solution = std::move(solution);
+  }
+  return estimates;
+}
+
 double process_cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -196,17 +239,22 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
                    "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);
     const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
-    const Stage stage("solve", result.times, progress);
-    result.solution = solver.solve(analysis.loads);
+    {
+      const Stage stage("solve", result.times, progress);
+      result.solution = solver.solve(analysis.loads);
+    }
+    if (analysis.approximation.kind == BasisKind::mls && !analysis.approximation.dilatation && analysis.estimated)
+      result.estimates = correct(analysis, result, progress);
   });
   result.warnings = doubts(analysis.approximation, result.approximation);
+  judge(analysis, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);
-  result.fields = recover_fields(result.approximation, result.solution);
+  const Approximation<Dim>& basis = result.elements ? *result.elements : result.approximation;
+  result.fields = recover_fields(basis, result.solution);
   if (analysis.has_exact())
-    result.errors =
-        errors_against(result.approximation, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
+    result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
   for (const auto& p : analysis.probes)
     result.probes.emplace_back(p.name, probe(result.approximation.space, result.fields, p.at));
   return result;

@@ -4,6 +4,7 @@
 
 #include "efree/io/case_file.hpp"
 
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -27,11 +28,23 @@ template <int Dim> struct CaseMesh {
   double seconds = 0.0, cpu_seconds = 0.0;
 };
 
+/// Relative errors in the energy norm.
+struct Estimates {
+  double cloud;        ///< of the answer, against the finite elements of the fine mesh
+  double uncorrected;  ///< of the cloud's own answer, against them
+  double mesh;         ///< of these finite elements, by recovery
+  int corrections;     ///< iterations that led to the answer
+  double total() const { return std::hypot(cloud, mesh); }
+};
+
 template <int Dim> struct CaseResult {
   std::shared_ptr<const FineMesh<Dim>> mesh;
   ElasticModel model;                ///< with the materials of all regions
   Approximation<Dim> approximation;  ///< refers to *mesh
+  /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
+  std::optional<Approximation<Dim>> elements;
   Solution<Dim> solution;
+  std::optional<Estimates> estimates;  ///< none for finite elements, nor where dilatations are averaged
   Fields<Dim> fields;
   std::optional<Errors> errors;                                  ///< if the case knows an exact solution
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the case
@@ -39,9 +52,10 @@ template <int Dim> struct CaseResult {
   std::vector<std::pair<std::string, Reported>> reports;         ///< of the geometry
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
+  std::string refusal;                ///< why they are no answer; empty if they are one
 
-  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, output (recovery, errors, probes,
-  /// files).
+  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, output (recovery,
+  /// errors, probes, files).
   StageTimes times;
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };

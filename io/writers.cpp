@@ -199,6 +199,12 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
   if (result.errors) json["errors"] = errors_json(*result.errors);
   json["strain_energy"] = result.solution.strain_energy;
+  if (result.estimates)
+    json["estimates"]["energy"] = {{"cloud", result.estimates->cloud},
+                                   {"uncorrected", result.estimates->uncorrected},
+                                   {"mesh", result.estimates->mesh},
+                                   {"total", result.estimates->total()}};
+  json["corrections"] = result.estimates ? result.estimates->corrections : 0;
   json["probes"] = ordered_json::object();
   for (const auto& [name, values] : result.probes)
     json["probes"][name] = {{"displacement", array(values.displacement)},

@@ -185,7 +185,40 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
   return errors;
 }
 
+template <int Dim, int Normals> double recovery_error_with(const Approximation<Dim>& approximation,
+                                                           const Fields<Dim>& fields, const std::vector<Lame>& lame) {
+  const auto& space = approximation.space;
+  const auto rule = simplex_rule<Dim>(2 * space.degree());
+  using Strains = Voigt<Dim, Normals>;
+  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses, compliances;
+  for (const Lame& one : lame) {
+    stiffnesses.push_back(stiffness<Dim, Normals>(one));
+    compliances.push_back(stiffnesses.back().inverse());
+  }
+  enum { error, norm, count };
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.cell(c));
+    const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = rule.points.col(q);
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
+      const Strains eps = strain_at<Dim, Normals>(space, c, at, fields.displacement);
+      const Strains difference = sigma * space.values(at) - C * eps;
+      sum[error] += dV * difference.dot(compliance * difference);
+      sum[norm] += dV * eps.dot(C * eps);
+    }
+  });
+  return sums[norm] > 0.0 ? std::sqrt(sums[error] / sums[norm]) : 0.0;
+}
+
 }  // namespace
+
+template <int Dim> double recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                         const std::vector<Lame>& lame) {
+  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return recovery_error_with<Dim, Normals>(approximation, fields, lame);
+  });
+}
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
   // Strains and stresses together: the fits of a node share their matrix.
@@ -219,10 +252,12 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
   });
 }
 
+template double recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&,
                                   const ExactSolution<2>&);
+template double recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
 template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&,

@@ -145,6 +145,33 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
                     fmt::join(where, ", ")));
 }
 
+/// Strains, stresses and energy of the field with these coefficients.
+template <int Dim> Solution<Dim> derived(const Approximation<Dim>& approximation, const std::vector<Lame>& lame,
+                                         const std::vector<StiffnessTerm<Dim>>& terms, Points<Dim> coefficients) {
+  Solution<Dim> solution;
+  solution.coefficients = std::move(coefficients);
+  for (const auto& term : terms) {
+    const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
+    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, term.lame, eps);
+    for (Index K = 0; K < term.discretization->size(); ++K)
+      solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
+  }
+  solution.strain = strain(approximation.quadrature, solution.coefficients);
+  solution.stress = stress_at_points(approximation.quadrature, lame, solution.strain);
+  if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
+    const StiffnessTerm<Dim>& volumetric = terms.back();
+    const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
+    solution.stress += stress_at_points(approximation.quadrature, volumetric.lame,
+                                        VoigtPoints<Dim>(mean(Eigen::all, approximation.union_of) - solution.strain));
+  }
+  if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
+    throw NumericalError(
+        fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
+                    "floating-point numbers",
+                    solution.strain_energy));
+  return solution;
+}
+
 template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
   for (const auto& frame : frames)
     if (frame != Mat<Dim>::Identity()) return false;
@@ -294,29 +321,17 @@ template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const {
   return impl_->num_unknowns;
 }
 
+template <int Dim>
+Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticModel& model, Points<Dim> coefficients) {
+  const auto lame = region_lame(model, approximation.space.mesh());
+  return derived(approximation, lame, stiffness_terms(approximation, lame, model.stabilisation),
+                 std::move(coefficients));
+}
+
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
   const auto& approximation = impl_->approximation;
-  Solution<Dim> solution;
-  solution.coefficients = impl_->solve(load_vector(approximation.space, approximation.shape, loads));
-  for (const auto& term : impl_->terms) {
-    const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
-    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, term.lame, eps);
-    for (Index K = 0; K < term.discretization->size(); ++K)
-      solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
-  }
-  solution.strain = strain(approximation.quadrature, solution.coefficients);
-  solution.stress = stress_at_points(approximation.quadrature, impl_->lame, solution.strain);
-  if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
-    const StiffnessTerm<Dim>& volumetric = impl_->terms.back();
-    const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
-    solution.stress += stress_at_points(approximation.quadrature, volumetric.lame,
-                                        VoigtPoints<Dim>(mean(Eigen::all, approximation.union_of) - solution.strain));
-  }
-  if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
-    throw NumericalError(
-        fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
-                    "floating-point numbers",
-                    solution.strain_energy));
+  Solution<Dim> solution = derived(approximation, impl_->lame, impl_->terms,
+                                   impl_->solve(load_vector(approximation.space, approximation.shape, loads)));
   with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
     require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
   });
@@ -325,7 +340,9 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
 
 template std::vector<Lame> region_lame<2>(const ElasticModel&, const FineMesh<2>&);
 template std::vector<Lame> region_lame<3>(const ElasticModel&, const FineMesh<3>&);
+template Solution<2> evaluate<2>(const Approximation<2>&, const ElasticModel&, Points<2>);
 template class ElasticSolver<2>;
+template Solution<3> evaluate<3>(const Approximation<3>&, const ElasticModel&, Points<3>);
 template class ElasticSolver<3>;
 
 }  // namespace efree

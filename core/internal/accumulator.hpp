@@ -25,6 +25,7 @@ template <class Value> class Accumulator {
     }
     return values_[i];
   }
+  Index size() const { return static_cast<Index>(values_.size()); }
   /// Touched slots in ascending order.
   const std::vector<Index>& sorted() {
     std::sort(touched_.begin(), touched_.end());

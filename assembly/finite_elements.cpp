@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/assembly/finite_elements.hpp"
+
+#include "efree/assembly/internal/gather.hpp"
+#include "efree/core/parallel.hpp"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+/// Bits of three (two) coordinates taken in turns.
+template <int Dim> std::uint64_t morton_code(const Vec<Dim>& at) {
+  constexpr int bits = Dim == 2 ? 31 : 21;
+  std::uint64_t code = 0;
+  std::array<std::uint64_t, Dim> x;
+  for (int d = 0; d < Dim; ++d) x[d] = static_cast<std::uint64_t>(at[d] * ((std::uint64_t{1} << bits) - 1));
+  for (int b = bits - 1; b >= 0; --b)
+    for (int d = Dim - 1; d >= 0; --d) code = code << 1 | (x[d] >> b & 1);
+  return code;
+}
+
+/// B of a node as vectors: the strain of its displacement u is sym(u g^T), and h u_r along the hoop.
+template <int Dim> struct NodalStrain {
+  Vec<Dim> g;      ///< gradient
+  double h = 0.0;  ///< value over the radius, if axisymmetric
+  /// What the dilatation is along: div u = d . u.
+  Vec<Dim> d() const { return g + h * Vec<Dim>::Unit(0); }
+};
+
+/// lambda d_a d_b^T + mu (g_b g_a^T + (g_a . g_b) I + 2 h_a h_b e_r e_r^T): B_a^T C B_b.
+template <int Dim> Mat<Dim> coupling(const Lame& lame, const NodalStrain<Dim>& a, const NodalStrain<Dim>& b) {
+  Mat<Dim> block = (lame.lambda * a.d()) * b.d().transpose();
+  block.noalias() += (lame.mu * b.g) * a.g.transpose();
+  block.diagonal().array() += lame.mu * a.g.dot(b.g);
+  block(0, 0) += 2.0 * lame.mu * a.h * b.h;
+  return block;
+}
+
+/// The strains of a cell's nodes at its quadrature points, with their weights.
+template <int Dim> class CellStrains {
+ public:
+  explicit CellStrains(const FineSpace<Dim>& space) : space_(space) {}
+  template <class Visit> void at_points(Index c, const Visit& visit) {
+    const auto& rule = space_.cell_rule();
+    strains_.resize(space_.cell(c).size());
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto g = space_.gradients(c, rule.points.col(q));
+      typename FineSpace<Dim>::CellValues h;
+      if (space_.axisymmetric()) h = space_.values(rule.points.col(q)) / space_.position(c, rule.points.col(q))[0];
+      for (std::size_t k = 0; k < strains_.size(); ++k)
+        strains_[k] = {g.col(static_cast<Index>(k)), space_.axisymmetric() ? h[static_cast<Index>(k)] : 0.0};
+      visit(space_.weight(c, q), strains_);
+    }
+  }
+
+ private:
+  const FineSpace<Dim>& space_;
+  std::vector<NodalStrain<Dim>> strains_;
+};
+
+}  // namespace
+
+template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const std::vector<TiedFacets>& ties) {
+  const Index dofs = space.size();
+  std::vector<Index> parent(dofs);
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](Index dof) {
+    while (parent[dof] != dof) dof = parent[dof] = parent[parent[dof]];
+    return dof;
+  };
+  for (const auto& [first, second] : ties) {
+    const std::vector<Index> twins = space.facet(second);
+    for (const Index dof : space.facet(first))
+      for (const Index twin : twins)
+        if (space.points().col(dof) == space.points().col(twin)) {
+          const Index a = root(dof), b = root(twin);
+          parent[std::max(a, b)] = std::min(a, b);
+        }
+  }
+  const Vec<Dim> low = space.points().rowwise().minCoeff();
+  const double extent = (space.points().rowwise().maxCoeff() - low).maxCoeff();
+  std::vector<std::pair<std::uint64_t, Index>> order;
+  for (Index dof = 0; dof < dofs; ++dof)
+    if (root(dof) == dof) order.emplace_back(morton_code<Dim>((space.points().col(dof) - low) / extent), dof);
+  std::ranges::sort(order);
+  ElementNodes nodes{std::vector<Index>(dofs, -1), static_cast<Index>(order.size())};
+  for (Index i = 0; i < nodes.count; ++i) nodes.at[order[i].second] = i;
+  for (Index dof = 0; dof < dofs; ++dof) nodes.at[dof] = nodes.at[root(dof)];
+  return nodes;
+}
+
+template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& space, const ElementNodes& nodes,
+                                                      const std::vector<Lame>& lame) {
+  const FineMesh<Dim>& mesh = space.mesh();
+
+  const std::size_t corners = space.cell(0).size();
+  std::vector<Index> cell_nodes;
+  cell_nodes.reserve(mesh.num_cells() * corners);
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (const Index dof : space.cell(c)) cell_nodes.push_back(nodes.at[dof]);
+  const auto nodes_of = [&](Index c) { return std::span(cell_nodes).subspan(c * corners, corners); };
+  const Ragged<Place> cells_at = places_of_nodes(nodes.count, mesh.num_cells(), nodes_of);
+
+  // Every chunk of rows goes through the cells that touch it once.
+  constexpr Index chunk = 4096;
+  struct Part {
+    std::vector<Index> sizes, columns;
+    std::vector<Mat<Dim>> blocks;
+  };
+  std::vector<Part> parts((nodes.count + chunk - 1) / chunk);
+  parallel_chunks(nodes.count, chunk, [&](Index begin, Index end) {
+    Part& part = parts[begin / chunk];
+    std::vector<Index> cells, around, offsets{0};
+    for (Index i = begin; i < end; ++i) {
+      around.clear();
+      for (const Place& place : cells_at[i]) {
+        const auto of_cell = nodes_of(place.row);
+        around.insert(around.end(), of_cell.begin(), of_cell.end());
+        cells.push_back(place.row);
+      }
+      std::ranges::sort(around);
+      part.columns.insert(part.columns.end(), around.begin(), std::unique(around.begin(), around.end()));
+      offsets.push_back(static_cast<Index>(part.columns.size()));
+    }
+    std::ranges::sort(cells);
+    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+    part.blocks.assign(part.columns.size(), Mat<Dim>::Zero());
+    const auto block = [&](Index i, Index j) -> Mat<Dim>& {
+      const auto first = part.columns.begin() + offsets[i - begin],
+                 last = part.columns.begin() + offsets[i - begin + 1];
+      return part.blocks[std::lower_bound(first, last, j) - part.columns.begin()];
+    };
+    CellStrains<Dim> strains(space);
+    for (const Index c : cells) {
+      const auto of_cell = nodes_of(c);
+      strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
+        const Lame& one = lame[mesh.region(c)];
+        const Lame weighted{weight * one.lambda, weight * one.mu};
+        for (std::size_t k = 0; k < corners; ++k) {
+          if (of_cell[k] < begin || of_cell[k] >= end) continue;
+          for (std::size_t l = 0; l < corners; ++l) block(of_cell[k], of_cell[l]) += coupling(weighted, B[k], B[l]);
+        }
+      });
+    }
+    for (Index i = begin; i < end; ++i) part.sizes.push_back(offsets[i - begin + 1] - offsets[i - begin]);
+  });
+
+  BlockMatrix<Dim> K;
+  std::size_t entries = 0;
+  for (const Part& part : parts) entries += part.columns.size();
+  K.offsets.reserve(nodes.count + 1);
+  K.columns.reserve(entries);
+  K.blocks.reserve(entries);
+  for (Part& part : parts) {
+    for (const Index size : part.sizes) K.offsets.push_back(K.offsets.back() + size);
+    K.columns.insert(K.columns.end(), part.columns.begin(), part.columns.end());
+    K.blocks.insert(K.blocks.end(), part.blocks.begin(), part.blocks.end());
+    part = {};
+  }
+  K.diagonal.resize(nodes.count);
+  for (Index i = 0; i < nodes.count; ++i)
+    K.diagonal[i] =
+        static_cast<Index>(std::lower_bound(K.columns.begin() + K.offsets[i], K.columns.begin() + K.offsets[i + 1], i) -
+                           K.columns.begin());
+  return K;
+}
+
+template ElementNodes element_nodes<2>(const FineSpace<2>&, const std::vector<TiedFacets>&);
+template ElementNodes element_nodes<3>(const FineSpace<3>&, const std::vector<TiedFacets>&);
+template BlockMatrix<2> element_stiffness<2>(const FineSpace<2>&, const ElementNodes&, const std::vector<Lame>&);
+template BlockMatrix<3> element_stiffness<3>(const FineSpace<3>&, const ElementNodes&, const std::vector<Lame>&);
+
+}  // namespace efree

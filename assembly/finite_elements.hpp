@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The finite element problem of the fine mesh: what every basis on it approximates.
+#pragma once
+
+#include "efree/assembly/block_matrix.hpp"
+#include "efree/basis/fine_space.hpp"
+#include "efree/materials/linear_elastic.hpp"
+
+namespace efree {
+
+/// Nodes of conforming elements on a fine space: the degrees of freedom on the two sides of a tie are one node.
+/// Numbered along a space-filling curve (Morton 1966), so that neighbours are near in memory.
+struct ElementNodes {
+  std::vector<Index> at;  ///< node at each degree of freedom of the space
+  Index count = 0;
+};
+template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const std::vector<TiedFacets>& ties = {});
+
+/// K = sum_c int_c B^T C B, integrated exactly (if axisymmetric by the cell rule of the space). `lame` by region.
+template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& space, const ElementNodes& nodes,
+                                                      const std::vector<Lame>& lame);
+
+}  // namespace efree

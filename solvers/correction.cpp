@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/correction.hpp"
+
+#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/gather.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/internal/smoother.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <span>
+
+namespace efree {
+namespace {
+
+/// Iterations that an estimate of the error takes.
+constexpr int least_iterations = 2;
+/// Squared error, relative, that is rounding.
+constexpr double rounding = 1e-20;
+
+/// Sum of a . b over all columns, in an order that does not depend on the threads.
+template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
+  constexpr Index chunk = 4096;
+  const Index n = static_cast<Index>(a.cols());
+  std::vector<double> sums((n + chunk - 1) / chunk);
+  parallel_chunks(n, chunk, [&](Index begin, Index end) {
+    sums[begin / chunk] = a.middleCols(begin, end - begin).cwiseProduct(b.middleCols(begin, end - begin)).sum();
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0);
+}
+
+/// a += factor * b.
+template <int Dim> void add(Points<Dim>& a, double factor, const Points<Dim>& b) {
+  parallel_chunks(static_cast<Index>(a.cols()), 4096, [&](Index begin, Index end) {
+    a.middleCols(begin, end - begin) += factor * b.middleCols(begin, end - begin);
+  });
+}
+
+/// What nodal values hold: some directions at some nodes.
+template <int Dim> struct Supports {
+  struct Support {
+    Index node;
+    Mat<Dim> free;   ///< projector onto the directions that are not held
+    Vec<Dim> value;  ///< displacement along those that are
+  };
+  std::vector<Support> supports;  ///< nodes ascending
+  std::vector<Index> of_node;     ///< by node: index into supports, -1 if it is free
+
+  Supports(const NodalConditions<Dim>& conditions, Index nodes) : of_node(nodes, -1) {
+    for (std::size_t k = 0; k < conditions.nodes.size(); ++k) {
+      const auto& frame = conditions.frames[k];
+      const auto held = frame.leftCols(conditions.fixed[k]);
+      Vec<Dim> value = held * conditions.values[k].head(conditions.fixed[k]);
+      of_node[conditions.nodes[k]] = static_cast<Index>(k);
+      supports.push_back({conditions.nodes[k], Mat<Dim>::Identity() - held * held.transpose(), value});
+    }
+  }
+  bool is_free(Index node) const { return of_node[node] < 0; }
+  Mat<Dim> free(Index node) const {
+    return is_free(node) ? Mat<Dim>(Mat<Dim>::Identity()) : supports[of_node[node]].free;
+  }
+  /// Takes out what is held.
+  void release(Points<Dim>& x) const {
+    for (const Support& s : supports) x.col(s.node) = s.free * Vec<Dim>(x.col(s.node));
+  }
+  /// Sets what is held.
+  void impose(Points<Dim>& x) const {
+    for (const Support& s : supports) x.col(s.node) = s.free * Vec<Dim>(x.col(s.node)) + s.value;
+  }
+};
+
+/// Squared error left after iterations that took these squares off (Hestenes & Stiefel 1952): those to come, as a
+/// geometric series with the slowest of the last ratios. After a single iteration, Radau's rule for nine tenths of the
+/// one Ritz value there is (Meurant & Tichy 2013). Both chosen on the cases of bench_correction.
+double error_left(std::span<const double> taken) {
+  const auto n = taken.size();
+  if (n < 2) return n == 0 ? std::numeric_limits<double>::infinity() : taken[0] / 9.0;
+  double ratio = 0.0;
+  for (std::size_t back = 1; back <= std::min<std::size_t>(3, n - 1); ++back)
+    ratio = std::max(ratio, std::pow(taken[n - 1] / taken[n - 1 - back], 1.0 / static_cast<double>(back)));
+  ratio = std::min(ratio, 0.9);
+  return taken[n - 1] * ratio / (1.0 - ratio);
+}
+
+/// What Nitsche adds to the system: right-hand side at the element nodes, matrix at the degrees of freedom of the space
+/// (empty if there is none).
+template <int Dim> struct WeakConditions {
+  Points<Dim> rhs;
+  SymmetricMatrix matrix;
+};
+
+/// Values of the cloud's functions at the nodes of the elements. Where regions meet the functions of each end on its
+/// own side: the mean of both, weighted by stiffness, so that the stiffer side hardly has to follow the softer one.
+template <int Dim> ShapeTable<Dim> shape_at_nodes(const Approximation<Dim>& approximation, const ElementNodes& nodes,
+                                                  const std::vector<Lame>& lame) {
+  const FineMesh<Dim>& mesh = approximation.space.mesh();
+  const Index dofs = approximation.space.size();
+  std::vector<double> stiffness(dofs, 0.0), total(nodes.count, 0.0);
+  if (lame.size() > 1) {
+    for (Index c = 0; c < mesh.num_cells(); ++c)
+      for (const Index dof : approximation.space.cell(c))
+        stiffness[dof] = lame[mesh.region(c)].lambda + 2.0 * lame[mesh.region(c)].mu;
+  } else {
+    std::ranges::fill(stiffness, 1.0);
+  }
+  for (Index dof = 0; dof < dofs; ++dof) total[nodes.at[dof]] += stiffness[dof];
+  std::vector<Index> first(nodes.count + 1, 0), members(dofs);
+  for (const Index node : nodes.at) ++first[node + 1];
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Index> cursor(first.begin(), first.end() - 1);
+  for (Index dof = 0; dof < dofs; ++dof) members[cursor[nodes.at[dof]]++] = dof;
+
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> N;
+  columns.reserve(approximation.shape.num_entries());
+  N.reserve(approximation.shape.num_entries());
+  std::vector<std::pair<Index, double>> row;
+  for (Index node = 0; node < nodes.count; ++node) {
+    row.clear();
+    for (Index m = first[node]; m < first[node + 1]; ++m) {
+      const auto of_dof = approximation.shape.row(members[m]);
+      const double share = first[node + 1] - first[node] == 1 ? 1.0 : stiffness[members[m]] / total[node];
+      for (std::size_t k = 0; k < of_dof.nodes.size(); ++k) row.emplace_back(of_dof.nodes[k], share * of_dof.N[k]);
+    }
+    // Twins belong to different bodies: no function acts on both.
+    if (first[node + 1] - first[node] > 1) std::ranges::sort(row);
+    for (const auto& [I, value] : row) columns.push_back(I), N.push_back(value);
+    offsets.push_back(static_cast<Index>(columns.size()));
+  }
+  return {approximation.shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
+}
+
+/// P^T K P on what the supports leave free, lower triangle.
+template <int Dim> SymmetricMatrix coarse_matrix(const BlockMatrix<Dim>& K, const ShapeTable<Dim>& P,
+                                                 const Ragged<Place>& rows_at, const Supports<Dim>& supports) {
+  SymmetricMatrix coarse = gather_blocks<Dim>(P.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    thread_local std::optional<Accumulator<Mat<Dim>>> scratch;  // K P_a
+    if (!scratch || scratch->size() != K.size()) scratch.emplace(K.size());
+    auto& forces = *scratch;
+    forces.clear();
+    for (const auto& [v, k] : rows_at[a]) {
+      const double N = P.row(v).N[k];
+      const Mat<Dim> move = N * supports.free(v);
+      for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e)
+        if (supports.is_free(v))
+          forces[K.columns[e]] += N * K.blocks[e].transpose();
+        else
+          forces[K.columns[e]] += K.blocks[e].transpose() * move;
+    }
+    for (const Index w : forces.touched()) {
+      const Mat<Dim> force = supports.is_free(w) ? forces[w] : Mat<Dim>(supports.free(w) * forces[w]);
+      const auto row = P.row(w);
+      const auto from = std::ranges::lower_bound(row.nodes, a) - row.nodes.begin();
+      for (std::size_t l = from; l < row.nodes.size(); ++l) sums[row.nodes[l]] += row.N[l] * force;
+    }
+  });
+  // Functions that live on held nodes alone have no stiffness, and no part in the solution.
+  for (Index i = 0; i < coarse.cols(); ++i)
+    if (double& pivot = coarse.coeffRef(i, i); !(pivot > 0.0)) pivot = 1.0;
+  return coarse;
+}
+
+/// Factors the coarse matrix. On a few vertices the functions of the cloud may depend on each other; a little on the
+/// diagonal then decides between them, and the iterations see to the rest.
+Cholesky factorised(SymmetricMatrix coarse, int dimension) {
+  std::vector<Index> node_of(coarse.rows());
+  for (Index i = 0; i < coarse.rows(); ++i) node_of[i] = i / dimension;
+  try {
+    return Cholesky(coarse, node_of);
+  } catch (const NumericalError&) {
+    for (Index i = 0; i < coarse.cols(); ++i) coarse.coeffRef(i, i) *= 1.0 + 1e-8;
+    return Cholesky(coarse, node_of);
+  }
+}
+
+}  // namespace
+
+template <int Dim> struct Corrector<Dim>::Impl {
+  const Approximation<Dim>& approximation;
+  ElementNodes nodes;
+  BlockMatrix<Dim> K;
+  Supports<Dim> supports;
+  WeakConditions<Dim> weak;
+  ShapeTable<Dim> P;
+  Ragged<Place> rows_at;  ///< rows of P, by node of the cloud
+  Cholesky coarse;
+  Smoother<Dim> smoother;
+
+  Points<Dim> restrict(const Points<Dim>& r) const {
+    Points<Dim> R(Dim, P.num_nodes());
+    parallel_for(P.num_nodes(), [&](Index I) {
+      Vec<Dim> sum = Vec<Dim>::Zero();
+      for (const auto& [v, k] : rows_at[I]) sum += P.row(v).N[k] * r.col(v);
+      R.col(I) = sum;
+    });
+    return R;
+  }
+  /// P Kc^-1 P^T r, for an r without forces on what is held.
+  Points<Dim> coarse_correction(const Points<Dim>& r) const {
+    const Matrix U = coarse.solve(restrict(r).reshaped());
+    Points<Dim> z = interpolate(P, U.reshaped(Dim, P.num_nodes()));
+    supports.release(z);
+    return z;
+  }
+  /// Loads at the element nodes.
+  Points<Dim> loads(const Loads<Dim>& given) const {
+    const Index dofs = approximation.space.size();
+    const Points<Dim> fine = load_vector(approximation.space, ShapeTable<Dim>::identity(dofs), given);
+    Points<Dim> f = weak.rhs;
+    for (Index dof = 0; dof < dofs; ++dof) f.col(nodes.at[dof]) += fine.col(dof);
+    return f;
+  }
+};
+
+namespace {
+
+template <int Dim> NodalConditions<Dim> strong_conditions(const FineSpace<Dim>& space, const ElementNodes& nodes,
+                                                          const std::vector<Restraint<Dim>>& restrained) {
+  std::vector<Restraint<Dim>> strong;
+  for (const auto& restraint : restrained)
+    if (can_be_nodal(space, restraint)) strong.push_back(restraint);
+  return nodal_conditions(space, nodes.at, strong);
+}
+
+/// Adds what holds the restraints that nodal values cannot.
+template <int Dim> WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes,
+                                                   const std::vector<Lame>& lame,
+                                                   const std::vector<Restraint<Dim>>& restrained, BlockMatrix<Dim>& K) {
+  WeakConditions<Dim> conditions{Points<Dim>::Zero(Dim, nodes.count), {}};
+  std::vector<Restraint<Dim>> weak;
+  for (const auto& restraint : restrained)
+    if (!can_be_nodal(space, restraint)) weak.push_back(restraint);
+  if (weak.empty()) return conditions;
+  const auto identity = ShapeTable<Dim>::identity(space.size());
+  const auto quadrature = project(space, identity, every_cell(space));
+  auto system = nitsche<Dim>(space, identity, {{&quadrature, lame}}, weak);
+  for (Index dof = 0; dof < space.size(); ++dof)
+    conditions.rhs.col(nodes.at[dof]) += system.rhs.template segment<Dim>(Dim * dof);
+  for (Index column = 0; column < system.matrix.cols(); ++column)
+    for (SymmetricMatrix::InnerIterator entry(system.matrix, column); entry; ++entry) {
+      const Index i = nodes.at[entry.row() / Dim], j = nodes.at[column / Dim];
+      const int p = entry.row() % Dim, q = column % Dim;
+      K.blocks[K.entry(i, j)](p, q) += entry.value();
+      if (entry.row() != column) K.blocks[K.entry(j, i)](q, p) += entry.value();
+    }
+  conditions.matrix = std::move(system.matrix);
+  return conditions;
+}
+
+}  // namespace
+
+template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                             const std::vector<DisplacementCondition<Dim>>& conditions,
+                                             StageTimes* times, const Progress& progress) {
+  StageTimes unused;
+  const Stage stage("correction", times ? *times : unused, progress);
+  const FineSpace<Dim>& space = approximation.space;
+  require(approximation.dilatation.size() == 0,
+          "correction: finite elements lock where the dilatation has to be averaged (nearly incompressible materials)");
+  const auto lame = region_lame(model, space.mesh());
+  const auto ties = tied_facets(space.mesh(), model.open_interface);
+  const auto restrained = restraints(conditions);
+  require_restrained(space, restrained, ties);
+  ElementNodes nodes = element_nodes(space, ties);
+  auto K = element_stiffness(space, nodes, lame);
+  auto weak = hold_weakly(space, nodes, lame, restrained, K);
+  const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
+  ShapeTable<Dim> P = shape_at_nodes(approximation, nodes, lame);
+  Ragged<Place> rows_at = places_of_nodes(P.num_nodes(), P.num_points(), [&](Index v) { return P.row(v).nodes; });
+  Cholesky coarse = factorised(coarse_matrix(K, P, rows_at, supports), Dim);
+  const double nodes_apart = std::pow(static_cast<double>(nodes.count) / P.num_nodes(), 1.0 / Dim);
+  Smoother<Dim> smoother(
+      K, [&](Index node) { return supports.free(node); }, nodes_apart);
+  impl_.reset(new Impl{approximation, std::move(nodes), std::move(K), supports, std::move(weak), std::move(P),
+                       std::move(rows_at), std::move(coarse), std::move(smoother)});
+}
+
+template <int Dim> Corrector<Dim>::~Corrector() = default;
+template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
+
+template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& coefficients, const Loads<Dim>& loads,
+                                                           const CorrectionOptions& options) const {
+  const Impl& problem = *impl_;
+  const BlockMatrix<Dim>& K = problem.K;
+  const Points<Dim> f = problem.loads(loads);
+  const Points<Dim> start = interpolate(problem.P, coefficients);
+  Points<Dim> u = start, r, z, q, p;
+  problem.supports.impose(u);
+  const auto residual = [&] {
+    K.multiply(u, r);
+    r = f - r;
+    problem.supports.release(r);
+  };
+  Correction<Dim> result;
+  residual();
+  z = problem.coarse_correction(r);
+  result.taken.push_back(dot<Dim>(r, z));
+  u += z;
+  residual();
+  K.multiply(u, q);
+  double scale = dot<Dim>(u, q);
+
+  // The answer is iterate `wanted`; what comes after it only tells how good it is.
+  const bool open = options.iterations < 0;
+  const int wanted = open ? options.most : options.iterations, last = std::max(wanted, least_iterations);
+  std::vector<double> taken;  // by the iterations
+  Points<Dim> answer;
+  if (wanted == 0) answer = u;
+  double rz = 0.0;
+  for (int k = 1; k <= last; ++k) {
+    problem.smoother.apply(K, r, z);
+    K.multiply(z, q);
+    q = r - q;
+    problem.supports.release(q);
+    z += problem.coarse_correction(q);
+    const double next = dot<Dim>(r, z);
+    // The first iterate that is exact up to rounding: nothing is left to be taken off.
+    if (!(next > rounding * scale)) {
+      if (!(next >= -rounding * scale)) throw NumericalError("correction: the smoother is not positive definite");
+      break;
+    }
+    if (k == 1)
+      p = z;
+    else
+      p = z + (next / rz) * p;
+    rz = next;
+    K.multiply(p, q);
+    problem.supports.release(q);
+    const double alpha = rz / dot<Dim>(p, q);
+    if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
+    add<Dim>(u, alpha, p);
+    add<Dim>(r, -alpha, q);
+    taken.push_back(alpha * rz);
+    if (k == wanted) answer = u;
+    if (k <= wanted) result.iterations = k;
+    const auto is_good = [&] { return error_left(taken) < options.tolerance * options.tolerance * scale; };
+    if (open && k >= least_iterations && is_good()) {
+      K.multiply(u, q);
+      scale = dot<Dim>(u, q);  // what is prescribed makes it fall on the way
+      if (is_good()) break;
+    }
+  }
+  const double beyond = taken.empty() ? 0.0 : std::max(0.0, error_left(taken));
+  if (answer.size() == 0) answer = u;
+  double after = beyond;
+  for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
+
+  K.multiply(u, q);
+  const double best_energy = dot<Dim>(u, q);
+  const auto relative = [&](double square) {
+    return best_energy > 0.0 ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0;
+  };
+  const Points<Dim> difference = start - u;
+  K.multiply(difference, q);
+  result.cloud_error = relative(dot<Dim>(difference, q) + beyond);
+  result.error = relative(after);
+  K.multiply(answer, q);
+  result.strain_energy = 0.5 * dot<Dim>(answer, q);
+  for (const double one : taken) result.taken.push_back(one);
+  for (double& one : result.taken) one = best_energy > 0.0 ? one / best_energy : 0.0;
+  result.displacement = answer(Eigen::all, problem.nodes.at);
+  if (problem.weak.matrix.size() > 0) {
+    const Vector v = result.displacement.reshaped();
+    result.strain_energy -= 0.5 * v.dot(problem.weak.matrix.template selfadjointView<Eigen::Lower>() * v);
+  }
+  if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.cloud_error))
+    throw NumericalError("correction: the solution is not finite");
+  if (open && result.error > options.tolerance)
+    throw NumericalError(fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for",
+                                     result.error, result.iterations, options.tolerance));
+  return result;
+}
+
+template class Corrector<2>;
+template class Corrector<3>;
+
+}  // namespace efree

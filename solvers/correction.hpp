@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// From the cloud's answer to that of the finite elements of its fine mesh, and how far apart the two are.
+#pragma once
+
+#include "efree/solvers/static_analysis.hpp"
+
+#include <memory>
+#include <vector>
+
+namespace efree {
+
+struct CorrectionOptions {
+  int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least two
+  double tolerance = 0.01;  ///< relative error in the energy norm that may be left
+  int most = 200;           ///< iterations after which it is given up
+};
+
+/// A displacement of the finite elements on the fine mesh and what is known of its error. Errors are relative, in the
+/// energy norm, against the solution of the finite element problem.
+template <int Dim> struct Correction {
+  Points<Dim> displacement;    ///< Dim x space.size(), at the fine degrees of freedom
+  double strain_energy = 0.0;  ///< of the finite elements [force * length]
+  int iterations = 0;          ///< that led to `displacement`
+  double cloud_error = 0.0;    ///< of the answer it started from
+  double error = 0.0;          ///< of `displacement`, estimated
+  /// Squared error that each step took off, relative: the best answer in the space of the cloud first, then the
+  /// iterations, also those beyond `displacement` that the estimate took.
+  std::vector<double> taken;
+};
+
+/// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud are the
+/// coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009, A-DEF2), a Chebyshev polynomial of symmetric
+/// Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro 2003). The finite element problem is that of
+/// BasisKind::p1 (p2 if approximation.space is of degree 2) with conditions set strongly, wherever nodal values can
+/// hold them, and regions that share their nodes. Errors come from what the iterations take off (Hestenes & Stiefel
+/// 1952; Strakos & Tichy 2002).
+template <int Dim> class Corrector {
+ public:
+  /// Assembles, and factors the coarse problem. Keeps references to the approximation. Throws like ElasticSolver, and
+  /// InputError if the approximation averages dilatations (B-bar): finite elements lock there.
+  Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
+            const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
+            const Progress& progress = {});
+  ~Corrector();
+  Corrector(Corrector&&) noexcept;
+
+  /// Starts from the field with these coefficients (Dim x N) of the approximation. Throws NumericalError if the
+  /// iterations break down or end without reaching the tolerance.
+  Correction<Dim> correct(const Points<Dim>& coefficients, const Loads<Dim>& loads,
+                          const CorrectionOptions& options = {}) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace efree

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Smoother for block matrices: what is rough in an error goes.
+#pragma once
+
+#include "efree/assembly/block_matrix.hpp"
+
+#include <functional>
+
+namespace efree {
+
+/// Polynomial in B K, B symmetric Gauss-Seidel sweeps within chunks of nodes (block Jacobi between them, so that
+/// threads change nothing), chosen by Chebyshev to be small on the upper part of the spectrum (Adams, Brezina, Hu &
+/// Tuminaro 2003). Symmetric and positive definite on what is free.
+template <int Dim> class Smoother {
+ public:
+  /// free(node): projector onto the directions that are not held. `reach`: distance, in nodes of K, of what takes over
+  /// from the smoother; its degree follows from it. Estimates the largest eigenvalue of B K.
+  Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, double reach);
+  /// z = M r, both Dim x K.size().
+  void apply(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const;
+
+ private:
+  void sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const;
+
+  std::vector<Mat<Dim>> inverse_diagonal_;  ///< on what is free
+  double largest_ = 1.0;                    ///< eigenvalue of B K, at least
+  int degree_;                              ///< sweeps
+};
+
+}  // namespace efree

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Corrections of the cloud's answer towards the finite elements of its fine mesh.
+#include "efree/solvers/correction.hpp"
+
+#include "efree/bench/inclusion.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/solid_shapes.hpp"
+#include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+using ::testing::HasSubstr;
+
+template <int Dim> struct Problem {
+  FineMesh<Dim> mesh;
+  ApproximationOptions cloud;
+  ElasticModel model;
+  std::vector<DisplacementCondition<Dim>> supports;
+  Loads<Dim> loads;
+};
+
+template <int Dim> struct Corrected {
+  Approximation<Dim> cloud;
+  Solution<Dim> solution;
+  Correction<Dim> correction;
+};
+template <int Dim> Corrected<Dim> correct(const Problem<Dim>& problem, const CorrectionOptions& options) {
+  Corrected<Dim> result{approximate(problem.mesh, problem.cloud), {}, {}};
+  result.solution = ElasticSolver<Dim>(result.cloud, problem.model, problem.supports).solve(problem.loads);
+  result.correction = Corrector<Dim>(result.cloud, problem.model, problem.supports)
+                          .correct(result.solution.coefficients, problem.loads, options);
+  return result;
+}
+
+/// The finite element solution by a direct solver on the same mesh.
+template <int Dim>
+Solution<Dim> elements(const Problem<Dim>& problem, int degree, Essential essential = Essential::strong) {
+  const auto approximation = approximate<Dim>(
+      problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2, .axisymmetric = problem.cloud.axisymmetric});
+  ElasticModel model = problem.model;
+  model.essential = essential;
+  return ElasticSolver<Dim>(approximation, model, problem.supports).solve(problem.loads);
+}
+
+/// The corrected answer and the one by a direct solver are the same, everywhere.
+template <int Dim> void expect_same_as_elements(const Problem<Dim>& problem, Essential essential = Essential::strong,
+                                                int most_iterations = 30) {
+  const auto corrected = correct(problem, {.tolerance = 1e-9});
+  const auto direct = elements(problem, corrected.cloud.space.degree(), essential);
+  EXPECT_NEAR(corrected.correction.strain_energy, direct.strain_energy, 1e-9 * direct.strain_energy);
+  EXPECT_LT((corrected.correction.displacement - direct.coefficients).cwiseAbs().maxCoeff(),
+            1e-7 * direct.coefficients.cwiseAbs().maxCoeff());
+  EXPECT_LE(corrected.correction.iterations, most_iterations);
+}
+
+Problem<2> plate(int interpolation = 1) {
+  return {testing::body("plate_with_hole").mesh,
+          {.interpolation = interpolation, .spacing = 0.2},
+          {.material = {1.0, 0.3}},
+          {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+          {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}};
+}
+Problem<3> bar(double length = 2.0) {
+  return {FineMesh<3>(solids::box({length, 1.0, 1.0}, 0.15)),
+          {.spacing = 0.45},
+          {.material = {1.0, 0.3}},
+          {clamp<3>("left")},
+          {.tractions = {{"right",
+                          [](const Vec<3>&, const Vec<3>&) -> Vec<3> {
+                            return {0.0, 0.0, 1.0};
+                          }}},
+           .body_force = [](const Vec<3>& x) -> Vec<3> {
+             return {0.1 * x[1], 0.0, 0.2};
+           }}};
+}
+
+TEST(Correction, EndsAtTheLinearElementsOfThePlate) {
+  expect_same_as_elements(plate());
+}
+TEST(Correction, EndsAtTheQuadraticElementsOfThePlate) {
+  expect_same_as_elements(plate(2));
+}
+TEST(Correction, EndsAtTheTetrahedraOfABentBar) {
+  expect_same_as_elements(bar());
+}
+TEST(Correction, EndsAtTheElementsWithOrderTwo) {
+  Problem<2> problem = plate(2);
+  problem.cloud.order = 2;
+  expect_same_as_elements(problem);
+}
+/// Cells as flat as 0.1 degree in a third of the body: point by point they are smoothed slowly.
+TEST(Correction, EndsAtTheElementsOnSlivers) {
+  expect_same_as_elements<2>({testing::body("slivers").mesh,
+                              {.spacing = 0.25},
+                              {.material = {1.0, 0.3}},
+                              {clamp<2>("left")},
+                              {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
+                             Essential::strong, 100);
+}
+TEST(Correction, EndsAtTheElementsAroundASlit) {
+  expect_same_as_elements<2>({testing::body("slit").mesh,
+                              {.spacing = 0.25},
+                              {.material = {1.0, 0.3}, .plane = Plane::strain},
+                              {clamp<2>("left")},
+                              {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}});
+}
+TEST(Correction, EndsAtTheElementsOfABodyOfRevolution) {
+  expect_same_as_elements<2>(
+      {triangulate(shapes::rectangle(0.0, 0.0, 1.0, 2.0), {.size = 0.06}),
+       {.axisymmetric = true, .spacing = 0.3},
+       {.material = {1.0, 0.3}, .plane = Plane::axisymmetric},
+       {symmetry_plane<2>("bottom")},
+       {.tractions = {tension<2>("top", 1.0), pressure<2>("right", [](const Vec<2>& x) { return x[1]; })},
+        .body_force = {}}});
+}
+TEST(Correction, KeepsDisplacementsThatAreNotZero) {
+  Problem<2> problem = plate();
+  problem.supports.push_back({"right", {[](const Vec<2>& x) { return 0.1 + 0.05 * x[1] * x[1]; }, nullptr}, nullptr});
+  problem.loads = {};
+  expect_same_as_elements(problem);
+}
+/// The walls of round holes can only be held weakly.
+TEST(Correction, EndsAtTheElementsHeldByNitscheWhereWallsAreCurved) {
+  expect_same_as_elements<2>({testing::body("random_holes").mesh,
+                              {.interpolation = 1, .spacing = 0.1},
+                              {.material = {1.0, 0.3}},
+                              {{"holes", {}, [](const Vec<2>& x) { return 0.01 * x[0]; }}},
+                              {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
+                             Essential::nitsche);
+}
+
+/// Regions that the cloud ties weakly share their nodes in the elements: the same mesh, not parted.
+TEST(Correction, EndsAtTheConformingElementsOfInclusionsAThousandTimesAsStiffOrAsSoft) {
+  for (const double contrast : {1000.0, 0.001}) {
+    const bench::Inclusion inclusion(1.0, 0.6, contrast);
+    const MeshData<2> data = inclusion.mesh(0.06);
+    const std::vector<DisplacementCondition<2>> supports{symmetry_plane<2>("left"), symmetry_plane<2>("bottom")};
+    const auto corrected = correct<2>({FineMesh<2>(cut_regions(data)),
+                                       {.interpolation = 1, .spacing = 0.3},
+                                       inclusion.model(Essential::nitsche),
+                                       supports,
+                                       inclusion.loads()},
+                                      {.tolerance = 1e-9});
+    const auto direct =
+        elements<2>({FineMesh<2>(data), {}, inclusion.model(Essential::strong), supports, inclusion.loads()}, 1);
+    EXPECT_NEAR(corrected.correction.strain_energy, direct.strain_energy, 1e-9 * direct.strain_energy) << contrast;
+    EXPECT_LE(corrected.correction.iterations, 30);
+  }
+}
+
+/// Linear fields are in both spaces.
+TEST(Correction, HasNothingToDoInThePatchTest) {
+  const auto body = testing::body("square");
+  const auto field = testing::linear_fields<2>().front();
+  const VectorField<2> u = [&](const Vec<2>& x) { return field.displacement(x); };
+  std::vector<DisplacementCondition<2>> supports;
+  for (const auto& side : body.outer) supports.push_back(testing::displacement<2>(side, u));
+  const auto corrected = correct<2>({body.mesh, {.spacing = body.spacing}, {.material = {1.0, 0.3}}, supports, {}}, {});
+  EXPECT_LT(corrected.correction.error, 1e-11);
+  EXPECT_LT(corrected.correction.cloud_error, 1e-11);
+  for (Index dof = 0; dof < corrected.cloud.space.size(); ++dof)
+    EXPECT_LT((corrected.correction.displacement.col(dof) - u(corrected.cloud.space.points().col(dof))).norm(), 1e-12);
+}
+
+/// Errors said against errors found, for the cloud and after some iterations.
+template <int Dim> void expect_honest(const Problem<Dim>& problem) {
+  const auto exact = correct(problem, {.tolerance = 1e-8}).correction;
+  const double energy = exact.strain_energy;
+  for (const int iterations : {0, 1, 2, 3}) {
+    const auto some = correct(problem, {.iterations = iterations}).correction;
+    ASSERT_EQ(some.iterations, iterations);
+    // Loads are the same, and nothing that is prescribed moves: the energies differ by that of the error.
+    const double error = std::sqrt(std::abs(some.strain_energy - energy) / energy);
+    EXPECT_GT(some.error, 0.7 * error) << iterations;
+    EXPECT_LT(some.error, 1.4 * error) << iterations;
+    EXPECT_GT(some.cloud_error, 0.95 * exact.cloud_error) << iterations;
+    EXPECT_LT(some.cloud_error, 1.05 * exact.cloud_error) << iterations;
+  }
+}
+TEST(Correction, SaysItsErrorOnThePlate) {
+  expect_honest(plate());
+}
+TEST(Correction, SaysItsErrorInTheBar) {
+  expect_honest(bar());
+}
+TEST(Correction, StopsAtTheToleranceAskedFor) {
+  int before = 0;
+  for (const double tolerance : {0.1, 1e-2, 1e-4}) {
+    const auto corrected = correct(plate(), {.tolerance = tolerance}).correction;
+    EXPECT_LT(corrected.error, tolerance);
+    EXPECT_GE(corrected.iterations, before);
+    before = corrected.iterations;
+  }
+}
+TEST(Correction, RefusesToGiveBackLessThanWasAskedFor) {
+  try {
+    correct(plate(), {.tolerance = 1e-8, .most = 3});
+    FAIL();
+  } catch (const NumericalError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("after 3 iterations, 1e-08 was asked for"));
+  }
+}
+TEST(Correction, RefusesBasesThatAverageDilatations) {
+  Problem<2> problem = plate();
+  problem.cloud.dilatation = true;
+  EXPECT_THROW(correct(problem, {}), InputError);
+}
+TEST(Correction, OneAndTwoThreadsAgreeBitwise) {
+  set_num_threads(1);
+  const auto one = correct(bar(), {.tolerance = 1e-4}).correction;
+  set_num_threads(2);
+  const auto two = correct(bar(), {.tolerance = 1e-4}).correction;
+  set_num_threads(1);
+  EXPECT_TRUE((one.displacement.array() == two.displacement.array()).all());
+  EXPECT_EQ(one.error, two.error);
+  EXPECT_EQ(one.strain_energy, two.strain_energy);
+}
+TEST(Correction, OneFactorServesSeveralLoads) {
+  Problem<3> problem = bar();
+  const auto cloud = approximate(problem.mesh, problem.cloud);
+  const Corrector<3> corrector(cloud, problem.model, problem.supports);
+  const ElasticSolver<3> solver(cloud, problem.model, problem.supports);
+  for (const Loads<3>& loads : {problem.loads, Loads<3>{{tension<3>("top", 1.0)}, {}}}) {
+    problem.loads = loads;
+    const auto direct = elements(problem, 1);
+    const auto corrected = corrector.correct(solver.solve(loads).coefficients, loads, {.tolerance = 1e-8});
+    EXPECT_NEAR(corrected.strain_energy, direct.strain_energy, 1e-9 * direct.strain_energy);
+  }
+}
+
+}  // namespace
+}  // namespace efree
