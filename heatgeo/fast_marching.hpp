@@ -20,11 +20,11 @@ class FastMarching {
   /// Spreads from all `sources` at once through the body, to vertices nearer than `radius`.
   void march(std::span<const Index> sources, double radius);
 
-  /// Vertices reached by the last march, in no special order; `distance` and `origin` hold for them.
-  const std::vector<Index>& reached() const { return reached_; }
-  double distance(Index v) const { return distance_[v]; }
-  /// Vertex from which the path comes straight to v; a source is its own origin. Never farther than v itself.
-  Index origin(Index v) const { return origin_[v]; }
+  /// Calls body(Reached) for all vertices reached by the last march, in no special order.
+  template <class Body> void for_each_reached(const Body& body) const {
+    for (const Index v : reached_) body(Reached{v, distance_[v], origin_[v]});
+  }
+  Index num_reached() const { return static_cast<Index>(reached_.size()); }
 
  private:
   void offer(Index v, double distance, Index origin);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What a march keeps in its heap.
+/// What a march keeps in its heap, and what it hands over.
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -14,6 +14,13 @@ struct Front {
   friend bool operator<(const Front& a, const Front& b) {
     return a.distance != b.distance ? a.distance > b.distance : a.vertex > b.vertex;
   }
+};
+
+/// A vertex that a march has reached.
+struct Reached {
+  Index vertex;
+  double distance;
+  Index origin;  ///< vertex from which the path comes straight to this one, never farther; a source is its own origin
 };
 
 }  // namespace efree

@@ -141,7 +141,12 @@ template <int Dim> class PatchGeodesics {
     if (is(Weight::heat_geodesic)) delaunay_ = mesh_for_heat(mesh);
     mesh_ = delaunay_ ? &*delaunay_ : &mesh;
     if (is(Weight::euclidean)) grid_.emplace(mesh);
-    if (is(Weight::visibility) || is(Weight::fast_marching)) sight_.emplace(mesh);
+    if (is(Weight::visibility) || is(Weight::fast_marching)) {
+      if constexpr (Dim == 2)
+        sight_.emplace(mesh);
+      else
+        sight_.emplace(mesh, SpatialSight::Search::patches);
+    }
   }
 
   /// Unsorted fields of all sources, each handed to `finish` as soon as it is there.
@@ -176,7 +181,7 @@ template <int Dim> class PatchGeodesics {
   template <class Use> void use_scratch(const Use& body) const {
     const auto make = [&] {
       auto scratch = std::make_unique<Scratch>();
-      if (is(Weight::fast_marching) || is(Weight::heat_geodesic)) scratch->finder.emplace(*mesh_);
+      if ((Dim == 2 && is(Weight::fast_marching)) || is(Weight::heat_geodesic)) scratch->finder.emplace(*mesh_);
       if constexpr (Dim == 2)
         if (is(Weight::visibility)) scratch->visible.emplace(*sight_);
       if (is(Weight::fast_marching)) scratch->marching.emplace(*sight_);
@@ -194,13 +199,15 @@ template <int Dim> class PatchGeodesics {
         scratch.visible->measure(source, radius);
         return reached_by(*scratch.visible);
       }
+    if constexpr (Dim == 3)
+      if (is(Weight::fast_marching)) {
+        scratch.marching->march(source, radius);
+        return reached_by(*scratch.marching);
+      }
     const Patch<Dim>& patch = scratch.finder->around(source, radius);
     if (!patch.obstructed && !options_.always_solve) return straight_distances(patch);
     if (is(Weight::heat_geodesic)) return std::nullopt;
-    if constexpr (Dim == 2)
-      scratch.marching->march({&source, 1}, radius);
-    else
-      scratch.marching->march(patch);
+    scratch.marching->march({&source, 1}, radius);
     return reached_by(*scratch.marching);
   }
 
@@ -225,10 +232,20 @@ template <int Dim> class PatchGeodesics {
     field.values.push_back(distance);
   }
 
-  template <class Engine> static LocalField reached_by(const Engine& engine) {
-    LocalField field{engine.reached(), {}};
+  static LocalField reached_by(const VisibleDistance& visible) {
+    LocalField field{visible.reached(), {}};
     field.values.reserve(field.vertices.size());
-    for (Index v : field.vertices) field.values.push_back(engine.distance(v));
+    for (Index v : field.vertices) field.values.push_back(visible.distance(v));
+    return field;
+  }
+  static LocalField reached_by(const Marching& marching) {
+    LocalField field;
+    field.vertices.reserve(marching.num_reached());
+    field.values.reserve(marching.num_reached());
+    marching.for_each_reached([&](const Reached& at) {
+      field.vertices.push_back(at.vertex);
+      field.values.push_back(at.distance);
+    });
     return field;
   }
 
@@ -325,7 +342,12 @@ template <int Dim> SparseRows node_distances(const FineMesh<Dim>& mesh, const st
 template <int Dim>
 NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources, double reach) {
   check_sources(mesh, sources, Vector::Ones(static_cast<Index>(sources.size())));
-  const typename PatchGeodesics<Dim>::Sight sight(mesh);
+  const auto sight = [&] {
+    if constexpr (Dim == 2)
+      return SightLines(mesh);
+    else
+      return SpatialSight(mesh, SpatialSight::Search::none);
+  }();
   typename PatchGeodesics<Dim>::Marching marching(sight);
   marching.march(sources, reach);
   NearestSource nearest;
@@ -333,11 +355,13 @@ NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>
   nearest.distance.setConstant(mesh.num_vertices(), infinity);
   for (std::size_t i = sources.size(); i-- > 0;) nearest.source[sources[i]] = static_cast<Index>(i);
   // An origin is nearer than what it reaches.
-  std::vector<Index> order = marching.reached();
-  std::sort(order.begin(), order.end(), [&](Index a, Index b) { return marching.distance(a) < marching.distance(b); });
-  for (Index v : order) {
-    nearest.distance[v] = marching.distance(v);
-    nearest.source[v] = nearest.source[marching.origin(v)];
+  std::vector<Reached> reached;
+  reached.reserve(marching.num_reached());
+  marching.for_each_reached([&](const Reached& at) { reached.push_back(at); });
+  std::ranges::sort(reached, {}, &Reached::distance);
+  for (const Reached& at : reached) {
+    nearest.distance[at.vertex] = at.distance;
+    nearest.source[at.vertex] = nearest.source[at.origin];
   }
   return nearest;
 }

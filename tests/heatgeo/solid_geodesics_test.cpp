@@ -2,6 +2,7 @@
 /// Distances and weights in space.
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/solid_shapes.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/marching_3d.hpp"
 #include "efree/tests/solids.hpp"
@@ -115,6 +116,96 @@ TEST(SolidGeodesics, PathsGoAroundAHoleInTheMesh) {
   EXPECT_NEAR(field.values[target], exact, 0.1 * exact);
   for (std::size_t k = 0; k < field.vertices.size(); ++k)
     EXPECT_GE(field.values[k], (mesh.vertex(field.vertices[k]) - mesh.vertex(source)).norm() - 1e-12);
+}
+
+/// The box with a cube of cells cut out of its middle, lattice or not: many lines pass through edges and vertices of
+/// the hole, or along its sides.
+FineMesh<3> box_with_hole(double jitter) {
+  MeshData<3> data = testing::box(12, jitter);
+  std::vector<Index> kept;
+  for (Index c = 0; c < data.cells.cols(); ++c) {
+    Vec<3> centre = Vec<3>::Zero();
+    for (int i = 0; i < 4; ++i) centre += 0.25 * data.vertices.col(data.cells(i, c));
+    if ((centre - Vec<3>::Constant(0.5)).cwiseAbs().maxCoeff() > 0.25) kept.push_back(c);
+  }
+  data.cells = data.cells(Eigen::all, kept).eval();
+  return FineMesh<3>(data);
+}
+
+/// Where the open segment meets the plane of a facet: the smallest barycentric coordinate, or -1 where it does not.
+double passes_through(const FineMesh<3>& mesh, Index f, const Vec<3>& p, const Vec<3>& q) {
+  const Vec<3> a = mesh.vertex(mesh.facets()(0, f)), b = mesh.vertex(mesh.facets()(1, f)) - a,
+               c = mesh.vertex(mesh.facets()(2, f)) - a, normal = b.cross(c);
+  const double from = normal.dot(p - a), to = normal.dot(q - a), t = from / (from - to);
+  if (std::max(std::abs(from), std::abs(to)) < 1e-12 || !(t > 1e-9 && t < 1.0 - 1e-9)) return -1.0;
+  const Vec<3> x = p + t * (q - p) - a;
+  const double u = normal.dot(b.cross(x)) / normal.squaredNorm(), v = normal.dot(x.cross(c)) / normal.squaredNorm();
+  return std::min({u, v, 1.0 - u - v});
+}
+
+/// Against every facet in turn: a line that stays clear of all of them, or ends at its own, is the distance; through
+/// the inside of one, the distance is longer.
+TEST(SolidGeodesics, DistancesAreStraightWhereNoFacetIsInTheWayAndLongerBehindOne) {
+  for (const FineMesh<3>& mesh : {box_with_hole(0.0), box_with_hole(0.2), testing::slit_box(n)}) {
+    std::vector<Index> sources;
+    for (Index v = 11; v < mesh.num_vertices(); v += 311) sources.push_back(v);
+    const double radius = 0.8;
+    const auto fields = Geodesics<3>(mesh, {.engine = Weight::fast_marching})
+                            .from(sources, Vector::Constant(static_cast<Index>(sources.size()), radius));
+    Index clear = 0, behind = 0;
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+      std::vector<double> distance(mesh.num_vertices(), radius);
+      for (std::size_t k = 0; k < fields[i].vertices.size(); ++k) distance[fields[i].vertices[k]] = fields[i].values[k];
+      const Vec<3> x = mesh.vertex(sources[i]);
+      for (Index v = 0; v < mesh.num_vertices(); ++v) {
+        const Vec<3> y = mesh.vertex(v);
+        const double straight = (y - x).norm();
+        if (straight >= radius || straight == 0.0) continue;
+        double deepest = -1.0;
+        for (Index f = 0; f < mesh.num_facets(); ++f) deepest = std::max(deepest, passes_through(mesh, f, x, y));
+        const bool ends_on_boundary = mesh.on_boundary(v) || mesh.on_boundary(sources[i]);
+        if (deepest > 1e-6) {
+          EXPECT_GT(distance[v], straight) << "from " << x.transpose() << " to " << y.transpose();
+          ++behind;
+        } else if (deepest < -1e-6 && !ends_on_boundary) {
+          EXPECT_NEAR(distance[v], straight, 1e-12) << "from " << x.transpose() << " to " << y.transpose();
+          ++clear;
+        }
+        EXPECT_GE(distance[v], straight - 1e-12);
+      }
+    }
+    EXPECT_GT(clear, 100);
+    EXPECT_GT(behind, 100);
+  }
+}
+
+/// Largest error anywhere around a spherical cavity: straight, or tangent, arc, tangent.
+TEST(SolidGeodesics, PathsAroundASphereAreLongerByOnePerCentInTheMean) {
+  const FineMesh<3> mesh(solids::spherical_cavity(1.0, 2.0, 0.2));
+  std::vector<Index> sources;
+  for (Index v = 0; v < mesh.num_vertices(); v += 97) sources.push_back(v);
+  const double radius = 1.5;
+  const auto fields = Geodesics<3>(mesh, {.engine = Weight::fast_marching})
+                          .from(sources, Vector::Constant(static_cast<Index>(sources.size()), radius));
+  double longest = 0.0, shortest = 0.0, sum = 0.0;
+  Index behind = 0;
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    for (std::size_t k = 0; k < fields[i].vertices.size(); ++k) {
+      const Vec<3> x = mesh.vertex(sources[i]), y = mesh.vertex(fields[i].vertices[k]);
+      const double a = std::max(x.norm(), 1.0), b = std::max(y.norm(), 1.0);
+      const double angle = std::acos(std::clamp(x.dot(y) / (x.norm() * y.norm()), -1.0, 1.0));
+      const double arc = angle - std::acos(1.0 / a) - std::acos(1.0 / b);
+      if (arc <= 0.01) continue;  // the mesh's sphere has flat facets
+      const double error = (fields[i].values[k] - (std::sqrt(a * a - 1.0) + std::sqrt(b * b - 1.0) + arc)) / radius;
+      longest = std::max(longest, error);
+      shortest = std::min(shortest, error);
+      sum += std::abs(error);
+      ++behind;
+    }
+  EXPECT_GT(behind, 1000);
+  EXPECT_LT(sum / behind, 0.01);
+  EXPECT_LT(longest, 0.06);
+  EXPECT_GT(shortest, -0.001);
 }
 
 TEST(SolidGeodesics, NearestSourcesAgreeWithSingleOnes) {
