@@ -51,6 +51,7 @@
 #include "efree/io/expression.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
+#include "efree/io/picture.hpp"
 #include "efree/io/run_case.hpp"
 #include "efree/io/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"

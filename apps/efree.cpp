@@ -3,10 +3,10 @@
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/io/child_process.hpp"
 #include "efree/io/convergence.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
+#include "efree/io/picture.hpp"
 #include "efree/io/writers.hpp"
 #include "on_interrupt.hpp"
 
@@ -33,26 +33,6 @@ struct Options {
   StudyOptions study;
 };
 
-/// Draws a picture by the program beside this one; whatever goes wrong there is a message here.
-void draw_picture(OutputDirectory& out, const std::string& picture, std::vector<std::string> arguments,
-                  Display& display) {
-  out.supersede(picture);
-  const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "efree-picture";
-  arguments.insert(arguments.begin(), program.string());
-  arguments.push_back(picture);
-  std::string said;
-  const int status = run_program(out.staging(), arguments, &said);
-  if (status == 0) return;
-  std::error_code ignored;
-  fs::remove(out.file(picture), ignored);
-  // VTK may have talked before; the reason is the last line.
-  while (said.ends_with('\n')) said.pop_back();
-  std::string reason = said.substr(said.rfind('\n') + 1);
-  if (status == 127) reason = fmt::format("{} does not run", program.string());
-  if (reason.empty()) reason = fmt::format("{} ended with status {}", program.string(), status);
-  display.say(fmt::format("no picture ({}): {}; everything else is written", picture, reason));
-}
-
 std::string estimates_text(const Estimates& estimates) {
   const std::string of_cloud =
       fmt::format("error in the energy norm: {:.2g} % of the cloud", 100.0 * estimates.uncorrected);
@@ -78,9 +58,14 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
-      write_fields(out.file("fields.vtu"), analysis, result);
-      write_nodes(out.file("nodes.vtu"), result);
-      if (!options.no_picture) draw_picture(out, "fields.png", {"fields.vtu"}, display);
+      out.supersede("fields.png");
+      const auto draw = [&] { draw_fields(out.file("fields.png"), analysis, result); };
+      const auto write = [&] {
+        write_fields(out.file("fields.vtu"), analysis, result);
+        write_nodes(out.file("nodes.vtu"), result);
+      };
+      // Both only read the result.
+      parallel_chunks(options.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write() : draw(); });
     }
     write_result(out.file("result.json"), analysis, result);
     if (result.refusal.empty())
@@ -101,7 +86,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
   return 0;
 }
 
-void inspect_file(const Options& options, Display& display) {
+void inspect_file(const Options& options) {
   std::visit(
       [&](const auto& inspection) {
         const std::string json = inspection_json(inspection);
@@ -111,7 +96,7 @@ void inspect_file(const Options& options, Display& display) {
           std::ofstream stream(out.file("inspection.json"));
           stream << json;
           if (!stream.flush()) throw InputError(fmt::format("cannot write to {}", options.out));
-          draw_picture(out, "geometry.png", {"--geometry", "geometry.vtu"}, display);
+          draw_pieces(out.file("geometry.png"), inspection);
           out.commit();
         }
         fmt::print("{}", options.json ? json : inspection_text(inspection));
@@ -198,7 +183,7 @@ int run(int argc, char** argv) {
   Display display(options.quiet);
   try {
     if (inspect_command.parsed()) {
-      inspect_file(options, display);
+      inspect_file(options);
       return 0;
     }
     return std::visit(

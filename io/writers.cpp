@@ -86,24 +86,6 @@ template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
   return {"xx", "yy", "xy"};
 }
 
-/// von Mises stress at the degrees of freedom. Where two regions share one, the material is that of the first cell.
-template <int Dim>
-Matrix mises_at_dofs(const FineSpace<Dim>& space, const ElasticModel& model, const VoigtPoints<Dim>& stress) {
-  Matrix mises(1, space.size());
-  if constexpr (Dim == 3) {
-    for (Index p = 0; p < space.size(); ++p) mises(0, p) = von_mises(Voigt<3>(stress.col(p)));
-  } else {
-    std::vector<char> done(space.size(), 0);
-    for (Index c = 0; c < space.mesh().num_cells(); ++c)
-      for (const Index p : space.cell(c)) {
-        if (done[p]) continue;
-        done[p] = 1;
-        mises(0, p) = von_mises(stress.col(p), model.plane, model.regions[space.mesh().region(c)].nu);
-      }
-  }
-  return mises;
-}
-
 /// 1 at degrees of freedom on the parts that the conditions are on, else 0.
 template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
   Matrix mark = Matrix::Zero(1, space.size());
@@ -119,7 +101,7 @@ void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
   writer->SetInputData(grid);
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
-  writer->SetCompressorTypeToZLib();
+  writer->SetCompressorTypeToNone();  // would take twenty times as long for a third of the bytes
   if (!writer->Write()) cannot_write(file);
 }
 
@@ -139,6 +121,24 @@ ordered_json errors_json(const Errors& errors) {
 
 std::string version() {
   return EFREE_VERSION;
+}
+
+template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result) {
+  const FineSpace<Dim>& space = result.approximation.space;
+  const auto& stress = result.fields.stress;
+  Vector mises(space.size());
+  if constexpr (Dim == 3) {
+    for (Index p = 0; p < space.size(); ++p) mises[p] = von_mises(Voigt<3>(stress.col(p)));
+  } else {
+    std::vector<char> done(space.size(), 0);
+    for (Index c = 0; c < space.mesh().num_cells(); ++c)
+      for (const Index p : space.cell(c)) {
+        if (done[p]) continue;
+        done[p] = 1;
+        mises[p] = von_mises(stress.col(p), result.model.plane, result.model.regions[space.mesh().region(c)].nu);
+      }
+  }
+  return mises;
 }
 
 template <int Dim>
@@ -161,7 +161,7 @@ void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, 
   add_array(grid, "displacement", fields.displacement, {"x", "y", "z"});
   add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
   add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
-  add_array(grid, "von_mises", mises_at_dofs<Dim>(space, result.model, fields.stress), {""});
+  add_array(grid, "von_mises", von_mises_at_dofs(result).transpose(), {""});
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, analysis.supports), {""}));
   grid->GetPointData()->AddArray(
       array_of<vtkUnsignedCharArray>("loaded", marked(space, analysis.loads.tractions), {""}));
@@ -240,6 +240,8 @@ void write_failure(const std::filesystem::path& file, const CaseSettings& analys
       {{"title", analysis.title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
 }
 
+template Vector von_mises_at_dofs<2>(const CaseResult<2>&);
+template Vector von_mises_at_dofs<3>(const CaseResult<3>&);
 template void write_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
 template void write_nodes<2>(const std::filesystem::path&, const CaseResult<2>&);
 template void write_result<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);

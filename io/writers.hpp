@@ -12,7 +12,11 @@ namespace efree {
 /// Version of the library, as in "0.1.0".
 std::string version();
 
-/// Fields on the fine mesh for ParaView (VTK, compressed binary): point data displacement (3 components), strain (xx,
+/// von Mises stress at the degrees of freedom of the space. Where two regions share one, the material is that of the
+/// first cell.
+template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result);
+
+/// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
 /// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0).
 /// Quadratic spaces become quadratic cells. Throws InputError if the file cannot be written, as all writers do.

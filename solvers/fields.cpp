@@ -77,17 +77,19 @@ Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& a
 /// is exact for quadratics wherever f_I and g_I are, since the functions reproduce linear ones:
 /// f_I + 1/2 g_I . (x - x_I) = f + 1/2 g . (x_I - x) for values and slopes f, g at x. Elements have x = x_I at every
 /// node.
-template <int Dim> Matrix blend(const Approximation<Dim>& approximation, const Matrix& fits) {
-  const Index rows = fits.rows() / (Dim + 1);
-  Matrix field = Matrix::Zero(rows, approximation.shape.num_points());
+template <int Dim, int Rows> Matrix blend(const Approximation<Dim>& approximation, const Matrix& fits) {
+  using Fit = Eigen::Matrix<double, Rows, Dim + 1>;
+  Matrix field(Rows, approximation.shape.num_points());
   parallel_for(approximation.shape.num_points(), [&](Index p) {
     const auto row = approximation.shape.row(p);
+    Eigen::Matrix<double, Rows, 1> sum = Eigen::Matrix<double, Rows, 1>::Zero();
     for (std::size_t k = 0; k < row.nodes.size(); ++k) {
       const Index I = row.nodes[k];
       Eigen::Matrix<double, Dim + 1, 1> at;
       at << 1.0, 0.5 * (approximation.space.points().col(p) - approximation.nodes.col(I));
-      field.col(p).noalias() += fits.col(I).reshaped(rows, Dim + 1) * (row.N[k] * at);
+      sum.noalias() += Eigen::Map<const Fit>(fits.col(I).data()) * (row.N[k] * at);
     }
+    field.col(p) = sum;
   });
   return field;
 }
@@ -225,7 +227,10 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   const Index strains = solution.strain.rows(), stresses = solution.stress.rows();
   Matrix values(strains + stresses, approximation.quadrature.size());
   values << solution.strain, solution.stress;
-  const Matrix field = blend(approximation, fit_at_nodes(approximation, fit_weights(approximation.quadrature), values));
+  const Matrix fits = fit_at_nodes(approximation, fit_weights(approximation.quadrature), values);
+  const Matrix field = with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
+  });
   if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }

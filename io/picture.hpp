@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Pictures of results and of geometry (PNG, 1600 x 1200), drawn in memory: they need no display.
+#pragma once
+
+#include "efree/io/inspect.hpp"
+#include "efree/io/run_case.hpp"
+
+#include <filesystem>
+
+namespace efree {
+
+/// von Mises stress on the deformed body, the undeformed one behind it, and where it is held and loaded. Displacements
+/// are drawn at a fifteenth of the body's size. Throws InputError if the file cannot be written.
+template <int Dim>
+void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
+
+/// Regions and named parts of the boundary, each in a colour of its own. Throws InputError if the file cannot be
+/// written.
+template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);
+
+}  // namespace efree
