@@ -169,6 +169,18 @@ template <int Dim> std::span<const Index> FineSpace<Dim>::cell(Index c) const {
   return {cell_dofs_.data() + static_cast<std::size_t>(c) * cell_size_, static_cast<std::size_t>(cell_size_)};
 }
 
+template <int Dim> std::vector<std::array<Index, 2>> FineSpace<Dim>::edges() const {
+  std::vector<std::array<Index, 2>> ends(size() - mesh_->num_vertices());
+  if (ends.empty()) return ends;
+  for (Index c = 0; c < mesh_->num_cells(); ++c) {
+    const auto dofs = cell(c);
+    std::size_t k = Dim + 1;
+    for (int i = 0; i <= Dim; ++i)
+      for (int j = i + 1; j <= Dim; ++j) ends[dofs[k++] - mesh_->num_vertices()] = {dofs[i], dofs[j]};
+  }
+  return ends;
+}
+
 template <int Dim> std::vector<Index> FineSpace<Dim>::facet(Index f) const {
   std::vector<Index> dofs;
   for (int k = 0; k < Dim; ++k) dofs.push_back(mesh_->facets()(k, f));

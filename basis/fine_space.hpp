@@ -5,6 +5,7 @@
 #include "efree/geometry/fine_mesh.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numbers>
 #include <span>
 
@@ -39,6 +40,8 @@ template <int Dim> class FineSpace {
   const Points<Dim>& points() const { return points_; }
   /// Degrees of freedom of cell c: its vertices, then (degree 2) the midpoints of edges (0,1), (0,2), (1,2), ...
   std::span<const Index> cell(Index c) const;
+  /// Ends of the edge that each degree of freedom beyond the vertices is the middle of; empty for degree 1.
+  std::vector<std::array<Index, 2>> edges() const;
   /// Degrees of freedom on boundary facet f, each once.
   std::vector<Index> facet(Index f) const;
 

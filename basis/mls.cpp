@@ -133,20 +133,6 @@ SparseRows replace_columns(const SparseRows& matrix, const std::vector<Index>& c
                                       columns.data(), values.data());
 }
 
-/// Ends of the edge that each degree of freedom of the space beyond the vertices is the middle of.
-template <int Dim> std::vector<std::array<Index, 2>> edges_of(const FineSpace<Dim>& space) {
-  const FineMesh<Dim>& mesh = space.mesh();
-  std::vector<std::array<Index, 2>> edges(space.size() - mesh.num_vertices());
-  if (edges.empty()) return edges;
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    const auto dofs = space.cell(c);
-    std::size_t k = Dim + 1;
-    for (int i = 0; i <= Dim; ++i)
-      for (int j = i + 1; j <= Dim; ++j) edges[dofs[k++] - mesh.num_vertices()] = {dofs[i], dofs[j]};
-  }
-  return edges;
-}
-
 /// Distance to the middle of an edge of the given length from those to its ends.
 double median(double a, double b, double length) {
   return std::sqrt(std::max(0.0, 0.5 * (a * a + b * b) - 0.25 * length * length));
@@ -305,7 +291,7 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   const bool by_distance = space.degree() == 2;
   if (by_distance && options.weights.weight == Weight::heat_flow)
     throw InputError("moving least squares: heat_flow weights have no distances, which degree 2 needs; use degree 1");
-  const auto edges = edges_of(space);
+  const auto edges = space.edges();
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
   Mls<Dim> result;

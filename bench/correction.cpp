@@ -46,10 +46,11 @@ template <int Dim> void study(const Problem<Dim>& problem, double ratio, int clo
     const ElasticSolver<Dim> solver(cloud, problem.model, problem.supports, &times);
     const Solution<Dim> solution = solver.solve(problem.loads);
     const Corrector<Dim> corrector(cloud, problem.model, problem.supports, &times);
+    const Points<Dim> start = interpolate(cloud.shape, solution.coefficients);
     Correction<Dim> converged;
     {
       const Stage stage("iterate", times, {});
-      converged = corrector.correct(solution.coefficients, problem.loads, {.iterations = 40});
+      converged = corrector.correct(start, problem.loads, {.iterations = 40});
     }
     // Squared errors after each step.
     std::vector<double> left(converged.taken.size());
@@ -58,12 +59,12 @@ template <int Dim> void study(const Problem<Dim>& problem, double ratio, int clo
     int to_1e6 = 0;
     while (to_1e6 < static_cast<int>(left.size()) - 1 && left[to_1e6] > 1e-12) ++to_1e6;
     std::printf("| %s | %d | %g | %d | %td | %.3g | %.4g | %d |", problem.name.c_str(), Dim, ratio, cloud.space.size(),
-                cloud.nodes.cols(), solution.strain_energy / converged.strain_energy - 1.0, converged.cloud_error,
+                cloud.nodes.cols(), solution.strain_energy / converged.strain_energy - 1.0, converged.start_error,
                 to_1e6);
     for (const int k : {0, 1, 2, 3, 4, 6}) {
-      const auto some = corrector.correct(solution.coefficients, problem.loads, {.iterations = k});
+      const auto some = corrector.correct(start, problem.loads, {.iterations = k});
       std::printf(" %.2g (%.2f, %.2f)", std::sqrt(left[k]), some.error / std::sqrt(left[k]),
-                  some.cloud_error / converged.cloud_error);
+                  some.start_error / converged.start_error);
     }
     std::printf(" | %.2f | %.2f | %.3f |\n", times.total() - times["iterate"] - times["correction"],
                 times["correction"], times["iterate"] / 40.0);

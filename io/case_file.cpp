@@ -43,8 +43,6 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
   options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 
   options.spacing = cloud.number("spacing", positive, 0.0);
-  if (options.spacing == 0.0 && options.kind == BasisKind::mls)
-    cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: moving least squares need the node spacing H");
   if (options.spacing == 0.0 && mesh_ratio > 0.0)
     cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: geometry.mesh_ratio is relative to it");
   options.seed = static_cast<std::uint64_t>(

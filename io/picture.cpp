@@ -502,7 +502,7 @@ template <int Dim, class Conditions> auto where(const FineSpace<Dim>& space, con
 template <int Dim>
 void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
   constexpr bool solid = Dim == 3;
-  const FineSpace<Dim>& space = result.approximation.space;
+  const FineSpace<Dim>& space = result.basis().space;
   const Points<Dim>& u = result.fields.displacement;
   const Vector mises = von_mises_at_dofs(result);
   const Surface undeformed{in_space<Dim>(space.points()), faces(space)};

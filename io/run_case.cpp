@@ -132,46 +132,90 @@ template <int Dim> double least_memory(const ApproximationOptions& asked, const 
   return entry * (points * seen + 0.5 * Dim * Dim * nodes * coupled);
 }
 
-/// Doubts about an answer that is far from that of the fine mesh, or, beyond what the case bears, a refusal.
+/// Relative error in the energy norm from which on an answer is doubtful: one per cent of the energy.
+constexpr double doubtful = 0.1;
+
+/// Doubts about an answer that is far from the truth, or, beyond what the case bears, a refusal.
 template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
   if (!result.estimates) return;
-  constexpr double doubtful = 0.1;
-  const double error = result.estimates->cloud;
-  if (error < doubtful && error < analysis.largest_error) return;
-  const std::string message = fmt::format(
-      "the answer is {:.2g} % off that of the finite elements of this mesh in the energy norm: the cloud is too coarse "
-      "for the geometry; {}, or use a smaller spacing",
-      100.0 * error,
-      analysis.corrected ? "allow more corrections (analysis.correction = \"auto\")"
-                         : "correct it (analysis.correction = \"auto\")");
-  if (error < analysis.largest_error)
-    result.warnings.push_back(message);
+  const Estimates& errors = *result.estimates;
+  if (errors.total() < std::min(doubtful, analysis.largest_error)) return;
+  const std::string what =
+      errors.cloud > errors.mesh
+          ? fmt::format(
+                "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "
+                "(analysis.correction = \"auto\"), or use a smaller spacing",
+                100.0 * errors.cloud)
+          : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
+                        100.0 * errors.mesh,
+                        result.basis().space.degree() == 1 ? ", or quadratic cells (basis.interpolation = 2)" : "");
+  if (errors.total() < analysis.largest_error)
+    result.warnings.push_back(fmt::format("in the energy norm {}", what));
   else
-    result.refusal = fmt::format("{}; to accept it say analysis.largest_error = {:.2g}", message, 1.1 * error);
+    result.refusal = fmt::format("in the energy norm {}; to accept it say analysis.largest_error = {:.2g}", what,
+                                 1.1 * errors.total());
+}
+
+/// Bytes that corrections on the quadratic space of a mesh take: blocks of the stiffness, quadrature for recovery.
+template <int Dim> double memory_of_quadratic_elements(const FineMesh<Dim>& mesh) {
+  const double nodes = mesh.num_vertices() + (Dim == 2 ? 1.5 : 1.2) * mesh.num_cells();
+  const double blocks = (Dim == 2 ? 11.5 : 28.0) * nodes, entries = (Dim == 2 ? 18.0 : 40.0) * mesh.num_cells();
+  return blocks * (sizeof(Mat<Dim>) + sizeof(Index)) + entries * (sizeof(Vec<Dim>) + sizeof(double) + sizeof(Index));
+}
+
+/// A corrected displacement as a solution of the finite elements of its space.
+template <int Dim> struct Corrected {
+  Correction<Dim> correction;
+  Approximation<Dim> elements;
+  Solution<Dim> solution;
+  double mesh_error;
+};
+template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const CaseResult<Dim>& result,
+                                            const Approximation<Dim>& functions, const Points<Dim>& start,
+                                            const CorrectionOptions& options) {
+  Corrected<Dim> result_of;
+  result_of.correction =
+      Corrector<Dim>(functions, result.model, analysis.supports).correct(start, analysis.loads, options);
+  ApproximationOptions elements;
+  elements.kind = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
+  elements.axisymmetric = functions.space.axisymmetric();
+  result_of.elements = approximate(*result.mesh, elements);
+  result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
+  result_of.mesh_error = recovery_error(result_of.elements, recover_fields(result_of.elements, result_of.solution),
+                                        region_lame(result.model, *result.mesh));
+  return result_of;
 }
 
 /// The answer of the finite elements of the fine mesh, as near as the case wants it, and how far that of the cloud is
-/// from it.
+/// from it. Where linear cells are too coarse, and the case leaves their degree open, quadratic ones take over.
 template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
-  const Corrector<Dim> corrector(result.approximation, result.model, analysis.supports, &result.times, progress);
   const Stage stage("correction", result.times, progress);
+  const Approximation<Dim>& cloud = result.approximation;
   CorrectionOptions options = analysis.correction;
   if (!analysis.corrected) options.iterations = 2;  // as many as the estimate takes
-  Correction<Dim> correction = corrector.correct(result.solution.coefficients, analysis.loads, options);
-  ApproximationOptions elements;
-  elements.kind = result.approximation.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
-  elements.axisymmetric = result.approximation.space.axisymmetric();
-  auto approximation = approximate(*result.mesh, elements);
-  Solution<Dim> solution = evaluate(approximation, result.model, std::move(correction.displacement));
-  Estimates estimates{.cloud = analysis.corrected ? correction.error : correction.cloud_error,
-                      .uncorrected = correction.cloud_error,
-                      .mesh = recovery_error(approximation, recover_fields(approximation, solution),
-                                             region_lame(result.model, *result.mesh)),
-                      .corrections = analysis.corrected ? correction.iterations : 0};
-  if (analysis.corrected) {
-    result.elements = std::move(approximation);
-    result.solution = std::move(solution);
+  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
+  Corrected<Dim> best = corrected(analysis, result, cloud, start, options);
+  Estimates estimates{.cloud = analysis.corrected ? best.correction.error : best.correction.start_error,
+                      .uncorrected = best.correction.start_error,
+                      .mesh = best.mesh_error,
+                      .corrections = analysis.corrected ? best.correction.iterations : 0};
+  if (!analysis.corrected) return estimates;
+  const bool free = analysis.approximation.interpolation == 0 && options.iterations < 0;
+  if (free && cloud.space.degree() == 1 && estimates.total() > doubtful &&
+      memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory()) {
+    const Approximation<Dim> quadratic = in_quadratic_space(cloud);
+    const auto& u = best.correction.displacement;
+    Points<Dim> from(Dim, quadratic.space.size());
+    from.leftCols(u.cols()) = u;
+    Index dof = static_cast<Index>(u.cols());
+    for (const auto& [a, b] : quadratic.space.edges()) from.col(dof++) = 0.5 * (u.col(a) + u.col(b));
+    best = corrected(analysis, result, quadratic, from, options);
+    estimates.cloud = best.correction.error;
+    estimates.mesh = best.mesh_error;
+    estimates.corrections += best.correction.iterations;
   }
+  result.elements = std::move(best.elements);
+  result.solution = std::move(best.solution);
   return estimates;
 }
 
@@ -234,10 +278,12 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   located(analysis, analysis.file.string(), [&] {
-    require_memory(least_memory(analysis.approximation, *mesh.mesh),
+    ApproximationOptions options = analysis.approximation;
+    if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*mesh.mesh);
+    require_memory(least_memory(options, *mesh.mesh),
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
-    result.approximation = approximate(*mesh.mesh, analysis.approximation, &result.times, progress);
+    result.approximation = approximate(*mesh.mesh, options, &result.times, progress);
     const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
     {
       const Stage stage("solve", result.times, progress);
@@ -251,12 +297,11 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);
-  const Approximation<Dim>& basis = result.elements ? *result.elements : result.approximation;
+  const Approximation<Dim>& basis = result.basis();
   result.fields = recover_fields(basis, result.solution);
   if (analysis.has_exact())
     result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
-  for (const auto& p : analysis.probes)
-    result.probes.emplace_back(p.name, probe(result.approximation.space, result.fields, p.at));
+  for (const auto& p : analysis.probes) result.probes.emplace_back(p.name, probe(basis.space, result.fields, p.at));
   return result;
 }
 

@@ -46,6 +46,9 @@ template <int Dim> struct CaseResult {
   Solution<Dim> solution;
   std::optional<Estimates> estimates;  ///< none for finite elements, nor where dilatations are averaged
   Fields<Dim> fields;
+  /// What `solution` and `fields` belong to.
+  const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
+
   std::optional<Errors> errors;                                  ///< if the case knows an exact solution
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the case
   std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary

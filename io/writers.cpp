@@ -124,7 +124,7 @@ std::string version() {
 }
 
 template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result) {
-  const FineSpace<Dim>& space = result.approximation.space;
+  const FineSpace<Dim>& space = result.basis().space;
   const auto& stress = result.fields.stress;
   Vector mises(space.size());
   if constexpr (Dim == 3) {
@@ -144,7 +144,7 @@ template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result) {
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
   using Cell = VtkCell<Dim>;
-  const FineSpace<Dim>& space = result.approximation.space;
+  const FineSpace<Dim>& space = result.basis().space;
   const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.points());
   const std::size_t size = space.degree() == 1 ? Dim + 1 : Cell::order.size();
   vtkNew<vtkCellArray> cells;
@@ -214,7 +214,7 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
                      {"quadrature_points_dropped", approximation.dropped_points},
-                     {"interpolation", approximation.space.degree()}};
+                     {"interpolation", result.basis().space.degree()}};
   const ApproximationOptions& asked = analysis.approximation;
   if (asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();

@@ -16,6 +16,11 @@ namespace {
 /// of diameter r (Tanemura 1979), 0.384 by balls (Torquato, Uche & Stillinger 2006).
 template <int Dim> constexpr double volume_per_node = Dim == 2 ? 1.436 : 1.363;
 
+/// Edge of the regular simplex of mean volume.
+template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
+  return std::pow(mesh.volumes().mean() * (Dim == 2 ? 4.0 / std::sqrt(3.0) : 6.0 * std::sqrt(2.0)), 1.0 / Dim);
+}
+
 template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOptions& options) {
   if (options.order != 1 && options.order != 2)
     throw InputError(fmt::format("basis order {}, expected 1 or 2", options.order));
@@ -25,9 +30,7 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
     throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
                                  options.spacing, extent));
-  // Edge of the regular simplex of mean volume; nodes sit on fine vertices and need some to choose from.
-  const double edge =
-      std::pow(mesh.volumes().mean() * (Dim == 2 ? 4.0 / std::sqrt(3.0) : 6.0 * std::sqrt(2.0)), 1.0 / Dim);
+  const double edge = mean_edge(mesh);  // nodes sit on fine vertices and need some to choose from
   if (options.kind == BasisKind::mls && options.spacing < edge)
     throw InputError(
         fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
@@ -138,8 +141,47 @@ template <int Dim> ApproximationOptions with_defaults(ApproximationOptions optio
   return options;
 }
 
-template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& asked,
+template <int Dim> double default_spacing(const FineMesh<Dim>& mesh) {
+  const double nodes = std::min(mesh.num_vertices() / (Dim == 2 ? 30.0 : 60.0), 1e4);
+  const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
+  const double spacing = std::pow(mesh.volumes().sum() / (volume_per_node<Dim> * nodes), 1.0 / Dim);
+  return std::min(extent, std::max(spacing, 1.5 * mean_edge(mesh)));
+}
+
+template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim>& approximation) {
+  const FineSpace<Dim>& linear = approximation.space;
+  require(linear.degree() == 1, "in_quadratic_space: the functions are in a quadratic space already");
+  Approximation<Dim> result;
+  result.space = FineSpace<Dim>(linear.mesh(), 2, linear.axisymmetric());
+  result.nodes = approximation.nodes;
+  result.node_dofs = approximation.node_dofs;
+  std::vector<Index> offsets{0}, nodes;
+  std::vector<double> N;
+  for (Index v = 0; v < linear.size(); ++v) {
+    const auto row = approximation.shape.row(v);
+    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
+    N.insert(N.end(), row.N.begin(), row.N.end());
+    offsets.push_back(static_cast<Index>(nodes.size()));
+  }
+  for (const auto& [a, b] : result.space.edges()) {  // half of what there is at either end
+    const auto at_a = approximation.shape.row(a), at_b = approximation.shape.row(b);
+    for (std::size_t i = 0, j = 0; i < at_a.nodes.size() || j < at_b.nodes.size();) {
+      const bool from_a = j == at_b.nodes.size() || (i < at_a.nodes.size() && at_a.nodes[i] <= at_b.nodes[j]);
+      const bool from_b = i == at_a.nodes.size() || (j < at_b.nodes.size() && at_b.nodes[j] <= at_a.nodes[i]);
+      nodes.push_back(from_a ? at_a.nodes[i] : at_b.nodes[j]);
+      N.push_back(0.5 * ((from_a ? at_a.N[i] : 0.0) + (from_b ? at_b.N[j] : 0.0)));
+      i += from_a, j += from_b;
+    }
+    offsets.push_back(static_cast<Index>(nodes.size()));
+  }
+  result.shape = {approximation.shape.num_nodes(), std::move(offsets), std::move(nodes), std::move(N)};
+  return result;
+}
+
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& wanted,
                                                   StageTimes* times, const Progress& progress) {
+  ApproximationOptions asked = wanted;
+  if (asked.kind == BasisKind::mls && asked.spacing == 0.0) asked.spacing = default_spacing(mesh);
   check(mesh, asked);
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
@@ -184,7 +226,11 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   return result;
 }
 
+template double default_spacing<2>(const FineMesh<2>&);
+template Approximation<2> in_quadratic_space<2>(const Approximation<2>&);
 template ApproximationOptions with_defaults<2>(ApproximationOptions, double);
+template double default_spacing<3>(const FineMesh<3>&);
+template Approximation<3> in_quadratic_space<3>(const Approximation<3>&);
 template ApproximationOptions with_defaults<3>(ApproximationOptions, double);
 template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
 template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);

@@ -33,7 +33,7 @@ struct ApproximationOptions {
   int order = 1;              ///< polynomials MLS reproduces: 1 or 2
   int interpolation = 0;      ///< degree of the fine space that holds the MLS functions: 1, or 2 (not heat_flow);
                               ///< 0: 2 in the plane with fewer than 50 fine vertices to a node, else 1
-  double spacing = 0.0;       ///< H [length]; required for MLS
+  double spacing = 0.0;       ///< H [length]; 0: default_spacing
   Grading grading{};          ///< where the cloud is denser than that
   std::uint64_t seed = 1;     ///< of the clouds
   double support = 0.0;       ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
@@ -52,6 +52,10 @@ struct ApproximationOptions {
 /// least squares (kind == mls; finite elements have none of them). `vertices_per_node`: vertices of the fine mesh over
 /// nodes of the cloud; it decides on the interpolation in the plane alone.
 template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node);
+
+/// Cloud spacing for those who do not say one [length]: 30 fine vertices to a node in the plane, 60 in space, but no
+/// more than 10000 nodes by volume; no less than one and a half edges of the fine mesh.
+template <int Dim> double default_spacing(const FineMesh<Dim>& mesh);
 
 /// Immutable result. Keeps a pointer to the mesh, which must outlive it.
 template <int Dim> struct Approximation {
@@ -76,5 +80,9 @@ template <int Dim> struct Approximation {
 /// support) and NumericalError where no basis can be built.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
                                                   StageTimes* times = nullptr, const Progress& progress = {});
+
+/// The same functions as members of the quadratic space of the mesh: space, shape, nodes, node_dofs; the rest is empty.
+/// Throws InputError unless the space is of degree 1.
+template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim>& approximation);
 
 }  // namespace efree

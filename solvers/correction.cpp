@@ -96,45 +96,59 @@ template <int Dim> struct WeakConditions {
   SymmetricMatrix matrix;
 };
 
-/// Values of the cloud's functions at the nodes of the elements. Where regions meet the functions of each end on its
-/// own side: the mean of both, weighted by stiffness, so that the stiffer side hardly has to follow the softer one.
-template <int Dim> ShapeTable<Dim> shape_at_nodes(const Approximation<Dim>& approximation, const ElementNodes& nodes,
-                                                  const std::vector<Lame>& lame) {
-  const FineMesh<Dim>& mesh = approximation.space.mesh();
-  const Index dofs = approximation.space.size();
-  std::vector<double> stiffness(dofs, 0.0), total(nodes.count, 0.0);
-  if (lame.size() > 1) {
-    for (Index c = 0; c < mesh.num_cells(); ++c)
-      for (const Index dof : approximation.space.cell(c))
-        stiffness[dof] = lame[mesh.region(c)].lambda + 2.0 * lame[mesh.region(c)].mu;
-  } else {
-    std::ranges::fill(stiffness, 1.0);
+/// Degrees of freedom of the space by element node, with their shares in its displacement: where regions meet, each has
+/// its own, and the stiffer side hardly follows the softer one.
+template <int Dim> struct Members {
+  Ragged<Index> dofs;
+  std::vector<double> shares;  ///< by item of `dofs`, summing to one at every node
+};
+template <int Dim>
+Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, const std::vector<Lame>& lame) {
+  std::vector<double> stiffness(space.size(), 1.0), total(nodes.count, 0.0);
+  if (lame.size() > 1)
+    for (Index c = 0; c < space.mesh().num_cells(); ++c)
+      for (const Index dof : space.cell(c)) {
+        const Lame& one = lame[space.mesh().region(c)];
+        stiffness[dof] = one.lambda + 2.0 * one.mu;
+      }
+  Members<Dim> result;
+  result.dofs.offsets.assign(nodes.count + 1, 0);
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    ++result.dofs.offsets[nodes.at[dof] + 1];
+    total[nodes.at[dof]] += stiffness[dof];
   }
-  for (Index dof = 0; dof < dofs; ++dof) total[nodes.at[dof]] += stiffness[dof];
-  std::vector<Index> first(nodes.count + 1, 0), members(dofs);
-  for (const Index node : nodes.at) ++first[node + 1];
-  std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<Index> cursor(first.begin(), first.end() - 1);
-  for (Index dof = 0; dof < dofs; ++dof) members[cursor[nodes.at[dof]]++] = dof;
+  std::partial_sum(result.dofs.offsets.begin(), result.dofs.offsets.end(), result.dofs.offsets.begin());
+  result.dofs.items.resize(space.size());
+  result.shares.resize(space.size());
+  std::vector<Index> cursor(result.dofs.offsets.begin(), result.dofs.offsets.end() - 1);
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    const Index at = cursor[nodes.at[dof]]++;
+    result.dofs.items[at] = dof;
+    result.shares[at] = stiffness[dof] / total[nodes.at[dof]];
+  }
+  return result;
+}
 
+/// Values of the cloud's functions at the nodes of the elements.
+template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, const Members<Dim>& members) {
   std::vector<Index> offsets{0}, columns;
   std::vector<double> N;
-  columns.reserve(approximation.shape.num_entries());
-  N.reserve(approximation.shape.num_entries());
+  columns.reserve(shape.num_entries());
+  N.reserve(shape.num_entries());
   std::vector<std::pair<Index, double>> row;
-  for (Index node = 0; node < nodes.count; ++node) {
+  for (Index node = 0; node < members.dofs.rows(); ++node) {
     row.clear();
-    for (Index m = first[node]; m < first[node + 1]; ++m) {
-      const auto of_dof = approximation.shape.row(members[m]);
-      const double share = first[node + 1] - first[node] == 1 ? 1.0 : stiffness[members[m]] / total[node];
-      for (std::size_t k = 0; k < of_dof.nodes.size(); ++k) row.emplace_back(of_dof.nodes[k], share * of_dof.N[k]);
+    for (Index m = members.dofs.offsets[node]; m < members.dofs.offsets[node + 1]; ++m) {
+      const auto of_dof = shape.row(members.dofs.items[m]);
+      for (std::size_t k = 0; k < of_dof.nodes.size(); ++k)
+        row.emplace_back(of_dof.nodes[k], members.shares[m] * of_dof.N[k]);
     }
     // Twins belong to different bodies: no function acts on both.
-    if (first[node + 1] - first[node] > 1) std::ranges::sort(row);
+    if (members.dofs[node].size() > 1) std::ranges::sort(row);
     for (const auto& [I, value] : row) columns.push_back(I), N.push_back(value);
     offsets.push_back(static_cast<Index>(columns.size()));
   }
-  return {approximation.shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
+  return {shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
 }
 
 /// P^T K P on what the supports leave free, lower triangle.
@@ -185,6 +199,7 @@ Cholesky factorised(SymmetricMatrix coarse, int dimension) {
 template <int Dim> struct Corrector<Dim>::Impl {
   const Approximation<Dim>& approximation;
   ElementNodes nodes;
+  Members<Dim> members;
   BlockMatrix<Dim> K;
   Supports<Dim> supports;
   WeakConditions<Dim> weak;
@@ -193,6 +208,14 @@ template <int Dim> struct Corrector<Dim>::Impl {
   Cholesky coarse;
   Smoother<Dim> smoother;
 
+  /// The displacement at the element nodes of one at the degrees of freedom of the space.
+  Points<Dim> at_nodes(const Points<Dim>& u) const {
+    Points<Dim> result = Points<Dim>::Zero(Dim, nodes.count);
+    for (Index node = 0; node < nodes.count; ++node)
+      for (Index m = members.dofs.offsets[node]; m < members.dofs.offsets[node + 1]; ++m)
+        result.col(node) += members.shares[m] * u.col(members.dofs.items[m]);
+    return result;
+  }
   Points<Dim> restrict(const Points<Dim>& r) const {
     Points<Dim> R(Dim, P.num_nodes());
     parallel_for(P.num_nodes(), [&](Index I) {
@@ -272,25 +295,26 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   auto K = element_stiffness(space, nodes, lame);
   auto weak = hold_weakly(space, nodes, lame, restrained, K);
   const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
-  ShapeTable<Dim> P = shape_at_nodes(approximation, nodes, lame);
+  Members<Dim> dofs_of = members(space, nodes, lame);
+  ShapeTable<Dim> P = shape_at_nodes(approximation.shape, dofs_of);
   Ragged<Place> rows_at = places_of_nodes(P.num_nodes(), P.num_points(), [&](Index v) { return P.row(v).nodes; });
   Cholesky coarse = factorised(coarse_matrix(K, P, rows_at, supports), Dim);
   const double nodes_apart = std::pow(static_cast<double>(nodes.count) / P.num_nodes(), 1.0 / Dim);
   Smoother<Dim> smoother(
       K, [&](Index node) { return supports.free(node); }, nodes_apart);
-  impl_.reset(new Impl{approximation, std::move(nodes), std::move(K), supports, std::move(weak), std::move(P),
-                       std::move(rows_at), std::move(coarse), std::move(smoother)});
+  impl_.reset(new Impl{approximation, std::move(nodes), std::move(dofs_of), std::move(K), supports, std::move(weak),
+                       std::move(P), std::move(rows_at), std::move(coarse), std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
 template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
 
-template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& coefficients, const Loads<Dim>& loads,
+template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& given, const Loads<Dim>& loads,
                                                            const CorrectionOptions& options) const {
   const Impl& problem = *impl_;
   const BlockMatrix<Dim>& K = problem.K;
   const Points<Dim> f = problem.loads(loads);
-  const Points<Dim> start = interpolate(problem.P, coefficients);
+  const Points<Dim> start = problem.at_nodes(given);
   Points<Dim> u = start, r, z, q, p;
   problem.supports.impose(u);
   const auto residual = [&] {
@@ -359,7 +383,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& co
   };
   const Points<Dim> difference = start - u;
   K.multiply(difference, q);
-  result.cloud_error = relative(dot<Dim>(difference, q) + beyond);
+  result.start_error = relative(dot<Dim>(difference, q) + beyond);
   result.error = relative(after);
   K.multiply(answer, q);
   result.strain_energy = 0.5 * dot<Dim>(answer, q);
@@ -370,7 +394,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& co
     const Vector v = result.displacement.reshaped();
     result.strain_energy -= 0.5 * v.dot(problem.weak.matrix.template selfadjointView<Eigen::Lower>() * v);
   }
-  if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.cloud_error))
+  if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.start_error))
     throw NumericalError("correction: the solution is not finite");
   if (open && result.error > options.tolerance)
     throw NumericalError(fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for",

@@ -21,7 +21,7 @@ template <int Dim> struct Correction {
   Points<Dim> displacement;    ///< Dim x space.size(), at the fine degrees of freedom
   double strain_energy = 0.0;  ///< of the finite elements [force * length]
   int iterations = 0;          ///< that led to `displacement`
-  double cloud_error = 0.0;    ///< of the answer it started from
+  double start_error = 0.0;    ///< of the displacement it started from
   double error = 0.0;          ///< of `displacement`, estimated
   /// Squared error that each step took off, relative: the best answer in the space of the cloud first, then the
   /// iterations, also those beyond `displacement` that the estimate took.
@@ -44,9 +44,10 @@ template <int Dim> class Corrector {
   ~Corrector();
   Corrector(Corrector&&) noexcept;
 
-  /// Starts from the field with these coefficients (Dim x N) of the approximation. Throws NumericalError if the
-  /// iterations break down or end without reaching the tolerance.
-  Correction<Dim> correct(const Points<Dim>& coefficients, const Loads<Dim>& loads,
+  /// Starts from the displacement `start` at the fine degrees of freedom (Dim x space.size(), of the cloud:
+  /// interpolate(shape, coefficients)). Throws NumericalError if the iterations break down or end without reaching the
+  /// tolerance.
+  Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads,
                           const CorrectionOptions& options = {}) const;
 
  private:

@@ -54,7 +54,6 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"seed = 1", "seed = 1\nseed = 2", R"(^case.toml:8: )"},
         Wrong{"E = 1.0", "", R"(^case.toml:15: key "E" is missing in \[material\])"},
         Wrong{"plane = \"stress\"", "", R"(^case.toml:13: key "plane" is missing in \[analysis\])"},
-        Wrong{"spacing = 0.4", "", R"(^case.toml:5: key "spacing" is missing in \[cloud\]: moving least squares need)"},
         Wrong{"[material]\nE = 1.0\nnu = 0.3", "", R"(^case.toml: section \[material\] is missing)"},
         Wrong{"file = \"strip.geo\"", "file = \"stripe.geo\"", R"(^case.toml:3: there is no file stripe.geo)"},
         Wrong{"[geometry]", "[geometry", R"(^case.toml:2: )"}));
