@@ -22,6 +22,7 @@
 #include "efree/geometry/image_summary.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/largest_body.hpp"
+#include "efree/geometry/lattice_mesh.hpp"
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/refine.hpp"

@@ -3,10 +3,12 @@
 /// and memory of the coarse cloud against P1 tetrahedra on the same fine mesh. Every line is a process of its own, so
 /// that peak memory is that of the method.
 ///
+/// The image is meshed by Delaunay refinement, with --lattice on a lattice.
 /// With --surface the block comes as an STL file, the boundary of a mesh of that image, and is meshed again from that
 /// alone.
 ///
-///   bench_porous_block [--surface] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 | SPACING]
+///   bench_porous_block [--surface | --lattice] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 |
+///   SPACING]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/largest_body.hpp"
@@ -35,9 +37,14 @@ double peak_gib() {
   return static_cast<double>(usage.ru_maxrss) / (1024.0 * 1024.0);
 }
 
-FineMesh<3> from_image(Index voxels, double size) {
+enum class Source { delaunay, lattice, surface };
+
+FineMesh<3> from_image(Index voxels, double size, Mesher mesher = Mesher::delaunay) {
   const auto image = keep_largest(random_spheres<3>(voxels, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
-  return FineMesh<3>(mesh_image<3>(image, {.size = size}));
+  MeshData<3> mesh = mesh_image<3>(image, {.size = size, .mesher = mesher});
+  // Necks thinner than the lattice break.
+  if (mesher == Mesher::lattice) mesh = keep_largest(std::move(mesh)).mesh;
+  return FineMesh<3>(mesh);
 }
 
 /// Where the block is written as a surface.
@@ -67,12 +74,14 @@ FineMesh<3> from_surface(Index voxels, double size) {
 }
 
 /// spacing 0: P1 elements.
-void run(bool surface, Index voxels, double size, double spacing) {
+void run(Source source, Index voxels, double size, double spacing) {
   StageTimes times;
   std::optional<FineMesh<3>> mesh;
   {
     const Stage stage("mesh", times, {});
-    mesh.emplace(surface ? from_surface(voxels, size) : from_image(voxels, size));
+    mesh.emplace(source == Source::surface
+                     ? from_surface(voxels, size)
+                     : from_image(voxels, size, source == Source::lattice ? Mesher::lattice : Mesher::delaunay));
   }
   const double before = peak_gib();
   const bool elements = spacing == 0.0;
@@ -102,13 +111,16 @@ void run(bool surface, Index voxels, double size, double spacing) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const bool surface = argc > 1 && std::string_view(argv[1]) == "--surface";
-  if (surface) --argc, ++argv;
+  const std::string_view option = argc > 1 ? argv[1] : "";
+  const Source source = option == "--surface"   ? Source::surface
+                        : option == "--lattice" ? Source::lattice
+                                                : Source::delaunay;
+  if (source != Source::delaunay) --argc, ++argv;
   const Index voxels = argc > 1 ? std::atoi(argv[1]) : 128;
   const double size = argc > 2 ? std::atof(argv[2]) : 3.0;
   const std::string method = argc > 3 ? argv[3] : "all";
-  if (surface) write_stl(from_image(voxels, 3.0));
-  if (method != "all") return run(surface, voxels, size, method == "p1" ? 0.0 : std::atof(method.c_str())), 0;
+  if (source == Source::surface) write_stl(from_image(voxels, 3.0));
+  if (method != "all") return run(source, voxels, size, method == "p1" ? 0.0 : std::atof(method.c_str())), 0;
   std::printf(
       "| spacing [voxels] | tetrahedra | fine vertices | nodes | points | effective modulus / E | mesh [s] | cloud | "
       "weights "
@@ -118,7 +130,7 @@ int main(int argc, char** argv) {
   for (const double spacing : {20.0, 14.0, 10.0, 7.0, 5.5, 0.0}) {
     const pid_t child = fork();
     if (child == 0) {
-      run(surface, voxels, size, spacing);
+      run(source, voxels, size, spacing);
       _exit(0);
     }
     int status = 0;

@@ -117,8 +117,8 @@ void solid(double largest, int repetitions) {
                {clamp<3>("bottom")}, repetitions);
     const Index voxels = static_cast<Index>(std::lround(std::cbrt(tetrahedra * 2.7)));
     const auto image = keep_largest(random_spheres<3>(voxels, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
-    measure<3>("porous block", FineMesh<3>(mesh_image<3>(image, {.size = 3.0})), per_spacing, {clamp<3>("bottom")},
-               repetitions);
+    measure<3>("porous block", FineMesh<3>(mesh_image<3>(image, {.size = 3.0, .mesher = Mesher::delaunay})),
+               per_spacing, {clamp<3>("bottom")}, repetitions);
   }
 }
 

@@ -2,12 +2,15 @@
 #include "efree/geometry/fine_mesh.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <numeric>
 
 namespace efree {
@@ -57,18 +60,80 @@ template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Di
   return sides;
 }
 
+/// Cells across the facets, -1 on the boundary. Linear: sides that share their first vertex (the smallest) are few, and
+/// are compared one by one.
 template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
-  const auto sides = sorted_half_facets<Dim>(cells);
-  Cells<Dim> neighbours = Cells<Dim>::Constant(Dim + 1, cells.cols(), -1);
-  for (std::size_t s = 0; s + 1 < sides.size(); ++s) {
-    const auto &a = sides[s], &b = sides[s + 1];
-    if (a.key != b.key) continue;
-    if (s + 2 < sides.size() && sides[s + 2].key == a.key)
-      throw InputError(
-          fmt::format("mesh: the facet of vertices {} belongs to more than two cells", fmt::join(a.key, ", ")));
-    neighbours(a.opposite, a.cell) = b.cell;
-    neighbours(b.opposite, b.cell) = a.cell;
+  struct Side {
+    std::uint64_t rest;  // of the sorted vertices, in one number
+    Index cell;
+    Index opposite;  // -1: matched already
+  };
+  const Index vertices = cells.maxCoeff() + 1;
+  std::vector<std::size_t> begin(static_cast<std::size_t>(vertices) + 1, 0);
+  // A cell's smallest vertex is that of all its sides but one, which has the second smallest.
+  const auto for_each_side = [&](Index c, const auto& body) {
+    Key<Dim + 1> v;
+    std::array<Index, Dim + 1> at;
+    for (int i = 0; i <= Dim; ++i) {
+      int k = i;
+      for (; k > 0 && v[k - 1] > cells(i, c); --k) v[k] = v[k - 1], at[k] = at[k - 1];
+      v[k] = cells(i, c), at[k] = i;
+    }
+    for (int i = 0; i <= Dim; ++i) body(v, i, at[i]);
+  };
+  for (Index c = 0; c < cells.cols(); ++c) {
+    Index first = cells(0, c), second = cells(1, c);
+    if (second < first) std::swap(first, second);
+    for (int i = 2; i <= Dim; ++i)
+      if (const Index v = cells(i, c); v < first)
+        second = first, first = v;
+      else if (v < second)
+        second = v;
+    begin[first + 1] += Dim;
+    ++begin[second + 1];
   }
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<Side> sides(begin.back());
+  std::vector<std::size_t> cursor(begin.begin(), begin.end() - 1);
+  for (Index c = 0; c < cells.cols(); ++c)
+    for_each_side(c, [&](const Key<Dim + 1>& v, int without, Index opposite) {
+      Side& side = sides[cursor[v[without == 0 ? 1 : 0]]++];
+      side.rest = 0;
+      for (int n = without == 0 ? 2 : 1; n <= Dim; ++n)
+        if (n != without) side.rest = side.rest << 32 | static_cast<std::uint32_t>(v[n]);
+      side.cell = c;
+      side.opposite = opposite;
+    });
+  Cells<Dim> neighbours = Cells<Dim>::Constant(Dim + 1, cells.cols(), -1);
+  parallel_chunks(vertices, 20000, [&](Index from, Index to) {
+    for (Index first = from; first < to; ++first) {
+      Key<Dim> crowded{};
+      bool is_crowded = false;
+      for (std::size_t s = begin[first]; s < begin[first + 1]; ++s) {
+        Side& a = sides[s];
+        if (a.opposite < 0) continue;
+        int others = 0;
+        for (std::size_t t = s + 1; t < begin[first + 1]; ++t) {
+          Side& b = sides[t];
+          if (b.rest != a.rest || b.opposite < 0) continue;
+          if (++others == 1) {
+            neighbours(a.opposite, a.cell) = b.cell;
+            neighbours(b.opposite, b.cell) = a.cell;
+            b.opposite = -1;
+          }
+        }
+        if (others > 1) {
+          Key<Dim> key{first};
+          for (int k = Dim - 1; k > 0; --k) key[k] = static_cast<Index>(a.rest >> 32 * (Dim - 1 - k) & 0xffffffff);
+          crowded = is_crowded ? std::min(crowded, key) : key;
+          is_crowded = true;
+        }
+      }
+      if (is_crowded)
+        throw InputError(
+            fmt::format("mesh: the facet of vertices {} belongs to more than two cells", fmt::join(crowded, ", ")));
+    }
+  });
   return neighbours;
 }
 
@@ -140,6 +205,7 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   cells_ = data.cells.unaryExpr([&](Index v) { return renumbered[v]; });
 
   volumes_.resize(cells_.cols());
+  double square = 0.0;
   for (Index c = 0; c < num_cells(); ++c) {
     double volume = signed_volume<Dim>(vertices_, cells_, c);
     if (volume < 0.0) {
@@ -150,8 +216,10 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
       throw InputError(fmt::format("mesh: cell {} at ({}) has no volume", c, fmt::join(centroid(c), ", ")));
     volumes_[c] = volume;
     for (int i = 0; i <= Dim; ++i)
-      for (int j = 0; j < i; ++j) size_ = std::max(size_, (vertex(cells_(i, c)) - vertex(cells_(j, c))).norm());
+      for (int j = 0; j < i; ++j)
+        square = std::max(square, (vertex(cells_(i, c)) - vertex(cells_(j, c))).squaredNorm());
   }
+  size_ = std::sqrt(square);
 
   neighbours_ = neighbours_of<Dim>(cells_);
   vertex_cells_ = incidence(num_vertices(), [&](auto&& emit) {
@@ -210,24 +278,23 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
     if (!resolved.facets.empty()) groups_.push_back(std::move(resolved));
   }
 
-  components_.assign(num_vertices(), -1);
-  std::vector<Index> stack;
-  for (Index seed = 0; seed < num_vertices(); ++seed) {
-    if (components_[seed] >= 0) continue;
-    stack.assign(1, seed);
-    components_[seed] = num_components_;
-    while (!stack.empty()) {
-      const Index v = stack.back();
-      stack.pop_back();
-      for (Index c : cells_of(v))
-        for (int i = 0; i <= Dim; ++i)
-          if (Index& component = components_[cells_(i, c)]; component < 0) {
-            component = num_components_;
-            stack.push_back(cells_(i, c));
-          }
+  // Trees of vertices, each with its smallest as root.
+  components_.resize(num_vertices());
+  std::iota(components_.begin(), components_.end(), 0);
+  const auto root = [&](Index v) {
+    while (components_[v] != v) v = components_[v] = components_[components_[v]];
+    return v;
+  };
+  for (Index c = 0; c < num_cells(); ++c) {
+    Index a = root(cells_(0, c));
+    for (int i = 1; i <= Dim; ++i) {
+      const Index b = root(cells_(i, c));
+      components_[std::max(a, b)] = std::min(a, b);
+      a = std::min(a, b);
     }
-    ++num_components_;
   }
+  for (Index v = 0; v < num_vertices(); ++v)
+    components_[v] = components_[v] == v ? num_components_++ : components_[components_[v]];
 }
 
 template <int Dim> Vec<Dim> FineMesh<Dim>::centroid(Index c) const {

@@ -4,7 +4,9 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/internal/flat_cells.hpp"
+#include "efree/geometry/internal/image_field.hpp"
 #include "efree/geometry/internal/image_regions.hpp"
+#include "efree/geometry/lattice_mesh.hpp"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Labeled_mesh_domain_3.h>
@@ -31,66 +33,26 @@ using Triangulation = CGAL::Mesh_triangulation_3<Domain>::type;
 using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
 using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
 
-/// The image with its outermost layer repeated around it, as regions counted from 1 (void: 0).
+/// The image as a domain for Mesh_3. Grey values are not used: they came later, for the lattice.
 class Volume {
  public:
-  Volume(const LabelImage<3>& image, const internal::ImageRegions& regions) : image_(image) {
-    for (int d = 0; d < 3; ++d) size_[d] = image.size[d] + 2;
-    voxels_.reserve(static_cast<std::size_t>(size_[0]) * size_[1] * size_[2]);
-    const auto clamped = [&](Index i, int d) { return std::clamp(i - 1, 0, image.size[d] - 1); };
-    for (Index k = 0; k < size_[2]; ++k)
-      for (Index j = 0; j < size_[1]; ++j)
-        for (Index i = 0; i < size_[0]; ++i)
-          voxels_.push_back(
-              static_cast<Label>(regions.of_label[image.at({clamped(i, 0), clamped(j, 1), clamped(k, 2)})] + 1));
-  }
+  Volume(const LabelImage<3>& image, const internal::ImageRegions& regions)
+      : image_(image), field_(image, regions, false) {}
 
-  /// Region of voxel (i, j, k) of the image.
-  Label at(Index i, Index j, Index k) const { return voxels_[offset(i + 1, j + 1, k + 1)]; }
-  Label at(const std::array<Index, 3>& v) const { return at(v[0], v[1], v[2]); }
+  /// Region of a voxel.
+  Label at(const std::array<Index, 3>& v) const { return field_.at(v); }
 
-  /// The region whose indicator, interpolated between the centres of the voxels, is largest at a point. Void wins ties
-  /// (and a little more), so that bodies do not connect in a corner.
+  /// The region at a point, void outside the image.
   int operator()(const Kernel::Point_3& p) const {
-    std::array<Index, 3> cell;
-    std::array<double, 3> t;
-    const std::array<double, 3> x{p.x(), p.y(), p.z()};
-    for (int d = 0; d < 3; ++d) {
-      const double u = (x[d] - image_.origin[d]) / image_.spacing[d];
-      if (!(u >= 0.0 && u <= image_.size[d])) return 0;
-      cell[d] = std::min(static_cast<Index>(u + 0.5), size_[d] - 2);
-      t[d] = u + 0.5 - cell[d];
-    }
-    const std::size_t base = offset(cell[0], cell[1], cell[2]), row = size_[0],
-                      layer = static_cast<std::size_t>(size_[0]) * size_[1];
-    std::array<Label, 8> corner;
-    bool same = true;
-    for (int c = 0; c < 8; ++c) {
-      corner[c] = voxels_[base + (c & 1) + (c & 2 ? row : 0) + (c & 4 ? layer : 0)];
-      same = same && corner[c] == corner[0];
-    }
-    if (same) return corner[0];
-    std::array<double, 8> sum{};
-    for (int c = 0; c < 8; ++c) {
-      const double weight = (c & 1 ? t[0] : 1.0 - t[0]) * (c & 2 ? t[1] : 1.0 - t[1]) * (c & 4 ? t[2] : 1.0 - t[2]);
-      sum[std::find(corner.begin(), corner.end(), corner[c]) - corner.begin()] += weight;
-    }
-    int best = 0;
-    for (int c = 0; c < 8; ++c) {
-      if (corner[c] == 0) sum[c] += 1e-6;
-      if (sum[c] > sum[best] || (sum[c] == sum[best] && corner[c] < corner[best])) best = c;
-    }
-    return corner[best];
+    const Vec<3> u = (Vec<3>(p.x(), p.y(), p.z()) - image_.origin).cwiseQuotient(image_.spacing);
+    for (int d = 0; d < 3; ++d)
+      if (!(u[d] >= 0.0 && u[d] <= image_.size[d])) return 0;
+    return field_(u);
   }
 
  private:
-  std::size_t offset(Index i, Index j, Index k) const {
-    return i + static_cast<std::size_t>(size_[0]) * (j + static_cast<std::size_t>(size_[1]) * k);
-  }
-
   const LabelImage<3>& image_;
-  std::array<Index, 3> size_;
-  std::vector<Label> voxels_;
+  internal::ImageField field_;
 };
 
 /// The contours on the six sides of the image and the edges between these, which the mesh has to follow.
@@ -135,7 +97,7 @@ std::vector<std::pair<Vec<3>, Vec<3>>> seeds(const LabelImage<3>& image, const V
   std::size_t at = 0;
   for (Index k = 0; k < image.size[2]; ++k)
     for (Index j = 0; j < image.size[1]; ++j)
-      for (Index i = 0; i < image.size[0]; ++i) regions.labels[at++] = volume.at(i, j, k);
+      for (Index i = 0; i < image.size[0]; ++i) regions.labels[at++] = volume.at({i, j, k});
   const std::vector<Index> number = connected_pixels(regions).part_of;
   struct Face {
     Voxel voxel;
@@ -316,6 +278,7 @@ void name_facets(const LabelImage<3>& image, MeshData<3>& mesh) {
 }  // namespace
 
 template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMeshOptions& options) {
+  if (options.mesher == Mesher::lattice) return mesh_on_lattice(image, options).mesh;
   const internal::ImageRegions regions = internal::image_regions(image, options);
   double material = 0.0;
   for (const LabelCount& count : count_labels(image))

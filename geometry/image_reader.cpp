@@ -88,7 +88,7 @@ std::string name_of_vtk_type(int type) {
 
 void require_room(const std::string& path, const Values& v, std::size_t bytes_each) {
   const double pixels = static_cast<double>(v.size[0]) * v.size[1] * v.size[2];
-  require_memory(pixels * static_cast<double>(v.components * bytes_each + sizeof(Label)),
+  require_memory(pixels * static_cast<double>(v.components * bytes_each + sizeof(Label) + sizeof(float)),
                  fmt::format("{}: an image of {} pixels", path, fmt::join(v.size, " x ")));
   if (!(pixels < 0x1p40)) throw InputError(fmt::format("{}: an image of {} pixels", path, fmt::join(v.size, " x ")));
 }
@@ -572,6 +572,21 @@ std::vector<Label> classify(const std::string& path, const Values& v, const Imag
   return labels;
 }
 
+/// Grey values as LabelImage has them. Never 0: a value that is the threshold itself counts as next to it. Values that
+/// are no numbers do so, too; infinite ones as very large.
+template <int Dim, class T> std::vector<float> distances_from_threshold(const T* values, int stride,
+                                                                        const ImageOptions<Dim>& options,
+                                                                        const std::vector<Label>& labels) {
+  constexpr double least = std::numeric_limits<float>::min(), largest = 1e30;
+  std::vector<float> out(labels.size());
+  for (std::size_t p = 0; p < out.size(); ++p) {
+    const double distance = std::abs(static_cast<double>(values[p * stride]) - *options.threshold);
+    const double kept = std::isnan(distance) ? least : std::clamp(distance, least, largest);
+    out[p] = static_cast<float>(labels[p] != 0 ? kept : -kept);
+  }
+  return out;
+}
+
 }  // namespace
 
 template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options) {
@@ -592,15 +607,24 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
     // The origin is a length as well, but not one in pixels: a spacing that is given leaves it.
     image.origin[d] = v.origin[d];
   }
-  with_type(path, v.type, [&](auto value) { image.labels = classify<Dim, decltype(value)>(path, v, options); });
+  with_type(path, v.type, [&](auto value) {
+    image.labels = classify<Dim, decltype(value)>(path, v, options);
+    if (options.threshold)
+      image.grey =
+          distances_from_threshold(static_cast<const decltype(value)*>(v.data()), v.components, options, image.labels);
+  });
   if (v.top_first) {
-    for (Index k = 0; k < v.size[2]; ++k)
-      for (Index j = 0; j < v.size[1] / 2; ++j) {
-        const auto row = [&](Index of) {
-          return image.labels.begin() + (static_cast<std::ptrdiff_t>(k) * v.size[1] + of) * v.size[0];
-        };
-        std::swap_ranges(row(j), row(j) + v.size[0], row(v.size[1] - 1 - j));
-      }
+    const auto flip = [&](auto& values) {
+      for (Index k = 0; k < v.size[2]; ++k)
+        for (Index j = 0; j < v.size[1] / 2; ++j) {
+          const auto row = [&](Index of) {
+            return values.begin() + (static_cast<std::ptrdiff_t>(k) * v.size[1] + of) * v.size[0];
+          };
+          std::swap_ranges(row(j), row(j) + v.size[0], row(v.size[1] - 1 - j));
+        }
+    };
+    flip(image.labels);
+    if (options.threshold) flip(image.grey);
   }
   if (!options.threshold)
     for (Label& label : image.labels)

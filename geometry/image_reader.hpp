@@ -22,7 +22,8 @@ template <int Dim> struct RawImage {
 template <int Dim> struct ImageOptions {
   /// Edge lengths of a pixel, one number for all directions or one for each; empty: the file's, or 1 where it has none.
   std::vector<double> spacing{};
-  /// For grey images: label 1 where the value is at least this. Without it the values themselves are the labels.
+  /// For grey images: label 1 where the value is at least this, and the image keeps how far its grey values are from
+  /// it. Without it the values themselves are the labels.
   std::optional<double> threshold{};
   bool below = false;                  ///< label 1 where the value is less than the threshold
   std::vector<Label> background{0};    ///< labels that become 0, void; labels of no threshold only

@@ -26,6 +26,15 @@ template <int Dim> void check_image(const LabelImage<Dim>& image) {
         fmt::format("image: the spacing is {}, expected positive lengths", fmt::join(image.spacing, ", ")));
   if (!image.origin.allFinite())
     throw InputError(fmt::format("image: the origin is {}, expected finite numbers", fmt::join(image.origin, ", ")));
+  if (image.grey.empty()) return;
+  if (image.grey.size() != pixels)
+    throw InputError(
+        fmt::format("image: {} grey values for {} pixels", image.grey.size(), fmt::join(image.size, " x ")));
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    if (const float grey = image.grey[pixel];
+        !std::isfinite(grey) || !(image.labels[pixel] != 0 ? grey > 0.0f : grey < 0.0f))
+      throw InputError(fmt::format("image: pixel {} has the label {} and the grey value {}, expected a {} one", pixel,
+                                   image.labels[pixel], grey, image.labels[pixel] != 0 ? "positive" : "negative"));
 }
 
 template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
@@ -38,41 +47,46 @@ template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& i
 }
 
 template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image) {
-  std::array<std::size_t, Dim> stride{1};
-  for (int d = 1; d < Dim; ++d) stride[d] = stride[d - 1] * image.size[d - 1];
+  const std::size_t pixels = image.labels.size(), row = image.size[0];
+  if (pixels > static_cast<std::size_t>(std::numeric_limits<Index>::max()))
+    throw InputError(
+        fmt::format("image: {} pixels, at most {} can be numbered", pixels, std::numeric_limits<Index>::max()));
   ConnectedPixels out;
-  out.part_of.assign(image.labels.size(), -1);
-  std::vector<std::size_t> stack;
-  for (std::size_t seed = 0; seed < image.labels.size(); ++seed) {
-    if (out.part_of[seed] >= 0) continue;
-    const Index number = static_cast<Index>(out.parts.size());
-    const Label label = image.labels[seed];
-    std::size_t pixels = 0;
-    stack.assign(1, seed);
-    out.part_of[seed] = number;
-    while (!stack.empty()) {
-      const std::size_t pixel = stack.back();
-      stack.pop_back();
-      ++pixels;
+  // Trees of pixels, each with its first one as root.
+  auto& parent = out.part_of;
+  parent.resize(pixels);
+  const auto root = [&](Index pixel) {
+    while (parent[pixel] != pixel) pixel = parent[pixel] = parent[parent[pixel]];
+    return pixel;
+  };
+  for (std::size_t first = 0; first < pixels; first += row) {
+    std::array<std::size_t, Dim> back{1};  // to the neighbour before along each axis, 0: none
+    std::size_t stride = row;
+    for (int d = 1; d < Dim; stride *= image.size[d++]) back[d] = first / stride % image.size[d] > 0 ? stride : 0;
+    for (std::size_t pixel = first; pixel < first + row; ++pixel) {
+      const Label label = image.labels[pixel];
+      Index own = static_cast<Index>(pixel);
+      parent[pixel] = own;
       for (int d = 0; d < Dim; ++d) {
-        const Index along = static_cast<Index>(pixel / stride[d] % image.size[d]);
-        const auto visit = [&](std::size_t next) {
-          if (image.labels[next] != label || out.part_of[next] >= 0) return;
-          out.part_of[next] = number;
-          stack.push_back(next);
-        };
-        if (along > 0) visit(pixel - stride[d]);
-        if (along + 1 < image.size[d]) visit(pixel + stride[d]);
+        if (back[d] == 0 || (d == 0 && pixel == first) || image.labels[pixel - back[d]] != label) continue;
+        const Index other = root(static_cast<Index>(pixel - back[d]));
+        parent[std::max(own, other)] = std::min(own, other);
+        own = std::min(own, other);
       }
     }
-    out.parts.push_back({label, pixels});
+  }
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+    const bool is_root = parent[pixel] == static_cast<Index>(pixel);
+    parent[pixel] = is_root ? static_cast<Index>(out.parts.size()) : parent[parent[pixel]];
+    if (is_root) out.parts.push_back({image.labels[pixel], 0});
+    ++out.parts[parent[pixel]].pixels;
   }
   return out;
 }
 
 template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
   check_image(image);
-  LabelImage<Dim> material = image;
+  LabelImage<Dim> material{.size = image.size, .labels = image.labels};
   for (Label& label : material.labels) label = label != 0;
   const auto [parts, part_of] = connected_pixels(material);
   Index largest = -1, bodies = 0;
@@ -88,6 +102,8 @@ template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
                        static_cast<double>(pixels - parts[largest].pixels) / static_cast<double>(pixels)};
   for (std::size_t pixel = 0; pixel < part_of.size(); ++pixel)
     if (part_of[pixel] != largest) out.image.labels[pixel] = 0;
+  for (std::size_t pixel = 0; pixel < out.image.grey.size(); ++pixel)
+    if (part_of[pixel] != largest) out.image.grey[pixel] = -std::abs(out.image.grey[pixel]);
   return out;
 }
 

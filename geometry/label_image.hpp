@@ -19,6 +19,9 @@ template <int Dim> struct LabelImage {
   Vec<Dim> spacing = Vec<Dim>::Ones();  ///< edge lengths of a pixel [length]
   Vec<Dim> origin = Vec<Dim>::Zero();   ///< corner of the first pixel, not its centre [length]
   std::vector<Label> labels{};          ///< by i + size[0] * (j + size[1] * k)
+  /// Empty, or for every pixel how far its grey value is from the threshold: positive where the label is not 0,
+  /// negative where it is. Says more exactly than labels where the boundary is.
+  std::vector<float> grey{};
 
   std::size_t index(const std::array<Index, Dim>& at) const {
     std::size_t out = at[Dim - 1];
@@ -29,8 +32,8 @@ template <int Dim> struct LabelImage {
   double pixel_volume() const { return spacing.prod(); }
 };
 
-/// Throws InputError unless sizes and spacings are positive and finite, the origin is finite, and there is one label to
-/// every pixel.
+/// Throws InputError unless sizes and spacings are positive and finite, the origin is finite, there is one label to
+/// every pixel, and grey values, if there are any, are finite and of the labels' sign.
 template <int Dim> void check_image(const LabelImage<Dim>& image);
 
 /// A label and how many pixels have it.
@@ -55,7 +58,7 @@ template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image
 
 /// An image without its islands.
 template <int Dim> struct LargestBody {
-  LabelImage<Dim> image;  ///< islands have become void
+  LabelImage<Dim> image;  ///< islands have become void (grey values: of the other sign)
   Index islands = 0;      ///< how many there were
   double fraction = 0.0;  ///< their part of the material's volume
 };

@@ -4,6 +4,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/image_reader.hpp"
 #include "efree/geometry/largest_body.hpp"
+#include "efree/geometry/lattice_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
 #include "efree/geometry/surface.hpp"
@@ -185,7 +186,7 @@ constexpr std::int64_t largest_label = std::numeric_limits<Label>::max();
 
 Section image_section(const Section& geometry) {
   return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour",
-                                    "simplify", "facet_distance", "regions", "raw"});
+                                    "simplify", "mesher", "facet_distance", "regions", "raw"});
 }
 
 template <int Dim> RawImage<Dim> read_raw(const Section& image) {
@@ -224,6 +225,28 @@ template <int Dim> void report_islands(Index islands, double fraction, MadeMesh<
   made.remarks.push_back(fmt::format("{} islands left out, {:.3g} % of the material", islands, 100.0 * fraction));
 }
 
+void report_lost(const LostFeatures& lost, MadeMesh<3>& made) {
+  made.reports.push_back({"lost_parts", lost.parts});
+  made.reports.push_back({"lost_pieces", lost.pieces});
+  made.reports.push_back({"lost_volume", lost.volume});
+  made.reports.push_back({"broken_off", lost.broken_off});
+  if (lost.parts + lost.pieces > 0) {
+    const bool is_void = lost.worst_region.empty();
+    made.remarks.push_back(fmt::format(
+        "too thin for mesh_size: {} bodies or pores and {} pieces of others are not in the mesh, volume {:.3g} in all; "
+        "the largest is {}, volume {:.3g} at ({:.4g})",
+        lost.parts, lost.pieces, lost.volume,
+        lost.worst_is_part ? (is_void ? "a pore" : fmt::format("a body of \"{}\"", lost.worst_region))
+                           : (is_void ? "a piece of void" : fmt::format("a piece of \"{}\"", lost.worst_region)),
+        lost.worst_volume, fmt::join(lost.worst_place, ", ")));
+  }
+  if (lost.broken_off > 0)
+    made.remarks.push_back(fmt::format(
+        "too thin for mesh_size: necks of {} bodies that are one with others in the image; the largest has a "
+        "volume of {:.3g}, around ({:.4g})",
+        lost.broken_off, lost.broken_volume, fmt::join(lost.broken_place, ", ")));
+}
+
 template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
   refuse(geometry, {"slits", "parameters", "surface"}, "an image");
   require_size(geometry, "an image");
@@ -247,7 +270,13 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
   if (is_raw) reading.raw = read_raw<Dim>(image);
   ImageMeshOptions meshing{.names = region_names(image)};
   if (Dim == 3) refuse(image, {"contour", "simplify"}, "an image in three dimensions, where boundaries are smooth");
-  if (Dim == 2) refuse(image, {"facet_distance"}, "an image in the plane");
+  if (Dim == 2)
+    refuse(image, {"mesher", "facet_distance"},
+           "an image in the plane, which constrained Delaunay triangulation meshes");
+  meshing.mesher =
+      image.choice<Mesher>("mesher", {{"lattice", Mesher::lattice}, {"delaunay", Mesher::delaunay}}, meshing.mesher);
+  if (meshing.mesher == Mesher::lattice)
+    refuse(image, {"facet_distance"}, "an image on a lattice (mesher = \"delaunay\" has it)");
   meshing.contour =
       image.choice<Contour>("contour", {{"pixel", Contour::pixel}, {"smooth", Contour::smooth}}, meshing.contour);
   meshing.simplify = image.number("simplify", not_negative, meshing.simplify);
@@ -263,6 +292,20 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
     }
     ImageMeshOptions sized = meshing;
     sized.size = size;
+    if constexpr (Dim == 3)
+      if (sized.mesher == Mesher::lattice) {
+        LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
+        made.mesh = std::move(on_lattice.mesh);
+        report_lost(on_lattice.lost, made);
+        if (largest_only && on_lattice.lost.broken_off > 0) {
+          LargestMesh<3> body = keep_largest(std::move(made.mesh));
+          made.mesh = std::move(body.mesh);
+          made.remarks.push_back(
+              fmt::format("what has come apart is left out, too: {} bodies, {:.3g} % of the material", body.islands,
+                          100.0 * body.fraction));
+        }
+        return made;
+      }
     made.mesh = mesh_image<Dim>(labels, sized);
     return made;
   };

@@ -3,6 +3,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/summary.hpp"
+#include "image_meshes.hpp"
 #include "meshes.hpp"
 
 #include <algorithm>
@@ -12,12 +13,7 @@ namespace efree {
 namespace {
 
 using internal::flatness, internal::least_flatness;
-
-double flattest(const MeshData<3>& mesh) {
-  double least = 1.0;
-  for (Index c = 0; c < mesh.cells.cols(); ++c) least = std::min(least, flatness<3>(mesh.vertices, mesh.cells, c));
-  return least;
-}
+using test::flattest;
 
 MeshData<3> mesh_of(const std::vector<Vec<3>>& points, const std::vector<std::array<Index, 4>>& cells) {
   MeshData<3> mesh;
@@ -131,7 +127,7 @@ TEST(FlatCells, VerticesOfTheSurfaceStayWithinReachOfItInAll) {
 TEST(FlatCells, AreNotLeftInImages) {
   const auto image =
       keep_largest(random_spheres<3>(12, {.porosity = 0.3, .r_min = 2.0, .r_max = 4.0, .seed = 8})).image;
-  EXPECT_GE(flattest(mesh_image<3>(image, {.size = 2.0})), least_flatness);
+  EXPECT_GE(flattest(mesh_image<3>(image, {.size = 2.0, .mesher = Mesher::delaunay})), least_flatness);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/core/memory.hpp"
+#include "image_meshes.hpp"
 #include "meshes.hpp"
 
 #include <Eigen/Geometry>
@@ -14,6 +15,8 @@ using test::boundary_length;
 using test::euler_characteristic;
 using test::expect_consistent;
 using test::length;
+using test::side_area;
+using test::volume;
 
 /// One string to a row of pixels, the top one first; digits are labels, '.' is void.
 LabelImage<2> picture(const std::vector<std::string>& rows) {
@@ -229,58 +232,13 @@ TEST(ImageMesh2d, APorousImageKeepsItsAreaAndTopology) {
   EXPECT_EQ(FineMesh<2>(again).vertices(), pixels.vertices());
 }
 
-/// Everything that must hold on any mesh in three dimensions.
-void expect_consistent(const FineMesh<3>& mesh, const LabelImage<3>& image) {
-  EXPECT_GT(mesh.volumes().minCoeff(), 0.0);
-  // Frame facets are flat and on the frame; named facets together are the whole boundary; the surface is closed.
-  const char* sides[] = {"left", "right", "front", "back", "bottom", "top"};
-  std::vector<int> named(mesh.num_facets(), 0);
-  for (const auto& group : mesh.groups())
-    for (const Index f : group.facets) ++named[f];
-  EXPECT_EQ(std::count(named.begin(), named.end(), 1), mesh.num_facets());
-  for (int s = 0; s < 6; ++s) {
-    const auto group =
-        std::find_if(mesh.groups().begin(), mesh.groups().end(), [&](const auto& g) { return g.name == sides[s]; });
-    if (group == mesh.groups().end()) continue;
-    const int d = s / 2;
-    const double plane = image.origin[d] + (s % 2 == 1 ? image.size[d] * image.spacing[d] : 0.0);
-    Index off = 0;
-    for (const Index f : group->facets) {
-      for (int k = 0; k < 3; ++k) off += mesh.vertex(mesh.facets()(k, f))[d] != plane;
-      off += !(std::abs(std::abs(mesh.facet_normal(f)[d]) - 1.0) < 1e-12);
-    }
-    EXPECT_EQ(off, 0) << sides[s];
-  }
-  Vec<3> closed = Vec<3>::Zero();
-  double volume = 0.0;
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    closed += mesh.facet_measure(f) * mesh.facet_normal(f);
-    volume += mesh.facet_measure(f) * mesh.facet_normal(f).dot(mesh.vertex(mesh.facets()(0, f))) / 3.0;
-  }
-  EXPECT_LT(closed.norm(), 1e-9 * mesh.volumes().sum());
-  EXPECT_NEAR(volume, mesh.volumes().sum(), 1e-9 * volume);  // cells do not overlap
-}
-
-double side_area(const FineMesh<3>& mesh, const std::string& group) {
-  double sum = 0.0;
-  for (const Index f : mesh.group(group)) sum += mesh.facet_measure(f);
-  return sum;
-}
-
-double volume(const FineMesh<3>& mesh, Index region) {
-  double sum = 0.0;
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    if (mesh.region(c) == region) sum += mesh.volume(c);
-  return sum;
-}
-
 TEST(ImageMesh3d, ABlockIsABlock) {
   LabelImage<3> image;
   image.size = {6, 4, 5};
   image.spacing = {0.5, 1.0, 0.25};
   image.origin = {1.0, -2.0, 3.0};
   image.labels.assign(120, 7);
-  const FineMesh<3> mesh(mesh_image(image, {.size = 0.8}));
+  const FineMesh<3> mesh(mesh_image(image, {.size = 0.8, .mesher = Mesher::delaunay}));
   expect_consistent(mesh, image);
   EXPECT_NEAR(mesh.volumes().sum(), 15.0, 1e-12 * 15.0);
   EXPECT_NEAR(side_area(mesh, "left"), 5.0, 1e-11);
@@ -288,14 +246,14 @@ TEST(ImageMesh3d, ABlockIsABlock) {
   EXPECT_NEAR(side_area(mesh, "top"), 12.0, 1e-11);
   EXPECT_EQ(mesh.groups().size(), 6u);
   EXPECT_EQ(mesh.region_names(), std::vector<std::string>{"7"});
-  const MeshData<3> again = mesh_image(image, {.size = 0.8});
+  const MeshData<3> again = mesh_image(image, {.size = 0.8, .mesher = Mesher::delaunay});
   EXPECT_EQ(FineMesh<3>(again).vertices(), mesh.vertices());
 }
 
 TEST(ImageMesh3d, APorousBlockKeepsItsVolumeAndItsSides) {
   const LabelImage<3> image = random_spheres<3>(32, {.porosity = 0.3, .r_min = 4.0, .r_max = 7.0, .seed = 2});
   const double solid = static_cast<double>(count_labels(image).back().pixels);
-  const FineMesh<3> mesh(mesh_image(image, {.size = 2.5}));
+  const FineMesh<3> mesh(mesh_image(image, {.size = 2.5, .mesher = Mesher::delaunay}));
   expect_consistent(mesh, image);
   EXPECT_NEAR(mesh.volumes().sum(), solid, 0.01 * solid);
   const auto voxels = [&](int d, Index at) {
@@ -324,7 +282,7 @@ TEST(ImageMesh3d, FindsPoresFarSmallerThanItsCells) {
   for (Index k = 11; k < 13; ++k)
     for (Index j = 11; j < 13; ++j)
       for (Index i = 11; i < 13; ++i) image.labels[image.index({i, j, k})] = 0;
-  const FineMesh<3> mesh(mesh_image(image, {.size = 6.0}));
+  const FineMesh<3> mesh(mesh_image(image, {.size = 6.0, .mesher = Mesher::delaunay}));
   expect_consistent(mesh, image);
   const double pore = 24.0 * 24.0 * 24.0 - mesh.volumes().sum();
   EXPECT_GT(pore, 3.0);
@@ -340,7 +298,8 @@ TEST(ImageMesh3d, RegionsConform) {
       for (Index i = 0; i < 20; ++i)
         image.labels.push_back(Vec<3>(i - 9.5, j - 9.5, k - 12.5).norm() < 5.0 ? 2 : k < 4 ? 3 : 1);
   const auto counts = count_labels(image);
-  const FineMesh<3> mesh(mesh_image(image, {.size = 2.5, .names = {{1, "matrix"}, {2, "grain"}, {3, "layer"}}}));
+  const FineMesh<3> mesh(mesh_image(
+      image, {.size = 2.5, .mesher = Mesher::delaunay, .names = {{1, "matrix"}, {2, "grain"}, {3, "layer"}}}));
   expect_consistent(mesh, image);
   EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"matrix", "grain", "layer"}));
   EXPECT_NEAR(mesh.volumes().sum(), 8000.0, 1e-8);  // no void: the block without a gap
@@ -359,7 +318,7 @@ TEST(ImageMesh3d, RegionsConform) {
       }
   EXPECT_NEAR(interface, 4.0 * 3.14159 * 25.0, 0.08 * 314.0);
   EXPECT_INPUT_ERROR(mesh_image(image, {}), "size is 0");
-  EXPECT_INPUT_ERROR(mesh_image(image, {.size = 1e-3}), "GiB are available");
+  EXPECT_INPUT_ERROR(mesh_image(image, {.size = 1e-3, .mesher = Mesher::delaunay}), "GiB are available");
   EXPECT_INPUT_ERROR(mesh_image(image, {.size = 1.0, .facet_distance = 0.0}), "facet_distance is 0");
 }
 

@@ -175,6 +175,11 @@ TEST_F(ReadImage, ThresholdsAndBackgrounds) {
   EXPECT_INPUT_ERROR(read_image<2>(path), "it has 100 different values and looks like a grey image: give a threshold");
   EXPECT_EQ(count_labels(read_image<2>(path, {.max_labels = 100})).size(), 100u);
   EXPECT_EQ(count_labels(read_image<2>(path, {.threshold = 50.0})).back().pixels, 75);
+  for (const bool below : {false, true}) {
+    const auto image = read_image<2>(path, {.threshold = 50.0, .below = below});  // checks itself
+    EXPECT_EQ(image.grey.size(), image.labels.size());
+    EXPECT_NEAR(*std::ranges::max_element(image.grey) - *std::ranges::min_element(image.grey), 198.0, 1e-5);
+  }
   EXPECT_EQ(count_labels(read_image<2>(path, {.threshold = 50.0, .below = true})).back().pixels, 25);
   EXPECT_INPUT_ERROR(read_image<2>(path, {.threshold = 500.0}), "all of it is background");
   EXPECT_EQ(read_image<2>(put("a.png", grey_png), {.background = {0, 2}}).labels,

@@ -368,6 +368,8 @@ TEST(ImageCase, RegionsThatDoNotMatchAreErrorsThatListThoseThere) {
   expect_matches(with("spacing = 0.25", "spacing = [1, 1, 1]"), R"(^case.toml:6: spacing has 3 numbers, expected one)");
   expect_matches(with("spacing = 0.25", "below = true"), R"(^case.toml:6: below has no meaning for an image without)");
   expect_matches(with("spacing = 0.25", "facet_distance = 1"), R"(^case.toml:6: facet_distance has no meaning)");
+  expect_matches(with("spacing = 0.25", "mesher = \"lattice\""),
+                 R"(^case.toml:6: mesher has no meaning for an image in the plane)");
   expect_matches(with("mesh_size = 0.2", ""), R"(^case.toml:\d+: key "mesh_size" or "mesh_ratio" is missing)");
   expect_matches(with("mesh_size = 0.2", "mesh_size = 0.2\nslits = [\"crack\"]"),
                  R"(^case.toml:5: slits has no meaning for an image)");
@@ -455,6 +457,60 @@ displacement = [0.6, 0, 0]
   // Held at both ends it is stiffer than free to contract, softer than held all over.
   EXPECT_GT(result["strain_energy"], 0.5 * 96 * 0.01);
   EXPECT_LT(result["strain_energy"], 0.5 * 96 * 0.01 * 1.2);
+}
+
+constexpr std::string_view held_block = R"([basis]
+kind = "p1"
+[material]
+E = 1
+nu = 0.25
+[[boundary]]
+on = "left"
+displacement = [0, 0, 0]
+[[boundary]]
+on = "right"
+traction = [0.01, 0, 0]
+)";
+
+TEST(ImageCase, VoxelsAreMeshedOnALatticeUnlessDelaunayIsAskedFor) {
+  const auto block = [](const std::string& keys) {
+    return "[geometry]\nfile = \"block.raw\"\nmesh_size = 2\n[geometry.image]\nraw = { size = [8, 4, 4] }\n" + keys +
+           std::string(held_block);
+  };
+  const auto mesh_of = [&](const std::string& keys) {
+    const Workspace work(block(keys));
+    work.write("block.raw", std::string(8 * 4 * 4, '\x01'));
+    return std::get<Case<3>>(read_case(work / "case.toml")).geometry.mesh(2.0);
+  };
+  const MadeMesh<3> lattice = mesh_of("mesher = \"lattice\"\n");
+  EXPECT_EQ(lattice.mesh.cells.cols(), 4 * 2 * 2 * 6);
+  EXPECT_EQ(mesh_of("").mesh.cells, lattice.mesh.cells);
+  EXPECT_TRUE(lattice.remarks.empty());
+  EXPECT_NE(mesh_of("mesher = \"delaunay\"\nfacet_distance = 0.5\n").mesh.cells.cols(), lattice.mesh.cells.cols());
+
+  const auto failure = [&](const std::string& keys) {
+    const Workspace work(block(keys));
+    work.write("block.raw", std::string(8 * 4 * 4, '\x01'));
+    return complaint<3>(work);
+  };
+  expect_matches(failure("facet_distance = 0.5\n"), "facet_distance has no meaning for an image on a lattice");
+  expect_matches(failure("mesher = \"octree\"\n"), "octree.*lattice.*delaunay");
+}
+
+TEST(ImageCase, SaysWhatIsTooThinForTheLattice) {
+  const Workspace work("[geometry]\nfile = \"block.raw\"\nmesh_size = 4\nimage = { raw = { size = [8, 8, 16] } }\n" +
+                       std::string(held_block));
+  std::string voxels(8 * 8 * 16, '\x01');
+  // A block, void, and in it a plate of one voxel that no plane of points meets.
+  for (int k = 8; k < 16; ++k) std::fill_n(voxels.begin() + 64 * k, 64, k == 13 ? '\x01' : '\x00');
+  work.write("block.raw", voxels);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  expect_matches(run.output,
+                 "1 bodies or pores and 0 pieces of others are not in the mesh, volume 64.*a body of \"1\".*13.5");
+  const auto reports = json(work / "out/result.json")["reports"];
+  EXPECT_EQ(reports["lost_parts"], 1);
+  EXPECT_EQ(reports["lost_volume"], 64.0);
 }
 
 // --- surfaces --------------------------------------------------------------------------------------------------------
