@@ -30,6 +30,8 @@ struct Options {
   bool quiet = false;
   bool no_picture = false;
   bool json = false;
+  std::string accuracy;
+  double time_limit = 0.0;
   StudyOptions study;
 };
 
@@ -50,11 +52,16 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
   try {
     const Progress progress = display.stages(
         {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "output"});
-    const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
-    if (!options.quiet)
-      for (const std::string& remark : mesh.remarks) display.say(remark);
-    CaseResult<Dim> result = solve_case(analysis, mesh, progress);
-    if (result.estimates && !options.quiet) display.say(estimates_text(*result.estimates));
+    const auto say = [&](const std::string& remark) {
+      if (!options.quiet) display.say(remark);
+    };
+    const auto on_one_mesh = [&] {
+      const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
+      for (const std::string& remark : mesh.remarks) say(remark);
+      return solve_case(analysis, mesh, progress);
+    };
+    CaseResult<Dim> result = analysis.accuracy > 0.0 ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
+    if (result.estimates) say(estimates_text(*result.estimates));
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
@@ -118,6 +125,17 @@ template <int Dim> void convergence(const Case<Dim>& analysis, const Options& op
   if (analysis.has_exact()) fmt::print("{}", order_table(study));
 }
 
+/// 0.02 or 2%; 0 if it is no such number.
+double accuracy_of(std::string text) {
+  const bool percent = text.ends_with('%');
+  if (percent) text.pop_back();
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return 0.0;
+  value *= percent ? 0.01 : 1.0;
+  return value >= 1e-6 && value < 1.0 ? value : 0.0;
+}
+
 /// Complaint about an element of a list of positive numbers; empty if there is none.
 std::string not_positive(const std::string& text) {
   double value = 0.0;
@@ -145,6 +163,17 @@ int run(int argc, char** argv) {
   add_common(solve_command, options);
   solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png");
   const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
+  solve_command
+      .add_option(
+          "--accuracy", options.accuracy,
+          "relative error in the energy norm to be reached, as 0.02 or 2%; without mesh_size and spacing in the "
+          "case they are chosen")
+      ->type_name("ERROR")
+      ->check([](const std::string& text) { return accuracy_of(text) > 0.0 ? "" : "expected 0.02 or 2%, below 1"; });
+  solve_command
+      .add_option("--time-limit", options.time_limit, "with an accuracy: seconds after which no finer mesh is begun")
+      ->type_name("SECONDS")
+      ->check(CLI::PositiveNumber);
   CLI::App& convergence_command = *app.add_subcommand(
       "convergence", "solve a case on finer and finer clouds; writes convergence.csv, convergence.json and charts");
   add_common(convergence_command, options);
@@ -187,7 +216,9 @@ int run(int argc, char** argv) {
       return 0;
     }
     return std::visit(
-        [&](const auto& analysis) {
+        [&](auto analysis) {
+          if (!options.accuracy.empty()) analysis.accuracy = accuracy_of(options.accuracy);
+          if (options.time_limit > 0.0) analysis.time_limit = options.time_limit;
           if (solve_command.parsed()) return solve(analysis, options, display);
           convergence(analysis, options, display);
           return 0;

@@ -17,7 +17,7 @@ template <int Dim> Index BlockMatrix<Dim>::entry(Index i, Index j) const {
 
 template <int Dim> void BlockMatrix<Dim>::multiply(const Points<Dim>& x, Points<Dim>& y) const {
   y.resize(Dim, size());
-  parallel_chunks(size(), 2048, [&](Index begin, Index end) {
+  parallel_chunks(size(), 8192, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       Vec<Dim> sum = Vec<Dim>::Zero();
       for (Index k = offsets[i]; k < offsets[i + 1]; ++k) sum.noalias() += blocks[k] * x.col(columns[k]);

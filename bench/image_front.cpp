@@ -2,7 +2,8 @@
 /// From an image to its effective modulus by corrected clouds on lattice meshes: error against time and memory, to be
 /// read beside the tables of bench/peers (same problems, same references).
 ///
-///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01]
+///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
+///   voxels = default]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/largest_body.hpp"
@@ -68,7 +69,7 @@ int main(int argc, char** argv) {
   };
   FineMesh<3> mesh(keep_largest(mesh_image<3>(image, {.size = size})).mesh);
   const double meshing = lap();
-  auto cloud = approximate<3>(mesh, {});
+  auto cloud = approximate<3>(mesh, {.spacing = argc > 5 ? std::atof(argv[5]) : 0.0});
   const double basis = lap();
   const ElasticModel model{.material = {1.0, 0.3}};
   const std::vector<DisplacementCondition<3>> supports{symmetry_plane<3>("left"),

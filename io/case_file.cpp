@@ -342,12 +342,26 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
                                     nodal ? Essential::strong : Essential::nitsche));
 
   read_correction(analysis, result);
+  if (root.has("accuracy")) {
+    const Section accuracy = root.section("accuracy", {"energy", "time_limit"});
+    result.accuracy = accuracy.number("energy", {1e-6, 1.0, true, false});
+    result.time_limit = accuracy.number("time_limit", positive, result.time_limit);
+    require_estimates(result);
+  }
   if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
   read_probes(probes, result);
   return result;
 }
 
 }  // namespace
+
+void require_estimates(const CaseSettings& analysis) {
+  if (analysis.approximation.kind == BasisKind::mls && !analysis.approximation.dilatation && analysis.corrected) return;
+  throw InputError(fmt::format(
+      "{}: an accuracy can be asked for where the error is estimated and the answer corrected: with basis.kind = "
+      "\"mls\", analysis.correction = \"auto\" and without averaged dilatations (nearly incompressible materials)",
+      analysis.file.string()));
+}
 
 template <int Dim> bool locks_without_dilatation(const Case<Dim>& analysis) {
   return analysis.approximation.kind == BasisKind::mls && (Dim == 3 || analysis.model.plane != Plane::stress) &&
@@ -367,7 +381,7 @@ AnyCase read_case(const std::filesystem::path& file) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
-                      "boundary", "exact", "probe"});
+                      "boundary", "exact", "probe", "accuracy"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane) == 2) return read<2>(file, root, geometry);

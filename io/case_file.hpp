@@ -8,6 +8,7 @@
 #include "efree/solvers/static_analysis.hpp"
 
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <variant>
 #include <vector>
@@ -29,9 +30,11 @@ struct CaseSettings {
   std::string title;
   std::filesystem::path file;  ///< the case file itself
   ApproximationOptions approximation;
-  bool estimated = true;            ///< say how far the answer is from the finite elements of the fine mesh
-  bool corrected = true;            ///< hand out the corrected answer, not that of the cloud
-  CorrectionOptions correction;     ///< towards the finite elements of the fine mesh
+  bool estimated = true;         ///< say how far the answer is from the finite elements of the fine mesh
+  bool corrected = true;         ///< hand out the corrected answer, not that of the cloud
+  CorrectionOptions correction;  ///< towards the finite elements of the fine mesh
+  double accuracy = 0.0;         ///< wanted relative error in the energy norm; 0: as the mesh gives
+  double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
   double largest_error = 0.5;       ///< relative, in the energy norm, beyond which the answer is no answer
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for
   std::vector<Material> materials;  ///< one for everything, or one for each region
@@ -70,6 +73,9 @@ using AnyCase = std::variant<Case<2>, Case<3>>;
 /// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
 /// expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by read_mesh.
 AnyCase read_case(const std::filesystem::path& file);
+
+/// Throws InputError if the case has no error estimates, so that no accuracy can be asked for.
+void require_estimates(const CaseSettings& analysis);
 
 /// Whether the volumetric part should be averaged on coarser clusters where the file leaves it open (dilatation =
 /// "auto"): moving least squares with nu > 0.4, but not in plane stress, where the body can always thin out, so that

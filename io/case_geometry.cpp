@@ -137,17 +137,18 @@ void refuse(const Section& geometry, const Section::Keys& keys, std::string_view
     if (geometry.has(key)) geometry.fail(key, fmt::format("{} has no meaning for {}", key, kind));
 }
 
-void require_size(const Section& geometry, std::string_view kind) {
-  if (!geometry.has("mesh_size") && !geometry.has("mesh_ratio"))
-    geometry.fail("", fmt::format("key \"mesh_size\" or \"mesh_ratio\" is missing in [geometry]: {} has no sizes of "
-                                  "its own",
-                                  kind));
+/// The size that was asked for, or, if none was, what is natural, which is reported.
+template <int Dim> double size_or(const MeshSize& asked, double natural, MadeMesh<Dim>& made) {
+  made.size = asked.length > 0.0 ? asked.length : asked.coarsening * natural;
+  if (asked.length > 0.0) return made.size;
+  made.reports.push_back({"mesh_size_chosen", made.size});
+  made.remarks.push_back(fmt::format("mesh_size {:.4g} (none is said)", made.size));
+  return made.size;
 }
 
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
   refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
-  require_size(geometry, "a built-in shape");
   const auto shapes = all_shapes<Dim>();
   const Shape<Dim>& shape = *find_shape(shapes, name);
   Section::Keys known;
@@ -166,7 +167,14 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
     if (parameter.whole && values.back() != std::floor(values.back()))
       section.fail(parameter.name, fmt::format("{} is {}, expected a whole number", parameter.name, values.back()));
   }
-  return [make = shape.make, values](double size) { return MadeMesh<Dim>{make(values, size)}; };
+  double longest = known.empty() ? 60.0 : 0.0;  // Cook's membrane has no parameters
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (!shape.parameters[k].whole) longest = std::max(longest, values[k]);
+  return [make = shape.make, values, longest](const MeshSize& size) {
+    MadeMesh<Dim> made;
+    made.mesh = make(values, size_or(size, longest / 20.0, made));
+    return made;
+  };
 }
 
 template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file) {
@@ -175,10 +183,10 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file)
   const Section parameters = geometry.section("parameters", {});
   for (const auto& [key, node] : parameters.table())
     options.parameters[std::string(key.str())] = parameters.number(key.str(), any_number);
-  return [path = file.string(), options](double size) {
+  return [path = file.string(), options](const MeshSize& size) {
     GmshOptions sized = options;
-    sized.size = size;
-    return MadeMesh<Dim>{read_gmsh<Dim>(path, sized)};
+    sized.size = size.length;
+    return MadeMesh<Dim>{.mesh = read_gmsh<Dim>(path, sized), .size = size.length};
   };
 }
 
@@ -249,7 +257,6 @@ void report_lost(const LostFeatures& lost, MadeMesh<3>& made) {
 
 template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
   refuse(geometry, {"slits", "parameters", "surface"}, "an image");
-  require_size(geometry, "an image");
   const Section image = image_section(geometry);
   ImageOptions<Dim> reading;
   if (image.has("spacing")) {
@@ -282,7 +289,7 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
   meshing.simplify = image.number("simplify", not_negative, meshing.simplify);
   meshing.facet_distance = image.number("facet_distance", positive, meshing.facet_distance);
   const bool largest_only = image.boolean("largest_only", false);
-  return [path = file.string(), reading, meshing, largest_only](double size) {
+  return [path = file.string(), reading, meshing, largest_only](const MeshSize& size) {
     MadeMesh<Dim> made;
     LabelImage<Dim> labels = read_image<Dim>(path, reading);
     if (largest_only) {
@@ -291,7 +298,8 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
       report_islands(body.islands, body.fraction, made);
     }
     ImageMeshOptions sized = meshing;
-    sized.size = size;
+    // As fine as pixels in the plane, two voxels in space.
+    sized.size = size_or(size, (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
     if constexpr (Dim == 3)
       if (sized.mesher == Mesher::lattice) {
         LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
@@ -311,9 +319,8 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
   };
 }
 
-std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const fs::path& file) {
+std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry, const fs::path& file) {
   refuse(geometry, {"slits", "parameters", "image"}, "a surface");
-  require_size(geometry, "a surface");
   const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle", "largest_only"});
   const bool wrap = section.boolean("wrap", false);
   if (!wrap) refuse(section, {"alpha", "offset"}, "a surface that is not wrapped (wrap = true)");
@@ -322,7 +329,7 @@ std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const f
   SurfaceMeshOptions meshing;
   meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
   const bool largest_only = section.boolean("largest_only", false);
-  return [path = file.string(), wrap, wrapping, meshing, largest_only](double size) {
+  return [path = file.string(), wrap, wrapping, meshing, largest_only](const MeshSize& size) {
     MadeMesh<3> made;
     SurfaceSoup soup = read_surface(path);
     if (wrap) {
@@ -338,7 +345,8 @@ std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const f
           wrapped.alpha, wrapped.offset, wrapped.max_distance, wrapped.mean_distance, wrapped.volume));
     }
     SurfaceMeshOptions sized = meshing;
-    sized.size = size;
+    const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
+    sized.size = size_or(size, (high - low).norm() / 40.0, made);
     made.mesh = mesh_surface(soup, sized);
     if (largest_only) {
       LargestMesh<3> body = keep_largest(std::move(made.mesh));
@@ -350,7 +358,7 @@ std::function<MadeMesh<3>(double)> surface_mesh(const Section& geometry, const f
 }
 
 /// The function that makes the mesh of a file.
-template <int Dim> std::function<MadeMesh<Dim>(double)> file_mesh(const Section& geometry, const fs::path& file) {
+template <int Dim> std::function<MadeMesh<Dim>(const MeshSize&)> file_mesh(const Section& geometry, const fs::path& file) {
   const FileKind kind = kind_of(geometry, file);
   switch (kind) {
     case FileKind::gmsh:

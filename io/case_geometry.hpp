@@ -21,14 +21,21 @@ template <int Dim> struct MadeMesh {
   MeshData<Dim> mesh;
   std::vector<std::pair<std::string, Reported>> reports{};  ///< names as in result.json, values
   std::vector<std::string> remarks{};                       ///< the same in words
+  double size = 0.0;                                        ///< it was made with; 0: with the file's own sizes
+};
+
+/// How fine a mesh should be.
+struct MeshSize {
+  double length = 0.0;      ///< longest edge; 0: what is natural for the geometry, or the file's own sizes
+  double coarsening = 1.0;  ///< factor on what is natural
 };
 
 /// The geometry of a case: a function of the fine mesh size.
 template <int Dim> struct CaseGeometry {
-  /// Reads or makes the mesh with edges no longer than `size` [length]; 0: with the file's own sizes. Throws as the
-  /// readers do.
-  std::function<MadeMesh<Dim>(double size)> mesh;
-  double size = 0.0;                 ///< [length]; 0: `ratio` says it, or the file
+  /// Reads or makes the mesh. Throws as the readers do.
+  std::function<MadeMesh<Dim>(const MeshSize& size)> mesh;
+  double size = 0.0;                 ///< [length]; 0: `ratio` says it, or it is open
+  double coarsening = 1.0;           ///< of the natural size, where it is open
   double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds
   std::vector<std::string> slits{};  ///< names of the parts the body was cut open along
   std::string where{};               ///< where the geometry was named in the case file

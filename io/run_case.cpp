@@ -8,6 +8,7 @@
 #include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <ctime>
 #include <limits>
@@ -139,7 +140,8 @@ constexpr double doubtful = 0.1;
 template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
   if (!result.estimates) return;
   const Estimates& errors = *result.estimates;
-  if (errors.total() < std::min(doubtful, analysis.largest_error)) return;
+  const double bearable = analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
+  if (errors.total() < std::min(bearable, analysis.largest_error)) return;
   const std::string what =
       errors.cloud > errors.mesh
           ? fmt::format(
@@ -192,7 +194,9 @@ template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>&
   const Stage stage("correction", result.times, progress);
   const Approximation<Dim>& cloud = result.approximation;
   CorrectionOptions options = analysis.correction;
-  if (!analysis.corrected) options.iterations = 2;  // as many as the estimate takes
+  const double bearable = analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
+  options.tolerance = std::min(options.tolerance, 0.3 * bearable);  // a twentieth of the square is left to it
+  if (!analysis.corrected) options.iterations = 2;                  // as many as the estimate takes
   const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
   Corrected<Dim> best = corrected(analysis, result, cloud, start, options);
   Estimates estimates{.cloud = analysis.corrected ? best.correction.error : best.correction.start_error,
@@ -201,7 +205,7 @@ template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>&
                       .corrections = analysis.corrected ? best.correction.iterations : 0};
   if (!analysis.corrected) return estimates;
   const bool free = analysis.approximation.interpolation == 0 && options.iterations < 0;
-  if (free && cloud.space.degree() == 1 && estimates.total() > doubtful &&
+  if (free && cloud.space.degree() == 1 && estimates.total() > bearable &&
       memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory()) {
     const Approximation<Dim> quadratic = in_quadratic_space(cloud);
     const auto& u = best.correction.displacement;
@@ -239,7 +243,8 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
   {
     const Stage stage("mesh", times, progress);
     FineMesh<Dim> mesh = located(analysis, analysis.geometry.where, [&] {
-      MadeMesh<Dim> made = analysis.geometry.mesh(mesh_size(analysis));
+      MadeMesh<Dim> made = analysis.geometry.mesh({mesh_size(analysis), analysis.geometry.coarsening});
+      result.size = made.size;
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);
       // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.
@@ -247,6 +252,7 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
       return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
     });
     mesh = with_parts(analysis, std::move(mesh), result.open_interface);
+    if (result.size == 0.0) result.size = mesh.size();
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
   }
   result.seconds = times.total();
@@ -305,6 +311,74 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   return result;
 }
 
+namespace {
+
+/// Share of its size by which a mesh should be finer for an error to fall to `wanted`, if it falls like a power of the
+/// size: the one seen between the last two meshes of elements of that degree, or what is common.
+double refinement(const std::vector<Attempt>& attempts, double wanted) {
+  const Attempt& last = attempts.back();
+  double order = last.degree == 1 ? 0.8 : 1.2;  // corners and thin walls take it below 1 and 2
+  if (attempts.size() > 1) {
+    const Attempt& before = attempts[attempts.size() - 2];
+    if (before.degree == last.degree && before.size > last.size && before.error > last.error)
+      order = std::clamp(std::log(before.error / last.error) / std::log(before.size / last.size), 0.4, 2.0);
+  }
+  return std::clamp(std::pow(wanted / last.error, 1.0 / order), 0.35, 0.8);
+}
+
+}  // namespace
+
+template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress,
+                                                     const std::function<void(const std::string&)>& say) {
+  require_estimates(analysis);
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
+  const auto tell = [&](const std::string& message) {
+    if (say) say(message);
+  };
+  const bool fixed = analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0;
+  Case<Dim> trial = analysis;
+  trial.geometry.coarsening = 2.0;  // quadratic cells may do there
+  std::optional<CaseResult<Dim>> best;
+  std::vector<Attempt> attempts;
+  std::string why;
+  for (;;) {
+    const double begin = seconds();
+    const CaseMesh<Dim> mesh = read_mesh(trial, progress);
+    if (attempts.empty())
+      for (const std::string& remark : mesh.remarks) tell(remark);
+    CaseResult<Dim> result = solve_case(trial, mesh, progress);
+    const double error = result.estimates->total();
+    attempts.push_back({mesh.size, mesh.mesh->num_cells(), result.basis().space.degree(), error, seconds() - begin});
+    tell(fmt::format("{} cells of degree {}: error {:.2g} % in the energy norm, {:.2g} s", attempts.back().cells,
+                     attempts.back().degree, 100.0 * error, attempts.back().seconds));
+    if (!best || error < best->estimates->total()) best = std::move(result);
+    if (error <= analysis.accuracy) break;
+    if (fixed) {
+      why = "the case says the size of its mesh: leave mesh_size out, so that it can be chosen";
+      break;
+    }
+    const double finer = refinement(attempts, 0.85 * analysis.accuracy), growth = std::pow(finer, -Dim);
+    if (seconds() + growth * attempts.back().seconds > analysis.time_limit) {
+      why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s",
+                        growth * attempts.back().seconds, analysis.time_limit);
+      break;
+    }
+    constexpr double bytes_per_cell = Dim == 2 ? 4e3 : 6e3;
+    if (bytes_per_cell * growth * attempts.back().cells > 0.8 * available_memory()) {
+      why = "a finer mesh would take more memory than there is";
+      break;
+    }
+    trial.geometry.size = finer * mesh.size;
+  }
+  best->attempts = std::move(attempts);
+  if (!why.empty())
+    best->warnings.push_back(
+        fmt::format("an error of {:.2g} % in the energy norm was asked for, {:.2g} % is reached: {}",
+                    100.0 * analysis.accuracy, 100.0 * best->estimates->total(), why));
+  return std::move(*best);
+}
+
 double peak_memory_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -315,7 +389,11 @@ template double mesh_size<2>(const Case<2>&);
 template double mesh_size<3>(const Case<3>&);
 template CaseMesh<2> read_mesh<2>(const Case<2>&, const Progress&);
 template CaseMesh<3> read_mesh<3>(const Case<3>&, const Progress&);
+template CaseResult<2> solve_to_accuracy<2>(const Case<2>&, const Progress&,
+                                            const std::function<void(const std::string&)>&);
 template CaseResult<2> solve_case<2>(const Case<2>&, const CaseMesh<2>&, const Progress&);
+template CaseResult<3> solve_to_accuracy<3>(const Case<3>&, const Progress&,
+                                            const std::function<void(const std::string&)>&);
 template CaseResult<3> solve_case<3>(const Case<3>&, const CaseMesh<3>&, const Progress&);
 
 }  // namespace efree

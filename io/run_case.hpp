@@ -5,6 +5,7 @@
 #include "efree/io/case_file.hpp"
 
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -20,12 +21,22 @@ template <int Dim> struct CaseMesh {
   };
 
   std::shared_ptr<const FineMesh<Dim>> mesh;
+  double size = 0.0;                     ///< edges it was made with; the longest of a file with sizes of its own
   std::vector<LinearElastic> materials;  ///< by region of the mesh
   std::string open_interface;            ///< part along which regions are not tied; empty: tied wherever they touch
   std::vector<Part> parts;               ///< in the order of the case
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
   std::vector<std::string> remarks;                       ///< what to tell the user: the same in words, the parts
   double seconds = 0.0, cpu_seconds = 0.0;
+};
+
+/// One mesh that was tried on the way to an accuracy.
+struct Attempt {
+  double size;     ///< of the fine mesh, asked for; 0: that of the file
+  Index cells;     ///< of it
+  int degree;      ///< of its elements
+  double error;    ///< relative, in the energy norm, in all
+  double seconds;  ///< wall clock
 };
 
 /// Relative errors in the energy norm.
@@ -54,6 +65,8 @@ template <int Dim> struct CaseResult {
   std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;         ///< of the geometry
 
+  std::vector<Attempt> attempts;  ///< if an accuracy was asked for, in order; the answer is that of the smallest error
+
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one
 
@@ -79,6 +92,14 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
 template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const Progress& progress = {}) {
   return solve_case(analysis, read_mesh(analysis, progress), progress);
 }
+
+/// Runs a case until its estimated error is within analysis.accuracy: corrections and, where linear cells do not do,
+/// quadratic ones on one mesh after the other, each as fine as the errors before ask for. A mesh whose size the case
+/// says is the only one. Ends with the best answer and a warning if a finer mesh would take more memory than there is
+/// or more time than analysis.time_limit leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and
+/// InputError without estimates (require_estimates).
+template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress = {},
+                                                     const std::function<void(const std::string&)>& say = {});
 
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mb();

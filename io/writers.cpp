@@ -204,6 +204,12 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
                                    {"uncorrected", result.estimates->uncorrected},
                                    {"mesh", result.estimates->mesh},
                                    {"total", result.estimates->total()}};
+  for (const Attempt& attempt : result.attempts)
+    json["attempts"].push_back({{"mesh_size", attempt.size},
+                                {"fine_cells", attempt.cells},
+                                {"degree", attempt.degree},
+                                {"error", attempt.error},
+                                {"seconds", attempt.seconds}});
   json["corrections"] = result.estimates ? result.estimates->corrections : 0;
   json["probes"] = ordered_json::object();
   for (const auto& [name, values] : result.probes)

@@ -27,7 +27,7 @@ constexpr double rounding = 1e-20;
 
 /// Sum of a . b over all columns, in an order that does not depend on the threads.
 template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
-  constexpr Index chunk = 4096;
+  constexpr Index chunk = 8192;
   const Index n = static_cast<Index>(a.cols());
   std::vector<double> sums((n + chunk - 1) / chunk);
   parallel_chunks(n, chunk, [&](Index begin, Index end) {
@@ -38,7 +38,7 @@ template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
 
 /// a += factor * b.
 template <int Dim> void add(Points<Dim>& a, double factor, const Points<Dim>& b) {
-  parallel_chunks(static_cast<Index>(a.cols()), 4096, [&](Index begin, Index end) {
+  parallel_chunks(static_cast<Index>(a.cols()), 8192, [&](Index begin, Index end) {
     a.middleCols(begin, end - begin) += factor * b.middleCols(begin, end - begin);
   });
 }

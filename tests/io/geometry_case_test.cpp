@@ -370,7 +370,6 @@ TEST(ImageCase, RegionsThatDoNotMatchAreErrorsThatListThoseThere) {
   expect_matches(with("spacing = 0.25", "facet_distance = 1"), R"(^case.toml:6: facet_distance has no meaning)");
   expect_matches(with("spacing = 0.25", "mesher = \"lattice\""),
                  R"(^case.toml:6: mesher has no meaning for an image in the plane)");
-  expect_matches(with("mesh_size = 0.2", ""), R"(^case.toml:\d+: key "mesh_size" or "mesh_ratio" is missing)");
   expect_matches(with("mesh_size = 0.2", "mesh_size = 0.2\nslits = [\"crack\"]"),
                  R"(^case.toml:5: slits has no meaning for an image)");
 }
@@ -480,7 +479,7 @@ TEST(ImageCase, VoxelsAreMeshedOnALatticeUnlessDelaunayIsAskedFor) {
   const auto mesh_of = [&](const std::string& keys) {
     const Workspace work(block(keys));
     work.write("block.raw", std::string(8 * 4 * 4, '\x01'));
-    return std::get<Case<3>>(read_case(work / "case.toml")).geometry.mesh(2.0);
+    return std::get<Case<3>>(read_case(work / "case.toml")).geometry.mesh({2.0});
   };
   const MadeMesh<3> lattice = mesh_of("mesher = \"lattice\"\n");
   EXPECT_EQ(lattice.mesh.cells.cols(), 4 * 2 * 2 * 6);
@@ -661,7 +660,6 @@ TEST(ShapeCase, EveryShapeCanBeNamed) {
                  R"(^case.toml:2: the shape "rectangle" needs width, height)");
   expect_matches(wrong("shape = \"l_shape\"\nmesh_size = 1\nparameters = { side = 1, sides = 2 }"),
                  R"(^case.toml:4: unknown key "sides" in \[geometry.parameters\]; did you mean "side"\?)");
-  expect_matches(wrong("shape = \"l_shape\"\nparameters = { side = 1 }"), "\"mesh_size\" or \"mesh_ratio\" is missing");
   expect_matches(
       wrong("shape = \"random_holes\"\nmesh_size = 1\nparameters = { width = 9, gap = 1, count = 1.5, r_min = 1, r_max "
             "= 1 }"),

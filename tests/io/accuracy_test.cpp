@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Errors of cases: estimated, corrected, asked for, and refused.
+#include "efree/tests/io/workspace.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/io/run_case.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+using test::json, test::replaced, test::Workspace;
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// A plate with a hole under the exact tractions of the infinite one (Kirsch 1898) along its outer sides.
+const std::string plate = R"([definitions]
+r2 = "x^2 + y^2"
+c2 = "(x^2 - y^2)/r2"
+s2 = "2*x*y/r2"
+c4 = "2*c2^2 - 1"
+s4 = "2*s2*c2"
+q = "1/r2"
+xx = "1 - q*(1.5*c2 + c4) + 1.5*q^2*c4"
+yy = "-q*(0.5*c2 - c4) - 1.5*q^2*c4"
+xy = "-q*(0.5*s2 + s4) + 1.5*q^2*s4"
+[geometry]
+shape = "plate_with_hole"
+parameters = { radius = 1, half_width = 4 }
+[analysis]
+plane = "stress"
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+normal_displacement = 0
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "right"
+traction = ["xx", "xy"]
+[[boundary]]
+on = "top"
+traction = ["xy", "yy"]
+[exact]
+stress = ["xx", "yy", "xy"]
+)";
+/// A sheet in a box of which walls are thinner than any node spacing: a cloud of 2 cannot bend it.
+const std::string thin_beam = R"([geometry]
+shape = "box"
+parameters = { width = 10, depth = 1, height = 0.25 }
+mesh_size = 0.25
+[cloud]
+spacing = 2
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, 0, 0]
+[[boundary]]
+on = "right"
+traction = [0, 0, 1e-3]
+)";
+
+CaseResult<2> solved(const std::string& text) {
+  const Workspace work(text);
+  const auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
+  return analysis.accuracy > 0.0 ? solve_to_accuracy(analysis) : solve_case(analysis);
+}
+
+TEST(Estimates, AreWithinAThirdOfTheTrueErrorOfThePlate) {
+  const auto result = solved(plate);
+  ASSERT_TRUE(result.estimates);
+  EXPECT_LT(result.estimates->cloud, 0.01);
+  EXPECT_GT(result.estimates->corrections, 1);
+  EXPECT_GT(result.estimates->total(), 0.67 * *result.errors->energy_norm);
+  EXPECT_LT(result.estimates->total(), 1.5 * *result.errors->energy_norm);
+}
+
+TEST(Estimates, SayHowFarTheCloudIsOffWithoutCorrection) {
+  const auto corrected = solved(plate);
+  const auto bare = solved(replaced(plate, "plane = \"stress\"", "plane = \"stress\"\ncorrection = \"off\""));
+  ASSERT_TRUE(bare.estimates);
+  EXPECT_EQ(bare.estimates->corrections, 0);
+  EXPECT_FALSE(bare.elements);
+  EXPECT_NEAR(bare.estimates->cloud, corrected.estimates->uncorrected, 0.1 * bare.estimates->cloud);
+  EXPECT_NEAR(bare.estimates->total(), *bare.errors->energy_norm, 0.2 * *bare.errors->energy_norm);
+}
+
+TEST(Estimates, AreReachedWhenAnAccuracyIsAskedFor) {
+  for (const double wanted : {0.05, 0.01, 0.003}) {
+    const auto result = solved(plate + "[accuracy]\nenergy = " + std::to_string(wanted) + "\n");
+    EXPECT_LE(result.estimates->total(), wanted);
+    EXPECT_LE(*result.errors->energy_norm, 1.3 * wanted);
+    ASSERT_FALSE(result.attempts.empty());
+    EXPECT_EQ(result.attempts.back().error, result.estimates->total());
+    EXPECT_TRUE(result.warnings.empty());
+  }
+}
+
+TEST(Estimates, AMeshThatIsSaidIsKeptAndTheAccuracyItMissesIsSaid) {
+  const auto result =
+      solved(replaced(plate, "half_width = 4 }", "half_width = 4 }\nmesh_size = 1") + "[accuracy]\nenergy = 0.0001\n");
+  EXPECT_EQ(result.attempts.size(), 1u);
+  ASSERT_EQ(result.warnings.size(), 2u);
+  EXPECT_THAT(result.warnings.back(), HasSubstr("leave mesh_size out"));
+}
+
+/// The cloud alone is a hundred times too stiff; with exit status 0 that would be a lie.
+TEST(Estimates, RefuseTheAnswerOfACloudThatIsBlindUnlessItIsAskedFor) {
+  const std::string bare = "[analysis]\ncorrection = \"off\"\n" + thin_beam;
+  const Workspace work(bare);
+  const auto refused = work.efree({"solve", "case.toml", "--out", "out", "--no-picture", "--quiet"});
+  EXPECT_EQ(refused.status, 3);
+  EXPECT_THAT(refused.output, HasSubstr("to accept it say analysis.largest_error"));
+  EXPECT_TRUE(fs::exists(work / "out/result.json"));
+  EXPECT_THAT(json(work / "out/failure.json")["reason"].get<std::string>(), HasSubstr("correct it"));
+  work.write("case.toml", replaced(bare, "\"off\"", "\"off\"\nlargest_error = 2"));
+  const auto accepted = work.efree({"solve", "case.toml", "--out", "out", "--no-picture", "--quiet"});
+  EXPECT_EQ(accepted.status, 0);
+  EXPECT_THAT(accepted.output, HasSubstr("warning: "));
+  EXPECT_FALSE(fs::exists(work / "out/failure.json"));
+}
+
+TEST(Estimates, CorrectedQuadraticCellsBendAThinBeamAsBernoulliDid) {
+  const Workspace work(replaced(thin_beam, "spacing = 2", "spacing = 0.5"));
+  const auto result = solve_case(std::get<Case<3>>(read_case(work / "case.toml")));
+  EXPECT_EQ(result.basis().space.degree(), 2);
+  // F L^3 / (3 E I), which Timoshenko's shear hardly adds to; the clamp takes a little off.
+  const double force = 1e-3 * 0.25, deflection = force * 1000.0 / (3.0 * std::pow(0.25, 3) / 12.0);
+  EXPECT_NEAR(result.fields.displacement.row(2).maxCoeff(), deflection, 0.04 * deflection);
+  EXPECT_TRUE(result.refusal.empty());
+}
+
+TEST(Accuracy, IsRefusedWhereItMakesNoSense) {
+  const auto complaint = [](const std::string& text) {
+    const Workspace work(text);
+    try {
+      read_case(work / "case.toml");
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(complaint(plate + "[accuracy]\nenergy = 2\n"), HasSubstr("energy is 2, expected a number"));
+  EXPECT_THAT(complaint(plate + "[accuracy]\n"), HasSubstr("key \"energy\" is missing"));
+  EXPECT_THAT(complaint(plate + "[basis]\nkind = \"p1\"\n[accuracy]\nenergy = 0.1\n"), HasSubstr("basis.kind"));
+  EXPECT_THAT(complaint(replaced(plate, "plane = \"stress\"", "plane = \"stress\"\ncorrection = 0")),
+              HasSubstr("correction is 0, expected an integer"));
+  EXPECT_THAT(complaint(replaced(plate, "plane = \"stress\"", "plane = \"stress\"\ncorrection = \"on\"")),
+              HasSubstr("expected \"auto\" or \"off\""));
+  EXPECT_THAT(complaint(replaced(replaced(plate, "plane = \"stress\"", "plane = \"strain\"\ncorrection = \"auto\""),
+                                 "nu = 0.3", "nu = 0.49")),
+              HasSubstr("averaged"));
+  const Workspace work(plate);
+  for (const char* wrong : {"0", "1", "150%", "x"})
+    EXPECT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--accuracy", wrong}).status, 2) << wrong;
+  EXPECT_FALSE(fs::exists(work / "out"));
+}
+
+}  // namespace
+}  // namespace efree
