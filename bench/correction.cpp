@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Corrections towards the finite elements of the fine mesh: iterations, and estimated errors against true ones.
 ///
-///   bench_correction [part of a case's name = all] [H/h = 4] [clouds = 1] [order = 1]
+///   bench_correction iterations  [part of a case's name = all] [H/h = 4] [folder of the real files]
+///   bench_correction effectivity [part = all] [H/h = 4] [folder]   of (a), what is said of cloud and corrections
+///   bench_correction recovery    [part = all] [1 or 2 = 2] [folder]  of (b), what is said of the finite elements
+///
+/// The real files are fetched by examples/real_files/run; without their folder elephant and assembly are left out.
 #include "efree/solvers/correction.hpp"
 #include "cavity.hpp"
 #include "efree/geometry/image_mesh.hpp"
@@ -9,13 +13,21 @@
 #include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/io/run_case.hpp"
+#include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
 #include "inclusion.hpp"
+#include "kirsch.hpp"
 
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
+#include <map>
+#include <numbers>
 #include <numeric>
+#include <optional>
 #include <string>
 
 using namespace efree;
@@ -24,7 +36,6 @@ using namespace efree::bench;
 namespace {
 
 template <int Dim> struct Problem {
-  std::string name;
   FineMesh<Dim> mesh;
   double h;
   ElasticModel model;
@@ -33,50 +44,163 @@ template <int Dim> struct Problem {
   bool dilatation = false;
 };
 
-template <int Dim> void study(const Problem<Dim>& problem, double ratio, int clouds, int order) {
-  for (int seed = 1; seed <= clouds; ++seed) {
-    StageTimes times;
-    const auto cloud = approximate<Dim>(problem.mesh,
-                                        {.axisymmetric = problem.model.plane == Plane::axisymmetric,
-                                         .order = order,
-                                         .spacing = ratio * problem.h,
-                                         .seed = static_cast<std::uint64_t>(seed),
-                                         .dilatation = problem.dilatation},
-                                        &times);
-    const ElasticSolver<Dim> solver(cloud, problem.model, problem.supports, &times);
-    const Solution<Dim> solution = solver.solve(problem.loads);
-    const Corrector<Dim> corrector(cloud, problem.model, problem.supports, &times);
-    const Points<Dim> start = interpolate(cloud.shape, solution.coefficients);
-    Correction<Dim> converged;
-    {
-      const Stage stage("iterate", times, {});
-      converged = corrector.correct(start, problem.loads, {.iterations = 40});
+/// The answer of a cloud, and what corrects it.
+template <int Dim> struct Answer {
+  Approximation<Dim> cloud;
+  Points<Dim> displacement;  ///< at the fine degrees of freedom
+  Corrector<Dim> corrector;
+
+  Answer(const Problem<Dim>& problem, ApproximationOptions options)
+      : cloud(approximate<Dim>(problem.mesh, with(problem, options))),
+        displacement(interpolate(
+            cloud.shape, ElasticSolver<Dim>(cloud, problem.model, problem.supports).solve(problem.loads).coefficients)),
+        corrector(cloud, problem.model, problem.supports) {}
+
+ private:
+  static ApproximationOptions with(const Problem<Dim>& problem, ApproximationOptions options) {
+    options.axisymmetric = problem.model.plane == Plane::axisymmetric;
+    options.dilatation = problem.dilatation;
+    return options;
+  }
+};
+
+/// Errors left, relative, after 0, 1, ... iterations.
+std::vector<double> errors_left(const std::vector<double>& taken) {
+  std::vector<double> left(taken.size());
+  double sum = 0.0;
+  for (std::size_t k = left.size(); k-- > 0;) left[k] = std::sqrt(sum), sum += taken[k];
+  return left;
+}
+
+template <int Dim> void count_iterations(const std::string& name, const Problem<Dim>& problem, double ratio) {
+  const Answer<Dim> answer(problem, {.spacing = ratio * problem.h});
+  const auto converged = answer.corrector.correct(answer.displacement, problem.loads, {.iterations = 50});
+  const auto left = errors_left(converged.taken);
+  const auto to = [&](double error) {
+    return static_cast<int>(std::ranges::find_if(left, [&](double one) { return one < error; }) - left.begin());
+  };
+  std::printf("| %s | %d | %d | %g | %d | %td | %.3g | %d | %d |\n", name.c_str(), Dim, answer.cloud.space.degree(),
+              ratio, answer.cloud.space.size(), answer.cloud.nodes.cols(), converged.start_error, to(0.01), to(1e-6));
+}
+
+template <int Dim> void effectivity(const std::string& name, const Problem<Dim>& problem, double ratio) {
+  for (const int order : {1, 2}) {
+    double least_cloud = 1e9, most_cloud = 0.0, least_left = 1e9, most_left = 0.0, error = 0.0;
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const Answer<Dim> answer(problem, {.order = order, .spacing = ratio * problem.h, .seed = seed});
+      const auto converged = answer.corrector.correct(answer.displacement, problem.loads, {.iterations = 40});
+      const auto left = errors_left(converged.taken);
+      error = std::max(error, converged.start_error);
+      for (int k = 1; k <= 6 && left[k] > 1e-7; ++k) {
+        const auto some = answer.corrector.correct(answer.displacement, problem.loads, {.iterations = k});
+        if (k == 2) {
+          least_cloud = std::min(least_cloud, some.start_error / converged.start_error);
+          most_cloud = std::max(most_cloud, some.start_error / converged.start_error);
+        }
+        least_left = std::min(least_left, some.error / left[k]);
+        most_left = std::max(most_left, some.error / left[k]);
+      }
     }
-    // Squared errors after each step.
-    std::vector<double> left(converged.taken.size());
-    double sum = 0.0;
-    for (std::size_t k = left.size(); k-- > 0;) left[k] = sum, sum += converged.taken[k];
-    int to_1e6 = 0;
-    while (to_1e6 < static_cast<int>(left.size()) - 1 && left[to_1e6] > 1e-12) ++to_1e6;
-    std::printf("| %s | %d | %g | %d | %td | %.3g | %.4g | %d |", problem.name.c_str(), Dim, ratio, cloud.space.size(),
-                cloud.nodes.cols(), solution.strain_energy / converged.strain_energy - 1.0, converged.start_error,
-                to_1e6);
-    for (const int k : {0, 1, 2, 3, 4, 6}) {
-      const auto some = corrector.correct(start, problem.loads, {.iterations = k});
-      std::printf(" %.2g (%.2f, %.2f)", std::sqrt(left[k]), some.error / std::sqrt(left[k]),
-                  some.start_error / converged.start_error);
-    }
-    std::printf(" | %.2f | %.2f | %.3f |\n", times.total() - times["iterate"] - times["correction"],
-                times["correction"], times["iterate"] / 40.0);
+    std::printf("| %s | %d | %d | %.3g | %.3f to %.3f | %.2f to %.2f |\n", name.c_str(), Dim, order, error, least_cloud,
+                most_cloud, least_left, most_left);
     std::fflush(stdout);
   }
 }
 
+/// Every cell cut into 2^Dim at the middles of its edges (Bey 1995). Groups and regions follow.
+template <int Dim> FineMesh<Dim> refined(const FineMesh<Dim>& mesh) {
+  MeshData<Dim> data{mesh.vertices(), {}, {}};
+  std::map<std::pair<Index, Index>, Index> middles;
+  std::vector<Vec<Dim>> added;
+  const auto middle = [&](Index a, Index b) {
+    const auto [place, is_new] = middles.try_emplace(std::minmax(a, b), mesh.num_vertices() + added.size());
+    if (is_new) added.push_back(0.5 * (mesh.vertex(a) + mesh.vertex(b)));
+    return place->second;
+  };
+  constexpr int parts = 1 << Dim;
+  data.cells.resize(Dim + 1, parts * mesh.num_cells());
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const auto v = mesh.cells().col(c);
+    const auto m = [&](int i, int j) { return middle(v[i], v[j]); };
+    auto out = data.cells.middleCols(parts * c, parts);
+    if constexpr (Dim == 2) {
+      out << v[0], v[1], v[2], m(0, 1),  //
+          m(0, 1), m(0, 1), m(0, 2), m(1, 2), m(0, 2), m(1, 2), m(1, 2), m(0, 2);
+    } else {
+      const Index a = m(0, 1), b = m(0, 2), d = m(0, 3), e = m(1, 2), f = m(1, 3), g = m(2, 3);
+      out.col(0) << v[0], a, b, d;
+      out.col(1) << a, v[1], e, f;
+      out.col(2) << b, e, v[2], g;
+      out.col(3) << d, f, g, v[3];
+      // The octahedron that is left, around the diagonal from b to f.
+      out.col(4) << a, b, d, f;
+      out.col(5) << a, b, e, f;
+      out.col(6) << b, d, f, g;
+      out.col(7) << b, e, f, g;
+    }
+    if (mesh.num_regions() > 1)
+      for (int k = 0; k < parts; ++k) data.regions.push_back(mesh.region(c));
+  }
+  if (mesh.num_regions() > 1) data.region_names = mesh.region_names();
+  for (const auto& group : mesh.groups()) {
+    data.groups.push_back({group.name, {}});
+    for (const Index facet : group.facets) {
+      const auto v = mesh.facets().col(facet);
+      auto& facets = data.groups.back().facets;
+      if constexpr (Dim == 2) {
+        const Index m = middle(v[0], v[1]);
+        facets.insert(facets.end(), {{v[0], m}, {m, v[1]}});
+      } else {
+        const Index a = middle(v[0], v[1]), b = middle(v[1], v[2]), d = middle(v[2], v[0]);
+        facets.insert(facets.end(), {{v[0], a, d}, {a, v[1], b}, {d, b, v[2]}, {a, b, d}});
+      }
+    }
+  }
+  data.vertices.conservativeResize(Dim, mesh.num_vertices() + static_cast<Index>(added.size()));
+  for (std::size_t k = 0; k < added.size(); ++k)
+    data.vertices.col(mesh.num_vertices() + static_cast<Index>(k)) = added[k];
+  return FineMesh<Dim>(data);
+}
+
+/// The finite elements of a mesh: energy, and error as recovery says it.
+struct Elements {
+  double energy, recovery;
+};
+template <int Dim> Elements finite_elements(const Problem<Dim>& problem, int degree, bool recover) {
+  const Answer<Dim> answer(problem, {.interpolation = degree, .spacing = (Dim == 2 ? 8.0 : 5.0) * problem.h});
+  const auto corrected = answer.corrector.correct(answer.displacement, problem.loads, {.tolerance = 1e-5});
+  if (!recover) return {corrected.strain_energy, 0.0};
+  const auto elements = approximate<Dim>(problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2,
+                                                        .axisymmetric = problem.model.plane == Plane::axisymmetric});
+  const auto solution = evaluate(elements, problem.model, corrected.displacement);
+  return {corrected.strain_energy,
+          recovery_error(elements, recover_fields(elements, solution), region_lame(problem.model, problem.mesh))};
+}
+
+/// True errors from the energy of quadratic cells on the mesh refined `times` times, extrapolated.
+template <int Dim> void recovery(const std::string& name, const Problem<Dim>& problem, int times) {
+  const Elements linear = finite_elements(problem, 1, true), quadratic = finite_elements(problem, 2, true);
+  std::vector<double> energies{quadratic.energy};
+  Problem<Dim> finer = problem;
+  for (int k = 0; k < times; ++k) {
+    finer.mesh = refined(finer.mesh);
+    finer.h *= 0.5;
+    energies.push_back(finite_elements(finer, 2, false).energy);
+  }
+  // Between an eighth, quite smooth, and a half, at a crack, if it cannot be seen.
+  double share = 0.25;
+  const auto n = energies.size();
+  const double last = energies[n - 1] - energies[n - 2];
+  if (n > 2) share = std::clamp(last / (energies[n - 2] - energies[n - 3]), 0.05, 0.6);
+  const double exact = energies.back() + last * share / (1.0 - share);
+  const auto error = [&](double energy) { return std::sqrt(std::abs(exact - energy) / exact); };
+  std::printf("| %s | %d | %d | %.2f | %.3g | %.2f | %.3g | %.2f |\n", name.c_str(), Dim, problem.mesh.num_cells(),
+              share, error(linear.energy), linear.recovery / error(linear.energy), error(quadratic.energy),
+              quadratic.recovery / error(quadratic.energy));
+}
+
 ElasticModel plane_stress(double nu = 0.3) {
   return {.material = {1.0, nu}, .plane = Plane::stress};
-}
-ElasticModel plane_strain(double nu) {
-  return {.material = {1.0, nu}, .plane = Plane::strain};
 }
 DisplacementCondition<2> moved(const char* on, double x, double y) {
   return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
@@ -88,116 +212,167 @@ FineMesh<2> slit_plate(double h) {
   return triangulate(domain, {.size = h});
 }
 
+/// A cube of an image between sliding planes, its top moved by one per cent.
+Problem<3> pulled(const LabelImage<3>& image, double size, double h) {
+  const double height = image.size[2];
+  return {FineMesh<3>(keep_largest(mesh_image<3>(image, {.size = size})).mesh),
+          h,
+          {.material = {1.0, 0.3}},
+          {symmetry_plane<3>("left"),
+           symmetry_plane<3>("front"),
+           symmetry_plane<3>("bottom"),
+           {"top", {}, [=](const Vec<3>&) { return 0.01 * height; }}},
+          {}};
+}
+
+/// Sheet around the gyroid of period 32 voxels, walls of about four.
+LabelImage<3> gyroid(Index voxels) {
+  LabelImage<3> image{.size = {voxels, voxels, voxels}};
+  const double k = 2.0 * std::numbers::pi / 32.0;
+  for (Index z = 0; z < voxels; ++z)
+    for (Index y = 0; y < voxels; ++y)
+      for (Index x = 0; x < voxels; ++x) {
+        const double X = k * (x + 0.5), Y = k * (y + 0.5), Z = k * (z + 0.5);
+        const double value = std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X);
+        image.labels.push_back(std::abs(value) < 0.4);
+      }
+  return image;
+}
+
+/// A case file of examples/real_files, on a mesh `coarser` than it says.
+Problem<3> real_file(const std::filesystem::path& file, double coarser) {
+  auto analysis = std::get<Case<3>>(read_case(file));
+  analysis.geometry.size *= coarser;
+  analysis.approximation.spacing *= coarser;
+  const double h = mesh_size(analysis);
+  auto made = read_mesh(analysis);
+  ElasticModel model = analysis.model;
+  model.regions = made.materials;
+  model.open_interface = made.open_interface;
+  return {*made.mesh, h, model, analysis.supports, analysis.loads};
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string wanted = argc > 1 ? argv[1] : "all";
-  const double ratio = argc > 2 ? std::atof(argv[2]) : 4.0;
-  const int clouds = argc > 3 ? std::atoi(argv[3]) : 1, order = argc > 4 ? std::atoi(argv[4]) : 1;
-  std::printf(
-      "| case | dimensions | H/h | fine degrees | nodes | energy of the cloud / elements - 1 | error of the cloud | "
-      "iterations to 1e-6 | error left after 0, 1, 2, 3, 4, 6 (estimate over truth: left, cloud) | cloud [s] | set-up "
-      "[s] | iteration [s] |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  const std::string mode = argc > 1 ? argv[1] : "", wanted = argc > 2 ? argv[2] : "all";
+  const double number = argc > 3 ? std::atof(argv[3]) : mode == "recovery" ? 2.0 : 4.0;
+  const std::filesystem::path folder = argc > 4 ? argv[4] : "";
+  if (mode == "iterations")
+    std::printf(
+        "| case | dimensions | degree | H/h | fine degrees | nodes | error of the cloud | iterations to 1 %% | "
+        "to 1e-6 |\n|---|---|---|---|---|---|---|---|---|\n");
+  else if (mode == "effectivity")
+    std::printf(
+        "| case | dimensions | order | error of the cloud | estimate / truth: cloud, after 2 iterations | left, after "
+        "1 to 6 |\n|---|---|---|---|---|---|\n");
+  else if (mode == "recovery")
+    std::printf(
+        "| case | dimensions | cells | squared error kept by halving | error of P1 | estimate / truth | error of P2 | "
+        "estimate / truth |\n|---|---|---|---|---|---|---|---|\n");
+  else
+    return std::fprintf(stderr, "bench_correction iterations | effectivity | recovery [case] [number] [folder]\n"), 1;
+  // Reference solutions of quadratic cells need coarser meshes to begin with.
+  const double c = mode == "recovery" ? 2.0 : 1.0;
   const auto run = [&](const std::string& name, const auto& make) {
-    if (wanted == "all" || name.find(wanted) != std::string::npos) {
-      auto problem = make();
-      problem.name = name;
-      study(problem, ratio, clouds, order);
-    }
+    if (wanted != "all" && name.find(wanted) == std::string::npos) return;
+    const auto problem = make();
+    if (mode == "iterations")
+      count_iterations(name, problem, number);
+    else if (mode == "effectivity")
+      effectivity(name, problem, number);
+    else
+      recovery(name, problem, static_cast<int>(number));
+    std::fflush(stdout);
   };
-  run("plate", [] {
-    return Problem<2>{"",
-                      triangulate(shapes::quarter_plate_with_hole(1.0, 5.0, 0.05), {.size = 0.05}),
-                      0.05,
-                      plane_stress(),
+  run("plate", [&] {
+    return Problem<2>{Kirsch::mesh(0.05 * c),
+                      0.05 * c,
+                      {.material = Kirsch::material, .plane = Plane::stress},
                       {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
-                      {{tension<2>("right", 1.0)}, {}}};
+                      Kirsch::loads()};
   });
-  run("slit", [] {
-    return Problem<2>{"", slit_plate(0.02), 0.02, plane_stress(), {clamp<2>("bottom")}, {{tension<2>("top", 1.0)}, {}}};
+  run("slit", [&] {
+    return Problem<2>{
+        slit_plate(0.02 * c), 0.02 * c, plane_stress(), {clamp<2>("bottom")}, {{tension<2>("top", 1.0)}, {}}};
   });
-  run("L", [] {
-    return Problem<2>{"",
-                      triangulate(shapes::l_shape(1.0), {.size = 0.02}),
-                      0.02,
+  run("L", [&] {
+    return Problem<2>{triangulate(shapes::l_shape(1.0), {.size = 0.02 * c}),
+                      0.02 * c,
                       plane_stress(),
                       {clamp<2>("top")},
                       {{}, [](const Vec<2>&) -> Vec<2> {
                          return {0.0, -1.0};
                        }}};
   });
-  for (const double nu : {1.0 / 3.0, 0.4999})
-    run("Cook " + std::to_string(nu), [&] {
-      return Problem<2>{"",
-                        triangulate(shapes::cook(), {.size = 1.0}),
-                        1.0,
-                        plane_strain(nu),
-                        {clamp<2>("left")},
-                        {{{"right",
-                           [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
-                             return {0.0, 1.0};
-                           }}},
-                         {}},
-                        nu > 0.4};
-    });
-  run("160 holes", [] {
-    return Problem<2>{"",
-                      triangulate(shapes::plate_with_random_holes(10.0, 160, 0.04, 0.4, 0.03, 1, 0.05), {.size = 0.05}),
-                      0.05,
-                      plane_stress(),
-                      {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
-                      {{tension<2>("right", 1.0)}, {}}};
+  run("Cook", [&] {
+    return Problem<2>{triangulate(shapes::cook(), {.size = c}),
+                      c,
+                      {.material = {1.0, 1.0 / 3.0}, .plane = Plane::strain},
+                      {clamp<2>("left")},
+                      {{{"right",
+                         [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
+                           return {0.0, 1.0};
+                         }}},
+                       {}}};
   });
-  for (const double contrast : {1000.0, 0.001})
-    run("inclusion " + std::to_string(contrast), [&] {
-      static const Inclusion stiff(1.0, 0.6, 1000.0), soft(1.0, 0.6, 0.001);
-      const Inclusion& inclusion = contrast > 1.0 ? stiff : soft;
-      return Problem<2>{"",
-                        FineMesh<2>(cut_regions(inclusion.mesh(0.04))),
-                        0.04,
-                        inclusion.model(Essential::nitsche),
+  run("160 holes", [&] {
+    return Problem<2>{
+        triangulate(shapes::plate_with_random_holes(10.0, 160, 0.04, 0.4, 0.03, 1, 0.05), {.size = 0.05 * c}),
+        0.05 * c,
+        plane_stress(),
+        {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+        {{tension<2>("right", 1.0)}, {}}};
+  });
+  static const Inclusion stiff(1.0, 0.6, 1000.0), soft(1.0, 0.6, 0.001);
+  for (const Inclusion* inclusion : {&stiff, &soft})
+    run(inclusion == &stiff ? "inclusion 1000 : 1" : "inclusion 1 : 1000", [&] {
+      return Problem<2>{FineMesh<2>(cut_regions(inclusion->mesh(0.04 * c))),
+                        0.04 * c,
+                        inclusion->model(Essential::nitsche),
                         {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
-                        inclusion.loads()};
+                        inclusion->loads()};
     });
-  run("porous image", [] {
-    const auto image = keep_largest(random_spheres<2>(256, {.porosity = 0.35, .r_min = 3.0, .r_max = 12.0})).image;
-    return Problem<2>{"",
-                      FineMesh<2>(mesh_image<2>(image, {.size = 1.5})),
+  run("porous image", [&] {
+    const auto image =
+        keep_largest(random_spheres<2>(mode == "recovery" ? 128 : 256, {.porosity = 0.35, .r_min = 3.0, .r_max = 12.0}))
+            .image;
+    return Problem<2>{FineMesh<2>(mesh_image<2>(image, {.size = 1.5})),
                       1.5,
                       plane_stress(),
                       {moved("left", 0.0, 0.0), moved("right", 1.0, 0.0)},
                       {}};
   });
-  run("cavity", [] {
-    return Problem<3>{"",
-                      Cavity::mesh(0.15),
-                      0.15,
+  if (mode != "recovery")
+    run("slivers of 0.1 degree", [&] {
+      return Problem<2>{testing::with_split_cells(triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.02}), 0.003),
+                        0.02,
+                        plane_stress(),
+                        {clamp<2>("left")},
+                        {{tension<2>("right", 1.0)}, {}}};
+    });
+  run("cavity", [&] {
+    return Problem<3>{Cavity::mesh(0.15 * c),
+                      0.15 * c,
                       {.material = Cavity::material},
                       {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                       Cavity::loads()};
   });
-  run("box nearly incompressible", [] {
-    return Problem<3>{"",
-                      FineMesh<3>(solids::box({2.0, 1.0, 1.0}, 0.1)),
-                      0.1,
-                      {.material = {1.0, 0.4999}},
-                      {clamp<3>("left")},
-                      {{{"right",
-                         [](const Vec<3>&, const Vec<3>&) -> Vec<3> {
-                           return {0.0, 0.0, 1.0};
-                         }}},
-                       {}},
-                      true};
-  });
-  for (const Index voxels : {64, 128})
-    run("block " + std::to_string(voxels), [&] {
-      const auto image = keep_largest(random_spheres<3>(voxels, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
-      const DisplacementCondition<3> pulled{"top", {}, [=](const Vec<3>&) { return 0.01 * voxels; }};
-      return Problem<3>{"",
-                        FineMesh<3>(mesh_image<3>(image, {.size = 3.0})),
-                        2.3,
+  if (mode != "recovery")
+    run("flat cells of half a degree", [&] {
+      return Problem<3>{testing::with_sides(testing::with_flat_cells(testing::box(16), 0.5)),
+                        1.0 / 16,
                         {.material = {1.0, 0.3}},
-                        {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled},
-                        {}};
+                        {clamp<3>("left")},
+                        {{tension<3>("right", 1.0)}, {}}};
     });
+  run("block", [&] {
+    const auto spheres =
+        random_spheres<3>(mode == "recovery" ? 32 : 64, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0});
+    return pulled(keep_largest(spheres).image, 2.0, 2.6);
+  });
+  run("gyroid", [&] { return pulled(gyroid(mode == "recovery" ? 32 : 64), 2.0, 2.6); });
+  if (folder.empty()) std::fprintf(stderr, "elephant and assembly are left out: no folder of the real files\n");
+  for (const char* name : {"elephant", "assembly"})
+    if (!folder.empty()) run(name, [&] { return real_file(folder / (std::string(name) + ".toml"), c); });
 }

@@ -7,6 +7,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/internal/condensation.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 
 #include <fmt/format.h>
@@ -206,7 +207,8 @@ template <int Dim> struct Corrector<Dim>::Impl {
   ShapeTable<Dim> P;
   Ragged<Place> rows_at;  ///< rows of P, by node of the cloud
   Cholesky coarse;
-  Smoother<Dim> smoother;
+  std::optional<Condensation<Dim>> condensation;  ///< if there are flat cells
+  Smoother<Dim> smoother;                         ///< of what it leaves
 
   /// The displacement at the element nodes of one at the degrees of freedom of the space.
   Points<Dim> at_nodes(const Points<Dim>& u) const {
@@ -231,6 +233,13 @@ template <int Dim> struct Corrector<Dim>::Impl {
     Points<Dim> z = interpolate(P, U.reshaped(Dim, P.num_nodes()));
     supports.release(z);
     return z;
+  }
+  /// z = M r, smoothed.
+  void smooth(const Points<Dim>& r, Points<Dim>& z) const {
+    if (!condensation) return smoother.apply(K, r, z);
+    Points<Dim> smoothed;
+    smoother.apply(condensation->matrix(), condensation->restrict(r), smoothed);
+    z = condensation->extend(smoothed, r);
   }
   /// Loads at the element nodes.
   Points<Dim> loads(const Loads<Dim>& given) const {
@@ -300,10 +309,15 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   Ragged<Place> rows_at = places_of_nodes(P.num_nodes(), P.num_points(), [&](Index v) { return P.row(v).nodes; });
   Cholesky coarse = factorised(coarse_matrix(K, P, rows_at, supports), Dim);
   const double nodes_apart = std::pow(static_cast<double>(nodes.count) / P.num_nodes(), 1.0 / Dim);
+  const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
+  std::optional<Condensation<Dim>> condensation;
+  if (!groups.empty()) condensation.emplace(K, groups);
+  const auto node_of = [&](Index kept) { return condensation ? condensation->kept()[kept] : kept; };
   Smoother<Dim> smoother(
-      K, [&](Index node) { return supports.free(node); }, nodes_apart);
+      condensation ? condensation->matrix() : K, [&](Index kept) { return supports.free(node_of(kept)); }, nodes_apart);
   impl_.reset(new Impl{approximation, std::move(nodes), std::move(dofs_of), std::move(K), supports, std::move(weak),
-                       std::move(P), std::move(rows_at), std::move(coarse), std::move(smoother)});
+                       std::move(P), std::move(rows_at), std::move(coarse), std::move(condensation),
+                       std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -339,7 +353,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   if (wanted == 0) answer = u;
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
-    problem.smoother.apply(K, r, z);
+    problem.smooth(r, z);
     K.multiply(z, q);
     q = r - q;
     problem.supports.release(q);
