@@ -23,6 +23,9 @@ namespace {
 
 /// Iterations that an estimate of the error takes.
 constexpr int least_iterations = 2;
+/// Iterations after which elements few enough for it are solved directly: the cloud is too coarse to help.
+constexpr int patience = 20;
+template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
 /// Squared error, relative, that is rounding.
 constexpr double rounding = 1e-20;
 
@@ -180,6 +183,16 @@ template <int Dim> SymmetricMatrix coarse_matrix(const BlockMatrix<Dim>& K, cons
   for (Index i = 0; i < coarse.cols(); ++i)
     if (double& pivot = coarse.coeffRef(i, i); !(pivot > 0.0)) pivot = 1.0;
   return coarse;
+}
+
+/// K on what the supports leave free, lower triangle; what they hold is alone, with the stiffness of its node.
+template <int Dim> SymmetricMatrix held_matrix(const BlockMatrix<Dim>& K, const Supports<Dim>& supports) {
+  return gather_blocks<Dim>(K.size(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    const Mat<Dim> free = supports.free(a);
+    for (Index e = K.offsets[a]; e < K.offsets[a + 1]; ++e)
+      if (const Index b = K.columns[e]; b >= a) sums[b] += supports.free(b) * K.blocks[e].transpose() * free;
+    sums[a] += K.blocks[K.diagonal[a]].trace() * (Mat<Dim>::Identity() - free);
+  });
 }
 
 /// Factors the coarse matrix. On a few vertices the functions of the cloud may depend on each other; a little on the
@@ -349,6 +362,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   const bool open = options.iterations < 0;
   const int wanted = open ? options.most : options.iterations, last = std::max(wanted, least_iterations);
   std::vector<double> taken;  // by the iterations
+  bool solved = false;        // directly
   Points<Dim> answer;
   if (wanted == 0) answer = u;
   double rz = 0.0;
@@ -384,8 +398,17 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       scale = dot<Dim>(u, q);  // what is prescribed makes it fall on the way
       if (is_good()) break;
     }
+    if (open && k == patience && static_cast<double>(K.columns.size()) < few_entries<Dim>) {
+      const Vector rest = factorised(held_matrix(K, problem.supports), Dim).solve(r.reshaped());
+      z = rest.reshaped(Dim, K.size());
+      taken.push_back(dot<Dim>(r, z));
+      u += z;
+      ++result.iterations;
+      solved = true;
+      break;
+    }
   }
-  const double beyond = taken.empty() ? 0.0 : std::max(0.0, error_left(taken));
+  const double beyond = taken.empty() || solved ? 0.0 : std::max(0.0, error_left(taken));
   if (answer.size() == 0) answer = u;
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];

@@ -32,7 +32,8 @@ template <int Dim> struct Correction {
 /// coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009, A-DEF2), a Chebyshev polynomial of symmetric
 /// Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro 2003). The finite element problem is that of
 /// BasisKind::p1 (p2 if approximation.space is of degree 2) with conditions set strongly, wherever nodal values can
-/// hold them, and regions that share their nodes. Errors come from what the iterations take off (Hestenes & Stiefel
+/// hold them, and regions that share their nodes. Where the cloud is too coarse to help and the elements are few, they
+/// are solved directly after some iterations. Errors come from what the iterations take off (Hestenes & Stiefel
 /// 1952; Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:

@@ -207,6 +207,23 @@ TEST(Correction, RefusesToGiveBackLessThanWasAskedFor) {
     EXPECT_THAT(error.what(), HasSubstr("after 3 iterations, 1e-08 was asked for"));
   }
 }
+/// Two nodes through the height cannot bend: the iterations are on their own, and a direct solver ends them.
+TEST(Correction, SolvesDirectlyWhereTheCloudIsBlind) {
+  const Problem<2> beam{triangulate(shapes::rectangle(0.0, 0.0, 10.0, 0.2), {.size = 0.1}),
+                        {.interpolation = 1, .spacing = 1.0},
+                        {.material = {1.0, 0.3}},
+                        {clamp<2>("left")},
+                        {.tractions = {{"right",
+                                        [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
+                                          return {0.0, 1.0};
+                                        }}},
+                         .body_force = {}}};
+  const auto corrected = correct(beam, {.tolerance = 1e-6}).correction;
+  const auto direct = elements(beam, 1);
+  EXPECT_NEAR(corrected.strain_energy, direct.strain_energy, 1e-8 * direct.strain_energy);
+  EXPECT_EQ(corrected.iterations, 21);
+  EXPECT_GT(corrected.start_error, 0.9);
+}
 TEST(Correction, RefusesBasesThatAverageDilatations) {
   Problem<2> problem = plate();
   problem.cloud.dilatation = true;
