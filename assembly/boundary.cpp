@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -531,29 +532,36 @@ template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<Disp
   return list;
 }
 
-template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+template <int Dim> Bodies<Dim> find_bodies(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
                                            const std::vector<TiedFacets>& ties) {
   const FineMesh<Dim>& mesh = space.mesh();
-  const std::vector<Index> body_of_component = tied_bodies(mesh, ties);
-  const Index bodies = 1 + *std::ranges::max_element(body_of_component);
-  const auto body_at = [&](Index v) { return body_of_component[mesh.component()[v]]; };
+  Bodies<Dim> bodies;
+  bodies.of_component = tied_bodies(mesh, ties);
+  const Index count = 1 + *std::ranges::max_element(bodies.of_component);
+  const auto body_at = [&](Index v) { return bodies.of_component[mesh.component()[v]]; };
   // Centre and radius of gyration of each body, so that translations and rotations weigh alike.
-  std::vector<double> volume(bodies, 0.0), polar(bodies, 0.0);
-  Points<Dim> centre = Points<Dim>::Zero(Dim, bodies);
+  Vector& volume = bodies.volumes;
+  Points<Dim>& centre = bodies.centres;
+  volume.setZero(count);
+  centre.setZero(Dim, count);
+  Vector polar = Vector::Zero(count);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const Index body = body_at(mesh.cells()(0, c));
     volume[body] += mesh.volume(c);
     centre.col(body) += mesh.volume(c) * mesh.centroid(c);
   }
-  for (Index body = 0; body < bodies; ++body) centre.col(body) /= volume[body];
+  for (Index body = 0; body < count; ++body) centre.col(body) /= volume[body];
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const Index body = body_at(mesh.cells()(0, c));
-    polar[body] += mesh.volume(c) * (mesh.centroid(c) - centre.col(body)).squaredNorm();
+    double square = (mesh.centroid(c) - centre.col(body)).squaredNorm();
+    for (int i = 0; i <= Dim; ++i)  // so that a single cell has a radius, too
+      square += (mesh.vertex(mesh.cells()(i, c)) - mesh.centroid(c)).squaredNorm() / ((Dim + 1) * (Dim + 2));
+    polar[body] += mesh.volume(c) * square;
   }
-  const auto radius = [&](Index body) { return std::sqrt(polar[body] / volume[body]) + 1e-300; };
+  const auto radius = [&](Index body) { return std::sqrt(polar[body] / volume[body]); };
   using Gram = Eigen::Matrix<double, rigid_motions<Dim>, rigid_motions<Dim>>;
-  std::vector<Gram> gram(bodies, Gram::Zero());
-  std::vector<double> held(bodies, 0.0);
+  std::vector<Gram> gram(count, Gram::Zero());
+  std::vector<double> held(count, 0.0);
   for (const auto& restraint : restraints)
     for_each_point<Dim>(space, mesh.group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
       const Index body = body_at(mesh.facets()(0, point.facet));
@@ -563,8 +571,8 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
       held[body] += point.weight;
     });
 
-  std::vector<std::string> free_motions;
-  for (Index body = 0; body < bodies; ++body) {
+  bodies.free_motions.resize(count);
+  for (Index body = 0; body < count; ++body) {
     if (space.axisymmetric()) {
       // Hoops resist every motion but the one along the axis.
       const double along_axis = gram[body](1, 1);
@@ -575,16 +583,34 @@ template <int Dim> void require_restrained(const FineSpace<Dim>& space, const st
     const double scale = std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
     const int nullity = static_cast<int>((eigen.eigenvalues().array() < 1e-10 * scale).count());
     if (nullity == 0) continue;
-    const auto names = space.axisymmetric()
-                           ? std::vector<std::string>{"translation along the axis of revolution, y"}
-                           : motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
-    free_motions.push_back(bodies == 1 ? fmt::format("{}", fmt::join(names, ", "))
-                                       : fmt::format("body around ({:.4g}): {}", fmt::join(centre.col(body), ", "),
-                                                     fmt::join(names, ", ")));
+    bodies.free_motions[body] =
+        space.axisymmetric()
+            ? std::vector<std::string>{"translation along the axis of revolution, y"}
+            : motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
   }
-  if (!free_motions.empty())
-    throw InputError(fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it",
-                                 fmt::join(free_motions, "; ")));
+  return bodies;
+}
+
+template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                                           const std::vector<TiedFacets>& ties) {
+  constexpr std::size_t most_named = 5;
+  const Bodies<Dim> bodies = find_bodies(space, restraints, ties);
+  std::vector<Index> free;
+  for (Index body = 0; body < bodies.size(); ++body)
+    if (bodies.is_free(body)) free.push_back(body);
+  if (free.empty()) return;
+  if (free.size() > most_named)
+    std::ranges::stable_sort(free, std::greater<>{}, [&](Index body) { return bodies.volumes[body]; });
+  std::vector<std::string> named;
+  for (std::size_t k = 0; k < std::min(free.size(), most_named); ++k) {
+    const std::string motions = fmt::format("{}", fmt::join(bodies.free_motions[free[k]], ", "));
+    named.push_back(bodies.size() == 1 ? motions
+                                       : fmt::format("body around ({:.4g}): {}",
+                                                     fmt::join(bodies.centres.col(free[k]), ", "), motions));
+  }
+  if (free.size() > most_named) named.push_back(fmt::format("and {} smaller bodies", free.size() - most_named));
+  throw InputError(
+      fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it", fmt::join(named, "; ")));
 }
 
 template <int Dim>
@@ -697,6 +723,8 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
 }
 
 template std::vector<Restraint<2>> restraints<2>(const std::vector<DisplacementCondition<2>>&);
+template Bodies<2> find_bodies<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&,
+                                  const std::vector<TiedFacets>&);
 template void require_restrained<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&,
                                     const std::vector<TiedFacets>&);
 template Points<2> load_vector<2>(const FineSpace<2>&, const ShapeTable<2>&, const Loads<2>&);
@@ -708,6 +736,8 @@ template NodalConditions<2> nodal_conditions<2>(const FineSpace<2>&, const std::
 template NodalConditions<2> nodal_conditions<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<Index>&,
                                                 const std::vector<Restraint<2>>&);
 template std::vector<Restraint<3>> restraints<3>(const std::vector<DisplacementCondition<3>>&);
+template Bodies<3> find_bodies<3>(const FineSpace<3>&, const std::vector<Restraint<3>>&,
+                                  const std::vector<TiedFacets>&);
 template void require_restrained<3>(const FineSpace<3>&, const std::vector<Restraint<3>>&,
                                     const std::vector<TiedFacets>&);
 template Points<3> load_vector<3>(const FineSpace<3>&, const ShapeTable<3>&, const Loads<3>&);

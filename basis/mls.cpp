@@ -15,13 +15,9 @@
 namespace efree {
 namespace {
 
-template <int Dim> constexpr int monomial_count(int order) {
-  return order == 1 ? Dim + 1 : (Dim + 1) * (Dim + 2) / 2;
-}
-
 /// g(xi) = {1, xi, eta, ...}, quadratic terms after the linear ones.
-template <int Dim, int Order> Eigen::Matrix<double, monomial_count<Dim>(Order), 1> monomials(const Vec<Dim>& xi) {
-  Eigen::Matrix<double, monomial_count<Dim>(Order), 1> g;
+template <int Dim, int Order> Eigen::Matrix<double, num_polynomials<Dim>(Order), 1> monomials(const Vec<Dim>& xi) {
+  Eigen::Matrix<double, num_polynomials<Dim>(Order), 1> g;
   g[0] = 1.0;
   g.template segment<Dim>(1) = xi;
   if constexpr (Order == 2) {
@@ -40,7 +36,7 @@ enum class RowQuality { good, badly_placed, singular };
 template <int Dim, int Order> RowQuality solve_row(const Vec<Dim>& X, const Points<Dim>& positions,
                                                    std::span<const Index> nodes, std::span<const double> w,
                                                    double largest_sum, std::span<double> N, double& sum) {
-  constexpr int n = monomial_count<Dim>(Order);
+  constexpr int n = num_polynomials<Dim>(Order);
   using VecG = Eigen::Matrix<double, n, 1>;
   using MatG = Eigen::Matrix<double, n, n>;
   sum = 0.0;
@@ -194,6 +190,7 @@ template <int Dim> SparseRows vanish(SparseRows weights, const FineSpace<Dim>& s
                                      const std::vector<std::array<Index, 2>>& edges, const NodeCloud<Dim>& cloud,
                                      const std::vector<std::string>& parts) {
   const FineMesh<Dim>& mesh = space.mesh();
+  if (cloud.size() == 0) return weights;
   for (const std::string& part : parts) {
     std::vector<char> on_part(space.size(), 0);
     for (Index f : mesh.group(part))
@@ -226,7 +223,7 @@ template <int Dim> SparseRows vanish(SparseRows weights, const FineSpace<Dim>& s
 template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
                                                     const MlsOptions& options, const std::vector<Index>& bad,
                                                     Vector& radii) {
-  const std::size_t wanted = monomial_count<Dim>(options.order) + 2;
+  const std::size_t wanted = num_polynomials<Dim>(options.order) + 2;
   std::vector<Index> node_at(mesh.num_vertices(), -1), nodes_in(mesh.num_components(), 0);
   for (Index I = 0; I < cloud.size(); ++I) {
     node_at[cloud.vertices[I]] = I;
@@ -239,12 +236,7 @@ template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, c
   std::vector<char> handled(mesh.num_vertices(), 0);
   for (Index v : bad) {
     if (handled[v]) continue;
-    const std::size_t available = static_cast<std::size_t>(nodes_in[mesh.component()[v]]);
-    if (available < static_cast<std::size_t>(monomial_count<Dim>(options.order)))
-      throw NumericalError(fmt::format(
-          "moving least squares: the body around ({:.6g}) has {} node{}, order {} needs {}; use a smaller spacing",
-          fmt::join(mesh.vertex(v), ", "), available, available == 1 ? "" : "s", options.order,
-          monomial_count<Dim>(options.order)));
+    const auto available = static_cast<std::size_t>(nodes_in[mesh.component()[v]]);
     std::vector<std::pair<double, Index>> near;
     LocalField field;
     for (double reach = 1.5 * radii.maxCoeff();; reach *= 1.5) {
@@ -277,7 +269,62 @@ template <int Dim> std::vector<Index> grow_supports(const FineMesh<Dim>& mesh, c
   return changed;
 }
 
+/// Whether the body that each degree of freedom of the space is in has as many nodes as there are polynomials.
+template <int Dim> std::vector<char> has_enough_nodes(const FineSpace<Dim>& space,
+                                                      const std::vector<std::array<Index, 2>>& edges,
+                                                      const NodeCloud<Dim>& cloud, int order) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  std::vector<Index> nodes_in(mesh.num_components(), 0);
+  for (const Index v : cloud.vertices) ++nodes_in[mesh.component()[v]];
+  std::vector<char> enough(space.size());
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    const Index v = dof < mesh.num_vertices() ? dof : edges[dof - mesh.num_vertices()][0];
+    enough[dof] = nodes_in[mesh.component()[v]] >= num_polynomials<Dim>(order);
+  }
+  return enough;
+}
+
+/// The table with rows for all degrees of freedom, each of `own` a node of its own after those of the cloud.
+template <int Dim> ShapeTable<Dim> with_own_functions(const SparseRows& weights, std::vector<double> N, Index nodes,
+                                                      const std::vector<Index>& own) {
+  if (own.empty())
+    return ShapeTable<Dim>(nodes, {weights.outerIndexPtr(), weights.outerIndexPtr() + weights.rows() + 1},
+                           {weights.innerIndexPtr(), weights.innerIndexPtr() + weights.nonZeros()}, std::move(N));
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> values;
+  Index number = 0;
+  for (Index row = 0; row < weights.rows(); ++row) {
+    const auto first = weights.outerIndexPtr()[row], last = weights.outerIndexPtr()[row + 1];
+    if (number < static_cast<Index>(own.size()) && own[number] == row) {
+      columns.push_back(nodes + number++);
+      values.push_back(1.0);
+    } else {
+      columns.insert(columns.end(), weights.innerIndexPtr() + first, weights.innerIndexPtr() + last);
+      values.insert(values.end(), N.begin() + first, N.begin() + last);
+    }
+    offsets.push_back(static_cast<Index>(columns.size()));
+  }
+  return {nodes + number, std::move(offsets), std::move(columns), std::move(values)};
+}
+
 }  // namespace
+
+template <int Dim> bool determine_polynomials(const Points<Dim>& points, int order) {
+  const Index n = num_polynomials<Dim>(order), count = static_cast<Index>(points.cols());
+  if (count < n) return false;
+  const Vec<Dim> centre = points.rowwise().mean();
+  const double radius = (points.colwise() - centre).colwise().norm().maxCoeff();
+  Matrix values(count, n);
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim> xi = (points.col(k) - centre) / radius;
+    if (order == 1)
+      values.row(k) = monomials<Dim, 1>(xi).transpose();
+    else
+      values.row(k) = monomials<Dim, 2>(xi).transpose();
+  }
+  const Vector spread = Eigen::SelfAdjointEigenSolver<Matrix>(values.transpose() * values).eigenvalues();
+  return spread[0] > 1e-8 * spread[n - 1];
+}
 
 template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                  const MlsOptions& options, StageTimes* times,
@@ -320,32 +367,22 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   Stage stage("basis", clock, progress);
   std::vector<double> N;
   Vector sums;
+  std::vector<RowQuality> quality;
   std::vector<char> asked(space.size(), 0);
+  const std::vector<char> can_grow = has_enough_nodes(space, edges, cloud, options.order);
   constexpr int max_rounds = 12;
   for (int round = 0;; ++round) {
-    const auto quality = solve_rows(space.points(), cloud, options, weights, N, sums);
-    std::vector<Index> bad;
-    for (Index v = 0; v < space.size(); ++v)
-      if (quality[v] == RowQuality::singular || (quality[v] == RowQuality::badly_placed && round < max_rounds))
-        bad.push_back(v);
-    if (bad.empty()) break;
-    for (Index v : bad) asked[v] = 1;
-    const auto give_up = [&] {
-      throw NumericalError(fmt::format(
-          "moving least squares: no basis at ({:.6g}), which sees {} nodes, after {} enlargements of their supports; "
-          "use a smaller spacing there",
-          fmt::join(space.points().col(bad[0]), ", "),
-          weights.outerIndexPtr()[bad[0] + 1] - weights.outerIndexPtr()[bad[0]], round));
-    };
-    if (round == max_rounds) give_up();
+    quality = solve_rows(space.points(), cloud, options, weights, N, sums);
+    if (round == max_rounds) break;
     std::vector<Index> places;  // a bad midpoint counts as one end of its edge
-    for (Index v : bad) places.push_back(v < mesh.num_vertices() ? v : edges[v - mesh.num_vertices()][0]);
-    const auto changed = grow_supports(mesh, cloud, options, places, result.radii);
-    if (changed.empty()) {
-      if (std::any_of(bad.begin(), bad.end(), [&](Index v) { return quality[v] == RowQuality::singular; })) give_up();
-      break;  // every node in the body takes part already; the rows reproduce polynomials, report::largest_sum tells
-              // how well
+    for (Index v = 0; v < space.size(); ++v) {
+      if (quality[v] == RowQuality::good || !can_grow[v]) continue;
+      asked[v] = 1;
+      places.push_back(v < mesh.num_vertices() ? v : edges[v - mesh.num_vertices()][0]);
     }
+    if (places.empty()) break;
+    const auto changed = grow_supports(mesh, cloud, options, places, result.radii);
+    if (changed.empty()) break;  // every node in the body takes part already; report::largest_sum tells how well
     std::vector<Index> sources;
     Vector radii(changed.size());
     for (std::size_t k = 0; k < changed.size(); ++k) {
@@ -359,10 +396,15 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   result.report.grown_vertices = static_cast<Index>(std::count(asked.begin(), asked.end(), 1));
   const Vector growth = result.radii.cwiseQuotient(options.support * cloud.spacing);
   result.report.grown_nodes = static_cast<Index>((growth.array() > 1.0).count());
-  result.report.largest_growth = growth.maxCoeff();
+  if (growth.size() > 0) result.report.largest_growth = growth.maxCoeff();
+  std::vector<Index> own;
+  for (Index v = 0; v < space.size(); ++v)
+    if (quality[v] == RowQuality::singular) own.push_back(v), sums[v] = 1.0;
+  result.report.own_functions = static_cast<Index>(own.size());
   result.report.largest_sum = sums.maxCoeff();
-  result.shape = ShapeTable<Dim>(cloud.size(), {weights.outerIndexPtr(), weights.outerIndexPtr() + weights.rows() + 1},
-                                 {weights.innerIndexPtr(), weights.innerIndexPtr() + weights.nonZeros()}, std::move(N));
+  result.shape = with_own_functions<Dim>(weights, std::move(N), cloud.size(), own);
+  result.node_dofs = cloud.vertices;
+  result.node_dofs.insert(result.node_dofs.end(), own.begin(), own.end());
   return result;
 }
 
@@ -372,6 +414,8 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, cons
   return moving_least_squares(FineSpace<Dim>(mesh, 1), cloud, options, times, progress);
 }
 
+template bool determine_polynomials<2>(const Points<2>&, int);
+template bool determine_polynomials<3>(const Points<3>&, int);
 template Mls<2> moving_least_squares<2>(const FineSpace<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
                                         const Progress&);
 template Mls<3> moving_least_squares<3>(const FineSpace<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,

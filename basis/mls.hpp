@@ -25,18 +25,28 @@ struct MlsReport {
   Index grown_nodes = 0;      ///< nodes whose support grew
   double largest_growth = 1;  ///< factor on the radius
   double largest_sum = 1;     ///< max over vertices of sum |phi_I|, in the end
+  Index own_functions = 0;    ///< degrees of freedom that no rows could be had for
 };
 
+/// Polynomials of an order: 1, x, y, ...
+template <int Dim> constexpr int num_polynomials(int order) {
+  return order == 1 ? Dim + 1 : (Dim + 1) * (Dim + 2) / 2;
+}
+/// Whether no polynomial of the order but zero vanishes at all of the points.
+template <int Dim> bool determine_polynomials(const Points<Dim>& points, int order);
+
 template <int Dim> struct Mls {
-  ShapeTable<Dim> shape;  ///< num_vertices x N
-  Vector radii;           ///< N, support radius of each node in the end [length]
+  ShapeTable<Dim> shape;         ///< fine degrees of freedom x N
+  std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on: those of the cloud first
+  Vector radii;                  ///< of the nodes of the cloud, support radius in the end [length]
   MlsReport report;
 };
 
 /// phi_I = w_I g(X)^T A^-1 g(X_I), moment matrix shifted to X and scaled. Every row reproduces polynomials of the order
 /// to rounding. Stages: weights, basis. Where it could not, or only with sum |phi| beyond the bound, the supports of
-/// the geodesically nearest nodes grow to 1.25 times their distance until it can. Throws InputError for options out of
-/// range, NumericalError naming the vertex if growing does not help (fewer nodes in a body than polynomials).
+/// the geodesically nearest nodes grow to 1.25 times their distance until it can. Where growing does not help (fewer
+/// nodes in a body than polynomials, nodes on one plane) the vertex becomes a node itself, with its own hat: its row
+/// has a single 1. Throws InputError for options out of range.
 template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
                                                  const MlsOptions& options, StageTimes* times = nullptr,
                                                  const Progress& progress = {});

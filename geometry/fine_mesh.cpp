@@ -476,6 +476,81 @@ template <int Dim> MeshData<Dim> cut_regions(MeshData<Dim> mesh) {
   return cut_open<Dim>(std::move(mesh), interface);
 }
 
+template <int Dim> MeshData<Dim> extract(const FineMesh<Dim>& mesh, const std::vector<char>& kept) {
+  require(static_cast<Index>(kept.size()) == mesh.num_cells(), "extract: a flag for each cell expected");
+  std::vector<Index> cells;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (kept[c]) cells.push_back(c);
+  MeshData<Dim> data;
+  data.vertices = mesh.vertices();
+  data.cells = mesh.cells()(Eigen::all, cells);
+  data.region_names = mesh.region_names();
+  if (mesh.num_regions() > 1)
+    for (const Index c : cells) data.regions.push_back(mesh.region(c));
+  for (const auto& group : mesh.groups()) {
+    data.groups.push_back({group.name, {}});
+    for (const Index f : group.facets) {
+      if (!kept[mesh.facet_cell(f)]) continue;
+      auto& facet = data.groups.back().facets.emplace_back();
+      for (int k = 0; k < Dim; ++k) facet[k] = mesh.facets()(k, f);
+    }
+  }
+  return data;
+}
+
+template <int Dim> Unhinged<Dim> cut_hinges(const FineMesh<Dim>& mesh) {
+  // Stars that come apart, as the cells of all their parts but the first.
+  struct Part {
+    Index vertex;
+    std::vector<Index> cells;
+  };
+  std::vector<Part> parts;
+  std::vector<Index> reached, last(mesh.num_cells(), -1);  // by cell: the vertex whose star it was last reached in
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    if (!mesh.on_boundary(v)) continue;
+    bool first = true;
+    for (const Index start : mesh.cells_of(v)) {
+      if (last[start] == v) continue;
+      reached.assign(1, start);
+      last[start] = v;
+      for (std::size_t k = 0; k < reached.size(); ++k)
+        for (Index i = 0; i <= Dim; ++i) {
+          const Index next = mesh.neighbour(i, reached[k]);
+          if (next < 0 || last[next] == v || mesh.cells()(i, reached[k]) == v) continue;
+          last[next] = v;
+          reached.push_back(next);
+        }
+      if (!first) parts.push_back({v, reached});
+      first = false;
+    }
+  }
+  Unhinged<Dim> result;
+  if (parts.empty()) return result;
+  result.mesh = extract(mesh, std::vector<char>(mesh.num_cells(), 1));
+  auto& cells = result.mesh.cells;
+  result.mesh.vertices.conservativeResize(Dim, mesh.num_vertices() + static_cast<Index>(parts.size()));
+  Index copy = mesh.num_vertices();
+  for (const Part& part : parts) {
+    if (result.hinges.empty() || result.hinges.back() != part.vertex) result.hinges.push_back(part.vertex);
+    result.mesh.vertices.col(copy) = mesh.vertex(part.vertex);
+    for (const Index c : part.cells)
+      cells.col(c) = (mesh.cells().col(c).array() == part.vertex).select(copy, cells.col(c));
+    ++copy;
+  }
+  // Facets follow their cells.
+  for (std::size_t g = 0; g < mesh.groups().size(); ++g)
+    for (std::size_t k = 0; k < mesh.groups()[g].facets.size(); ++k) {
+      const Index c = mesh.facet_cell(mesh.groups()[g].facets[k]);
+      for (Index& v : result.mesh.groups[g].facets[k])
+        for (int i = 0; i <= Dim; ++i)
+          if (mesh.cells()(i, c) == v) {
+            v = cells(i, c);
+            break;
+          }
+    }
+  return result;
+}
+
 template <int Dim> std::vector<TiedFacets> tied_facets(const FineMesh<Dim>& mesh, std::string_view open) {
   std::vector<TiedFacets> ties;
   if (mesh.num_regions() <= 1) return ties;
@@ -515,7 +590,11 @@ template MeshData<3> cut_open<3>(MeshData<3>, const std::vector<std::array<Index
 
 template MeshData<2> cut_regions<2>(MeshData<2>);
 template MeshData<3> cut_regions<3>(MeshData<3>);
+template MeshData<2> extract<2>(const FineMesh<2>&, const std::vector<char>&);
+template Unhinged<2> cut_hinges<2>(const FineMesh<2>&);
 template std::vector<TiedFacets> tied_facets<2>(const FineMesh<2>&, std::string_view);
+template MeshData<3> extract<3>(const FineMesh<3>&, const std::vector<char>&);
+template Unhinged<3> cut_hinges<3>(const FineMesh<3>&);
 template std::vector<TiedFacets> tied_facets<3>(const FineMesh<3>&, std::string_view);
 
 }  // namespace efree

@@ -124,6 +124,18 @@ template <int Dim> class FineMesh {
   double size_ = 0.0;
 };
 
+/// The cells that are kept (by cell, not 0) and what is left of the groups; all regions stay known.
+template <int Dim> MeshData<Dim> extract(const FineMesh<Dim>& mesh, const std::vector<char>& kept);
+
+/// A mesh without hinges: vertices (in space also edges) by which alone cells hang together, so that they turn freely.
+template <int Dim> struct Unhinged {
+  MeshData<Dim> mesh;
+  std::vector<Index> hinges;  ///< vertices of the mesh given that were split, ascending; none: `mesh` is empty
+};
+/// Splits every vertex into one copy for each part of its star that hangs together through facets; so bodies hang
+/// together through facets only, as in images (mesh_on_lattice). Cost linear in the boundary if there is no hinge.
+template <int Dim> Unhinged<Dim> cut_hinges(const FineMesh<Dim>& mesh);
+
 /// Two boundary facets in the same place that belong to different regions.
 struct TiedFacets {
   Index first, second;  ///< first belongs to the region with the smaller number

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/run_case.hpp"
 
+#include "efree/assembly/boundary.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 
@@ -97,6 +98,66 @@ FineMesh<Dim> with_parts(const Case<Dim>& analysis, FineMesh<Dim> mesh, std::str
                         fmt::join(mesh.vertices().rowwise().maxCoeff().eval(), ", ")));
     });
   return std::move(mesh).with_groups(std::move(groups));
+}
+
+/// The mesh with its hinges cut, which is said.
+template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, CaseMesh<Dim>& result) {
+  const Unhinged<Dim> cut = cut_hinges(mesh);
+  if (cut.hinges.empty()) return mesh;
+  const auto count = static_cast<Index>(cut.hinges.size());
+  result.reports.push_back({"hinges_cut", count});
+  result.remarks.push_back(
+      fmt::format("cells hang together by a vertex or an edge only at {} vert{}, such as ({:.6g}): "
+                  "cut there",
+                  count, count == 1 ? "ex" : "ices", fmt::join(mesh.vertex(cut.hinges[0]), ", ")));
+  return FineMesh<Dim>(cut.mesh);
+}
+
+/// The mesh without the bodies that neither the conditions hold nor a load moves, which is said. Where the largest body
+/// is free, or loaded ones are, they stay: the solver refuses them by name.
+template <int Dim>
+FineMesh<Dim> without_free_bodies(const Case<Dim>& analysis, FineMesh<Dim> mesh, CaseMesh<Dim>& result) {
+  for (const auto& group : analysis.groups) located(analysis, group.where, [&] { mesh.group(group.name); });
+  if (mesh.num_components() == 1 || analysis.loads.body_force) return mesh;
+  const auto ties = tied_facets(mesh, result.open_interface);
+  const Bodies<Dim> bodies =
+      find_bodies(FineSpace<Dim>(mesh, 1, analysis.approximation.axisymmetric), restraints(analysis.supports), ties);
+  const auto body_of = [&](Index cell) { return bodies.of_component[mesh.component()[mesh.cells()(0, cell)]]; };
+  std::vector<char> out(bodies.size());
+  for (Index body = 0; body < bodies.size(); ++body) out[body] = bodies.is_free(body);
+  for (const auto& load : analysis.loads.tractions)
+    for (const Index f : mesh.group(load.on)) out[body_of(mesh.facet_cell(f))] = 0;
+  Index largest = 0, count = 0, largest_out = -1;
+  double volume = 0.0;
+  for (Index body = 0; body < bodies.size(); ++body) {
+    if (bodies.volumes[body] > bodies.volumes[largest]) largest = body;
+    if (!out[body]) continue;
+    ++count;
+    volume += bodies.volumes[body];
+    if (largest_out < 0 || bodies.volumes[body] > bodies.volumes[largest_out]) largest_out = body;
+  }
+  if (count == 0 || bodies.is_free(largest)) return mesh;
+  std::vector<char> kept(mesh.num_cells());
+  for (Index c = 0; c < mesh.num_cells(); ++c) kept[c] = !out[body_of(c)];
+  const double fraction = volume / bodies.volumes.sum();
+  const std::string what =
+      fmt::format("{} bod{} with {:.2g} % of the volume", count, count == 1 ? "y" : "ies", 100.0 * fraction);
+  result.reports.push_back({"free_bodies", count});
+  result.reports.push_back({"free_bodies_fraction", fraction});
+  result.remarks.push_back(fmt::format("{} neither held nor loaded, the largest around ({:.4g}): left out", what,
+                                       fmt::join(bodies.centres.col(largest_out), ", ")));
+  FineMesh<Dim> rest(extract(mesh, kept));
+  const auto remains = [&](const std::string& name) {
+    return std::ranges::find(rest.groups(), name, &FineMesh<Dim>::Group::name) != rest.groups().end();
+  };
+  for (const auto& group : analysis.groups)
+    if (!remains(group.name))
+      throw InputError(
+          fmt::format("{}: all of the boundary \"{}\" is on bodies that are neither held nor loaded ({}) "
+                      "and left out",
+                      group.where, group.name, what));
+  if (!result.open_interface.empty() && !remains(result.open_interface)) result.open_interface.clear();
+  return rest;
 }
 
 /// Doubts about a quadrature with too few points, asked for or reached.
@@ -251,7 +312,9 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
       const bool parted = analysis.approximation.kind == BasisKind::mls;
       return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
     });
+    mesh = without_hinges(std::move(mesh), result);
     mesh = with_parts(analysis, std::move(mesh), result.open_interface);
+    mesh = without_free_bodies(analysis, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
   }

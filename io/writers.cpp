@@ -219,6 +219,8 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
+                     {"small_bodies", approximation.small_bodies},
+                     {"own_functions", approximation.mls.own_functions},
                      {"quadrature_points_dropped", approximation.dropped_points},
                      {"interpolation", result.basis().space.degree()}};
   const ApproximationOptions& asked = analysis.approximation;

@@ -43,6 +43,51 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
           throw InputError("the functions of a node must not span two regions: part the mesh with cut_regions first");
 }
 
+/// Nodes on every body, and what they are good for.
+template <int Dim> struct BodyClouds {
+  NodeCloud<Dim> all;           ///< at least one node on each body
+  NodeCloud<Dim> determined;    ///< those on bodies where they determine polynomials
+  std::vector<char> has_basis;  ///< by body: whether they do
+};
+
+/// Samples the cloud; where a body gets too few nodes for polynomials of the order, or nodes that do not determine
+/// them, with half the spacing as often as it takes, unless it has hardly more vertices than there are polynomials.
+template <int Dim>
+BodyClouds<Dim> sample_bodies(const FineMesh<Dim>& mesh, Vector spacing, int order, std::uint64_t seed) {
+  const Index polynomials = num_polynomials<Dim>(order);
+  const std::vector<Index>& body = mesh.component();
+  std::vector<Index> vertices(mesh.num_components(), 0);
+  for (const Index b : body) ++vertices[b];
+  BodyClouds<Dim> clouds{{}, {}, std::vector<char>(mesh.num_components(), 1)};
+  for (;;) {
+    clouds.all = sample_cloud(mesh, spacing, seed);
+    std::vector<std::vector<Index>> nodes(mesh.num_components());
+    for (Index I = 0; I < clouds.all.size(); ++I) nodes[body[clouds.all.vertices[I]]].push_back(I);
+    std::vector<char> halved(mesh.num_components(), 0);
+    for (Index b = 0; b < mesh.num_components(); ++b) {
+      const auto count = static_cast<Index>(nodes[b].size());
+      const bool enough =
+          count >= polynomials + Dim &&
+          (count >= 4 * polynomials || determine_polynomials<Dim>(clouds.all.positions(Eigen::all, nodes[b]), order));
+      if (enough || !clouds.has_basis[b]) continue;
+      if (vertices[b] < 4 * polynomials || count == vertices[b])
+        clouds.has_basis[b] = 0;
+      else
+        halved[b] = 1;
+    }
+    if (std::ranges::count(halved, 1) == 0) break;
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (halved[body[v]]) spacing[v] *= 0.5;
+  }
+  std::vector<Index> kept;
+  for (Index I = 0; I < clouds.all.size(); ++I)
+    if (clouds.has_basis[body[clouds.all.vertices[I]]]) kept.push_back(I);
+  for (const Index I : kept) clouds.determined.vertices.push_back(clouds.all.vertices[I]);
+  clouds.determined.positions = clouds.all.positions(Eigen::all, kept);
+  clouds.determined.spacing = clouds.all.spacing(kept);
+  return clouds;
+}
+
 /// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of
 /// the volume is that of the fine vertices nearest to it, however small the feature it sits on.
 template <int Dim> Vector local_spacing(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
@@ -82,8 +127,10 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
                                                      const ApproximationOptions& options, Index& dropped) {
   const MlsOptions mls{.order = 1, .support = 2.0, .weights = {options.weight, options.kernel}, .vanish_on = {}};
   for (;;) {
-    const auto table = moving_least_squares(space.mesh(), cloud, mls).shape;
-    auto secondary = secondary_from_table(space, table, cloud);
+    const auto functions = moving_least_squares(space.mesh(), cloud, mls);
+    auto secondary = secondary_from_table(
+        space, functions.shape,
+        NodeCloud<Dim>{functions.node_dofs, space.mesh().vertices()(Eigen::all, functions.node_dofs), {}});
     const Vector weights = secondary_weights(space, secondary);
     NodeCloud<Dim> kept;
     const double threshold = 1e-3 * weights.mean();
@@ -187,11 +234,12 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   StageTimes& clock = times ? *times : unused;
   if (asked.kind != BasisKind::mls) return finite_elements(mesh, asked, clock, progress);
 
-  NodeCloud<Dim> cloud;
+  BodyClouds<Dim> clouds;
   {
     Stage stage("cloud", clock, progress);
-    cloud = sample_cloud(mesh, graded_spacing(mesh, asked.spacing, asked.grading), asked.seed);
+    clouds = sample_bodies(mesh, graded_spacing(mesh, asked.spacing, asked.grading), asked.order, asked.seed);
   }
+  const NodeCloud<Dim>& cloud = clouds.all;
   const auto options = with_defaults<Dim>(asked, static_cast<double>(mesh.num_vertices()) / cloud.size());
   Approximation<Dim> result;
   result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
@@ -199,11 +247,12 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                                .support = options.support,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
-  auto mls = moving_least_squares(result.space, cloud, mls_options, &clock, progress);
+  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, &clock, progress);
   result.shape = std::move(mls.shape);
   result.mls = mls.report;
-  result.nodes = cloud.positions;
-  result.node_dofs = cloud.vertices;
+  result.small_bodies = static_cast<Index>(std::ranges::count(clouds.has_basis, 0));
+  result.node_dofs = std::move(mls.node_dofs);
+  result.nodes = result.space.points()(Eigen::all, result.node_dofs);
 
   const bool second_cloud = options.secondary != SecondaryKind::full;
   NearestSource nearest;

@@ -62,12 +62,13 @@ template <int Dim> struct Approximation {
   FineSpace<Dim> space;            ///< Lagrange space on the fine mesh that holds the functions
   ShapeTable<Dim> shape;           ///< space.size() x N: values of the basis at the fine degrees of freedom
   Points<Dim> nodes;               ///< Dim x N
-  std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on
+  std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on, all different
   Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
   Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless asked for
   std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty without dilatation
   Discretization<Dim> fine;        ///< full integration; empty unless asked for
   MlsReport mls;                   ///< how often supports had to grow
+  Index small_bodies = 0;          ///< too small for moving least squares: finite elements
   Index dropped_points = 0;        ///< quadrature nodes left out to keep every weight positive
 
   /// Quadrature points per node, M/N.
@@ -75,7 +76,9 @@ template <int Dim> struct Approximation {
 };
 
 /// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region
-/// gets functions of its own, so that strains may jump. Runs cloud, weights, basis and quadrature; adds their seconds
+/// gets functions of its own, so that strains may jump. A body in which the cloud leaves too few nodes for polynomials
+/// of the order (or nodes on one plane) gets a denser cloud; one with hardly more vertices than polynomials is left to
+/// the finite elements of `space`, integrated in full. Runs cloud, weights, basis and quadrature; adds their seconds
 /// to `times`. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
 /// support) and NumericalError where no basis can be built.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,

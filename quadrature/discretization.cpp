@@ -164,26 +164,45 @@ template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, c
   return at_point;
 }
 
+/// Whether each cell has a function of one fine degree of freedom alone: as a finite element, which a cluster as wide
+/// as it is would not see.
+template <int Dim> std::vector<char> has_elements(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape) {
+  std::vector<Index> places(shape.num_nodes(), 0);
+  for (Index dof = 0; dof < shape.num_points(); ++dof)
+    for (const Index I : shape.row(dof).nodes) ++places[I];
+  const auto is_element = [&](Index dof) {
+    const auto row = shape.row(dof);
+    return row.nodes.size() == 1 && places[row.nodes[0]] == 1;
+  };
+  std::vector<char> result(space.mesh().num_cells());
+  parallel_for(space.mesh().num_cells(), [&](Index c) { result[c] = std::ranges::any_of(space.cell(c), is_element); });
+  return result;
+}
+
 /// Takes clusters apart around which nodes have fewer than `fewest` to themselves because fine vertices run out there
 /// (they hold no more cells than there are around a vertex): into their cells, and those of one cell into the points of
-/// the cell rule.
+/// the cell rule. Cells with functions of finite elements stand alone in any case.
 template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace<Dim>& space,
                                        const ShapeTable<Dim>& shape, double fewest) {
   constexpr Index around_a_vertex = Dim == 2 ? 6 : 24;
   const Vector points = points_per_node_around(shape, clusters.vertices);
   const Index size = static_cast<Index>(points.size()),
               parts_of_a_cell = static_cast<Index>(space.cell_rule().weights.size());
+  const std::vector<char> elements = has_elements(space, shape);
   std::vector<Index> cells(size, 0), renumbered(size, -1);
-  for (const Index K : clusters.of_cell) ++cells[K];
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) cells[clusters.of_cell[c]] += !elements[c];
   Clusters parts{{}, {}};
   for (Index K = 0; K < size; ++K) {
     const bool indivisible = cells[K] == 1 && parts_of_a_cell == 1;
-    if (points[K] < fewest && cells[K] <= around_a_vertex && !indivisible) continue;
+    if (cells[K] == 0 || (points[K] < fewest && cells[K] <= around_a_vertex && !indivisible)) continue;
     renumbered[K] = static_cast<Index>(parts.vertices.size());
     parts.vertices.push_back(clusters.vertices[K]);
   }
-  for (const Index K : clusters.of_cell) {
-    if (renumbered[K] >= 0) {
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) {
+    const Index K = clusters.of_cell[c];
+    if (elements[c]) {
+      parts.of_cell.push_back(alone);
+    } else if (renumbered[K] >= 0) {
       parts.of_cell.push_back(renumbered[K]);
     } else if (cells[K] == 1) {
       parts.of_cell.push_back(alone);

@@ -28,6 +28,9 @@ constexpr int patience = 20;
 template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
 /// Squared error, relative, that is rounding.
 constexpr double rounding = 1e-20;
+/// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
+/// moves as a whole has no more.
+constexpr double no_energy = 1e-24, no_step = 1e-28;
 
 /// Sum of a . b over all columns, in an order that does not depend on the threads.
 template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
@@ -195,18 +198,30 @@ template <int Dim> SymmetricMatrix held_matrix(const BlockMatrix<Dim>& K, const 
   });
 }
 
-/// Factors the coarse matrix. On a few vertices the functions of the cloud may depend on each other; a little on the
-/// diagonal then decides between them, and the iterations see to the rest.
-Cholesky factorised(SymmetricMatrix coarse, int dimension) {
-  std::vector<Index> node_of(coarse.rows());
-  for (Index i = 0; i < coarse.rows(); ++i) node_of[i] = i / dimension;
-  try {
-    return Cholesky(coarse, node_of);
-  } catch (const NumericalError&) {
-    for (Index i = 0; i < coarse.cols(); ++i) coarse.coeffRef(i, i) *= 1.0 + 1e-8;
-    return Cholesky(coarse, node_of);
+/// A matrix scaled to a unit diagonal and factored: bodies of a few cells next to stiff ones are no reason to fail.
+/// Where functions of the cloud depend on each other a little on the diagonal decides between them, and the iterations
+/// see to the rest.
+class ScaledCholesky {
+ public:
+  ScaledCholesky(SymmetricMatrix matrix, int dimension) : scale_(matrix.diagonal().cwiseSqrt().cwiseInverse()) {
+    for (Index column = 0; column < matrix.cols(); ++column)
+      for (SymmetricMatrix::InnerIterator entry(matrix, column); entry; ++entry)
+        entry.valueRef() *= scale_[entry.row()] * scale_[column];
+    std::vector<Index> node_of(matrix.rows());
+    for (Index i = 0; i < matrix.rows(); ++i) node_of[i] = i / dimension;
+    try {
+      factor_.emplace(matrix, node_of);
+    } catch (const NumericalError&) {
+      for (Index i = 0; i < matrix.cols(); ++i) matrix.coeffRef(i, i) += 1e-10;
+      factor_.emplace(matrix, node_of);
+    }
   }
-}
+  Vector solve(const Vector& b) const { return scale_.cwiseProduct(factor_->solve(scale_.cwiseProduct(b)).col(0)); }
+
+ private:
+  Vector scale_;
+  std::optional<Cholesky> factor_;
+};
 
 }  // namespace
 
@@ -219,7 +234,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   WeakConditions<Dim> weak;
   ShapeTable<Dim> P;
   Ragged<Place> rows_at;  ///< rows of P, by node of the cloud
-  Cholesky coarse;
+  ScaledCholesky coarse;
   std::optional<Condensation<Dim>> condensation;  ///< if there are flat cells
   Smoother<Dim> smoother;                         ///< of what it leaves
 
@@ -242,7 +257,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   }
   /// P Kc^-1 P^T r, for an r without forces on what is held.
   Points<Dim> coarse_correction(const Points<Dim>& r) const {
-    const Matrix U = coarse.solve(restrict(r).reshaped());
+    const Vector U = coarse.solve(restrict(r).reshaped());
     Points<Dim> z = interpolate(P, U.reshaped(Dim, P.num_nodes()));
     supports.release(z);
     return z;
@@ -253,6 +268,12 @@ template <int Dim> struct Corrector<Dim>::Impl {
     Points<Dim> smoothed;
     smoother.apply(condensation->matrix(), condensation->restrict(r), smoothed);
     z = condensation->extend(smoothed, r);
+  }
+  /// Twice the sum over the nodes of the energy if they alone had their displacement.
+  double energy_one_by_one(const Points<Dim>& u) const {
+    double sum = 0.0;
+    for (Index node = 0; node < nodes.count; ++node) sum += u.col(node).dot(K.blocks[K.diagonal[node]] * u.col(node));
+    return sum;
   }
   /// Loads at the element nodes.
   Points<Dim> loads(const Loads<Dim>& given) const {
@@ -320,7 +341,7 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   Members<Dim> dofs_of = members(space, nodes, lame);
   ShapeTable<Dim> P = shape_at_nodes(approximation.shape, dofs_of);
   Ragged<Place> rows_at = places_of_nodes(P.num_nodes(), P.num_points(), [&](Index v) { return P.row(v).nodes; });
-  Cholesky coarse = factorised(coarse_matrix(K, P, rows_at, supports), Dim);
+  ScaledCholesky coarse(coarse_matrix(K, P, rows_at, supports), Dim);
   const double nodes_apart = std::pow(static_cast<double>(nodes.count) / P.num_nodes(), 1.0 / Dim);
   const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
   std::optional<Condensation<Dim>> condensation;
@@ -355,8 +376,12 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   result.taken.push_back(dot<Dim>(r, z));
   u += z;
   residual();
-  K.multiply(u, q);
-  double scale = dot<Dim>(u, q);
+  const double one_by_one = problem.energy_one_by_one(u);
+  const auto energy = [&](const Points<Dim>& of) {
+    K.multiply(of, q);
+    return dot<Dim>(of, q);
+  };
+  double scale = std::max(energy(u), no_energy * one_by_one);
 
   // The answer is iterate `wanted`; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
@@ -374,8 +399,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     z += problem.coarse_correction(q);
     const double next = dot<Dim>(r, z);
     // The first iterate that is exact up to rounding: nothing is left to be taken off.
-    if (!(next > rounding * scale)) {
-      if (!(next >= -rounding * scale)) throw NumericalError("correction: the smoother is not positive definite");
+    if (const double nothing = std::max(rounding * scale, no_step * one_by_one); !(next > nothing)) {
+      if (!(next >= -nothing)) throw NumericalError("correction: the smoother is not positive definite");
       break;
     }
     if (k == 1)
@@ -394,12 +419,11 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     if (k <= wanted) result.iterations = k;
     const auto is_good = [&] { return error_left(taken) < options.tolerance * options.tolerance * scale; };
     if (open && k >= least_iterations && is_good()) {
-      K.multiply(u, q);
-      scale = dot<Dim>(u, q);  // what is prescribed makes it fall on the way
+      scale = std::max(energy(u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) break;
     }
     if (open && k == patience && static_cast<double>(K.columns.size()) < few_entries<Dim>) {
-      const Vector rest = factorised(held_matrix(K, problem.supports), Dim).solve(r.reshaped());
+      const Vector rest = ScaledCholesky(held_matrix(K, problem.supports), Dim).solve(r.reshaped());
       z = rest.reshaped(Dim, K.size());
       taken.push_back(dot<Dim>(r, z));
       u += z;
@@ -413,19 +437,14 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
 
-  K.multiply(u, q);
-  const double best_energy = dot<Dim>(u, q);
-  const auto relative = [&](double square) {
-    return best_energy > 0.0 ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0;
-  };
-  const Points<Dim> difference = start - u;
-  K.multiply(difference, q);
-  result.start_error = relative(dot<Dim>(difference, q) + beyond);
+  const double best_energy = energy(u);
+  const bool deformed = best_energy > no_energy * one_by_one;
+  const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
+  result.start_error = relative(energy(start - u) + beyond);
   result.error = relative(after);
-  K.multiply(answer, q);
-  result.strain_energy = 0.5 * dot<Dim>(answer, q);
+  result.strain_energy = 0.5 * energy(answer);
   for (const double one : taken) result.taken.push_back(one);
-  for (double& one : result.taken) one = best_energy > 0.0 ? one / best_energy : 0.0;
+  for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
   result.displacement = answer(Eigen::all, problem.nodes.at);
   if (problem.weak.matrix.size() > 0) {
     const Vector v = result.displacement.reshaped();

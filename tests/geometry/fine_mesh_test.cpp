@@ -222,5 +222,49 @@ TEST(KeepLargest, LeavesIslandsOut) {
   EXPECT_INPUT_ERROR(keep_largest(data), "a cell names a vertex that there is not");
 }
 
+/// Squares (0, 0) and (1, 1) of 2 x 2 touch in the middle; its vertex is the last of the first group.
+TEST(FineMesh, HingesAreCutAndGroupsFollow) {
+  MeshData<2> data = grid(2);
+  EXPECT_TRUE(cut_hinges(FineMesh<2>(data)).hinges.empty());
+  data.cells = Cells<2>(data.cells(Eigen::all, std::vector<Index>{0, 1, 6, 7}));
+  data.groups = {{"inner", {{1, 4}, {3, 4}, {4, 5}, {4, 7}}}};
+  const FineMesh<2> hinged(data);
+  ASSERT_EQ(hinged.num_components(), 1);
+  const auto cut = cut_hinges(hinged);
+  ASSERT_EQ(cut.hinges.size(), 1u);
+  EXPECT_EQ(hinged.vertex(cut.hinges[0]), Vec<2>(0.5, 0.5));
+  const FineMesh<2> mesh(cut.mesh);
+  expect_consistent(mesh);
+  EXPECT_EQ(mesh.num_components(), 2);
+  EXPECT_EQ(mesh.num_vertices(), hinged.num_vertices() + 1);
+  EXPECT_EQ(mesh.group("inner").size(), 4u);
+  EXPECT_TRUE(cut_hinges(mesh).hinges.empty());
+}
+
+TEST(FineMesh, TetrahedraThatHangTogetherByAnEdgeAreParted) {
+  MeshData<3> data{Points<3>(3, 6), Cells<3>(4, 2), {{"one", {{0, 1, 4}}}}};
+  data.vertices << 0, 0, 1, 1, -1, -1, 0, 0, 0, 1, 0, -1, 0, 1, 0, 0, 0, 0;
+  data.cells << 0, 0, 1, 1, 2, 4, 3, 5;
+  const auto cut = cut_hinges(FineMesh<3>(data));
+  EXPECT_EQ(cut.hinges.size(), 2u);
+  const FineMesh<3> mesh(cut.mesh);
+  EXPECT_EQ(mesh.num_components(), 2);
+  EXPECT_EQ(mesh.num_vertices(), 8);
+  EXPECT_EQ(mesh.facet_cell(mesh.group("one").front()), 1);
+}
+
+TEST(FineMesh, ExtractKeepsCellsWithTheirRegionsAndGroups) {
+  MeshData<2> data = grid(2);
+  data.regions = {0, 0, 1, 1, 1, 1, 0, 0};
+  data.region_names = {"a", "b"};
+  data.groups = {{"bottom", {{0, 1}, {1, 2}}}, {"top", {{6, 7}, {7, 8}}}};
+  const FineMesh<2> mesh(extract(FineMesh<2>(data), {1, 1, 1, 1, 0, 0, 0, 0}));
+  EXPECT_DOUBLE_EQ(mesh.volumes().sum(), 0.5);
+  EXPECT_EQ(mesh.group("bottom").size(), 2u);
+  EXPECT_EQ(mesh.groups().size(), 1u);
+  EXPECT_EQ(mesh.region(0), 0);
+  EXPECT_EQ(mesh.region(3), 1);
+}
+
 }  // namespace
 }  // namespace efree

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/lattice_mesh.hpp"
+#include "efree/bench/noise.hpp"
 #include "efree/core/parallel.hpp"
 #include "image_meshes.hpp"
 #include "meshes.hpp"
@@ -13,6 +14,7 @@
 namespace efree {
 namespace {
 
+using bench::noise;
 using std::numbers::pi;
 using test::flattest;
 using test::side_area;
@@ -302,35 +304,6 @@ TEST(LatticeMesh, FrameFacetsAreThoseOfTheVoxels) {
     EXPECT_NEAR(pores(mesh), (6.0 + 4.0 - (2.0 - std::sqrt(2.0)) * size) * 8.0, 1e-12);
     EXPECT_EQ(mesh.groups().size(), 5u);
   }
-}
-
-/// White noise, noise smoothed twice over the neighbours, and that as grey values.
-LabelImage<3> noise(int kind, double solid, unsigned seed) {
-  constexpr Index n = 24;
-  std::mt19937 generator(seed);
-  LabelImage<3> image{.size = {n, n, n}};
-  std::vector<double> values(n * n * n);
-  for (double& value : values) value = static_cast<double>(generator()) / 4294967296.0;
-  for (int pass = 0; pass < (kind == 0 ? 0 : 2); ++pass) {
-    const auto before = values;
-    for (Index p = 0; p < n * n * n; ++p) {
-      const Index x = p % n, y = p / n % n, z = p / n / n;
-      double sum = 0.0;
-      for (Index c = std::max(z - 1, 0); c <= std::min(z + 1, n - 1); ++c)
-        for (Index b = std::max(y - 1, 0); b <= std::min(y + 1, n - 1); ++b)
-          for (Index a = std::max(x - 1, 0); a <= std::min(x + 1, n - 1); ++a) sum += before[a + n * (b + n * c)];
-      values[p] = sum / 27.0;
-    }
-  }
-  auto ordered = values;
-  std::ranges::sort(ordered);
-  const double threshold = ordered[static_cast<std::size_t>((1.0 - solid) * static_cast<double>(ordered.size() - 1))];
-  for (const double value : values) {
-    image.labels.push_back(value > threshold);
-    const auto grey = static_cast<float>(value - threshold);
-    if (kind == 2) image.grey.push_back(value > threshold ? std::max(grey, 1e-30f) : std::min(grey, -1e-30f));
-  }
-  return image;
 }
 
 TEST(LatticeMesh, FiftyImagesOfNoiseAreMeshedWithoutFlatCells) {

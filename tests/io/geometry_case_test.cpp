@@ -431,6 +431,61 @@ TEST(ImageCase, IslandsThatAreLeftOutAreReported) {
   EXPECT_TRUE(reports["islands_fraction"].is_number_float());
 }
 
+/// A bar of 8 x 3 pixels held on the left and pulled on the right, and an island of 2 beside it.
+const std::string bar_and_island_case = R"([geometry]
+file = "island.pgm"
+mesh_size = 0.5
+[cloud]
+spacing = 1.5
+[analysis]
+plane = "stress"
+[material]
+E = 1
+nu = 0
+[[boundary]]
+on = "left"
+displacement = [0, 0]
+[[boundary]]
+on = "right"
+traction = [0.1, 0]
+)";
+const std::string bar_and_island =
+    "P2\n8 5\n1\n0 0 0 1 1 0 0 0\n0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1\n1 1 1 1 1 1 1 1\n"
+    "1 1 1 1 1 1 1 1\n";
+
+TEST(ImageCase, BodiesNeitherHeldNorLoadedAreLeftOut) {
+  const Workspace work(bar_and_island_case);
+  work.write("island.pgm", bar_and_island);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  expect_matches(run.output,
+                 R"(1 body with 7.7 % of the volume neither held nor loaded, the largest around \(4, 4.5\))");
+  const auto result = json(work / "out/result.json");
+  EXPECT_EQ(result["reports"]["free_bodies"], 1);
+  EXPECT_NEAR(result["reports"]["free_bodies_fraction"], 2.0 / 26.0, 1e-12);
+  EXPECT_NEAR(result["strain_energy"], 0.5 * 0.01 * 24.0, 1e-10);
+  for (const char* kind : {"p1", "p2"}) {
+    work.write("case.toml", bar_and_island_case + "[basis]\nkind = \"" + kind + "\"\n");
+    EXPECT_NEAR(solved<2>(work).solution.strain_energy, 0.12, 1e-10) << kind;
+  }
+}
+
+TEST(ImageCase, FreeBodiesThatAreLoadedOrLargestAreRefused) {
+  const auto refusal = [](const std::string& text) {
+    const Workspace work(text);
+    work.write("island.pgm", bar_and_island);
+    return complaint<2>(work, true);
+  };
+  const std::string island = R"(underconstrained: free to move \(body around \(4, 4.5\): translation along x)";
+  expect_matches(refusal(bar_and_island_case + "[[boundary]]\non = \"top\"\npressure = 1\n"), island);
+  expect_matches(refusal(replaced(bar_and_island_case, "plane =", "body_force = [0, -1]\nplane =")), island);
+  expect_matches(refusal(replaced(bar_and_island_case, "\"left\"", "\"top\"")),
+                 R"(underconstrained: free to move \(body around \(4, 1.5\): translation along x)");
+  // A part of the case that would go with the body it is on.
+  expect_matches(refusal(bar_and_island_case + "[[boundary]]\non = \"top\"\ndisplacement = [\"free\", 0]\n"),
+                 R"(^case.toml:\d+: all of the boundary "top" is on bodies that are neither held nor loaded)");
+}
+
 TEST(ImageCase, VoxelsInSpace) {
   const Workspace work(R"([geometry]
 file = "block.raw"
