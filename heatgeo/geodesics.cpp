@@ -94,6 +94,7 @@ SparseRows transposed(Index rows, const std::vector<LocalField>& fields) {
 /// Groups of neighbours among the `chosen` sources: those in the same square of a grid as wide as the largest radius.
 template <int Dim> Ragged<Index> clusters(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
                                           const Vector& radii, const std::vector<Index>& chosen) {
+  if (chosen.empty()) return {};
   const double width = cluster_width_in_radii * radii.maxCoeff();
   using Square = std::array<double, Dim>;
   const auto square = [&](Index i) {

