@@ -198,6 +198,23 @@ template <int Dim> SymmetricMatrix held_matrix(const BlockMatrix<Dim>& K, const 
   });
 }
 
+/// How far the nodes of the cloud are from each other, in nodes of the elements: twice the mean number of steps through
+/// K to the nearest of them. Along walls and around pores that is farther than their volume tells.
+template <int Dim>
+double steps_apart(const BlockMatrix<Dim>& K, const std::vector<Index>& cloud, const ElementNodes& nodes, int degree) {
+  std::vector<Index> steps(K.size(), -1), front;
+  for (const Index dof : cloud)
+    if (Index& step = steps[nodes.at[dof]]; step < 0) step = 0, front.push_back(nodes.at[dof]);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < front.size(); ++k) {
+    const Index node = front[k];
+    sum += steps[node];
+    for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e)
+      if (Index& step = steps[K.columns[e]]; step < 0) step = steps[node] + 1, front.push_back(K.columns[e]);
+  }
+  return 2.0 * degree * sum / static_cast<double>(front.size());
+}
+
 /// A matrix scaled to a unit diagonal and factored: bodies of a few cells next to stiff ones are no reason to fail.
 /// Where functions of the cloud depend on each other a little on the diagonal decides between them, and the iterations
 /// see to the rest.
@@ -342,7 +359,7 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   ShapeTable<Dim> P = shape_at_nodes(approximation.shape, dofs_of);
   Ragged<Place> rows_at = places_of_nodes(P.num_nodes(), P.num_points(), [&](Index v) { return P.row(v).nodes; });
   ScaledCholesky coarse(coarse_matrix(K, P, rows_at, supports), Dim);
-  const double nodes_apart = std::pow(static_cast<double>(nodes.count) / P.num_nodes(), 1.0 / Dim);
+  const double nodes_apart = steps_apart(K, approximation.node_dofs, nodes, space.degree());
   const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
   std::optional<Condensation<Dim>> condensation;
   if (!groups.empty()) condensation.emplace(K, groups);

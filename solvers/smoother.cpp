@@ -11,8 +11,10 @@ namespace efree {
 namespace {
 
 constexpr Index nodes_per_sweep = 8192;
-/// Part of the spectrum below the largest eigenvalue that is left to others.
-constexpr double lower_share = 0.04;
+/// Part of the spectrum below the largest eigenvalue that a polynomial leaves to others.
+double lower_share(int degree) {
+  return std::min(0.04, 1.0 / (degree * degree));
+}
 
 /// Inverse of D on the range of the projector, zero beyond it.
 template <int Dim> Mat<Dim> inverse_on(const Mat<Dim>& D, const Mat<Dim>& free) {
@@ -34,7 +36,7 @@ double noise(std::uint64_t i) {
 
 template <int Dim>
 Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, double reach)
-    : degree_(std::clamp(static_cast<int>(std::ceil(0.7 * reach)), 3, 16)) {
+    : degree_(std::clamp(static_cast<int>(std::ceil(0.9 * reach)), 3, 32)) {
   const Index n = K.size();
   inverse_diagonal_.resize(n);
   Points<Dim> r(Dim, n), z, p, q;
@@ -95,7 +97,8 @@ template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Po
 }
 
 template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
-  const double middle = 0.5 * (1.0 + lower_share) * largest_, half = 0.5 * (1.0 - lower_share) * largest_;
+  const double lower = lower_share(degree_);
+  const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
   Points<Dim> step, rest, swept;
   sweep(K, r, step);
   step /= middle;

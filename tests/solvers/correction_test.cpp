@@ -95,14 +95,23 @@ TEST(Correction, EndsAtTheElementsWithOrderTwo) {
   problem.cloud.order = 2;
   expect_same_as_elements(problem);
 }
-/// Cells as flat as 0.1 degree in a third of the body: point by point they are smoothed slowly.
-TEST(Correction, EndsAtTheElementsOnSlivers) {
-  expect_same_as_elements<2>({testing::body("slivers").mesh,
-                              {.spacing = 0.25},
+/// Cells as flat as 0.1 degree in a third of the body: point by point they would be smoothed slowly.
+TEST(Correction, EndsAtTheElementsOnSliversAsSoonAsElsewhere) {
+  for (const int interpolation : {1, 2})
+    expect_same_as_elements<2>({testing::body("slivers").mesh,
+                                {.interpolation = interpolation, .spacing = 0.25},
+                                {.material = {1.0, 0.3}},
+                                {clamp<2>("left")},
+                                {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
+                               Essential::strong, 15);
+}
+TEST(Correction, EndsAtTheTetrahedraOfHalfADegreeAsSoonAsElsewhere) {
+  expect_same_as_elements<3>({testing::solid("flat_cells"),
+                              {.spacing = 0.4},
                               {.material = {1.0, 0.3}},
-                              {clamp<2>("left")},
-                              {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
-                             Essential::strong, 100);
+                              {clamp<3>("left")},
+                              {.tractions = {tension<3>("right", 1.0)}, .body_force = {}}},
+                             Essential::strong, 20);
 }
 TEST(Correction, EndsAtTheElementsAroundASlit) {
   expect_same_as_elements<2>({testing::body("slit").mesh,
