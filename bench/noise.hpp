@@ -66,7 +66,7 @@ inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector
   Case<3> analysis;
   analysis.file = "noise";
   analysis.approximation.interpolation = 1;  // linear elements are the truth here
-  analysis.geometry.mesh = [image](double h) { return MadeMesh<3>{mesh_image(image, {.size = h})}; };
+  analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
   analysis.geometry.size = size;
   for (std::size_t k = 0; k < moduli.size(); ++k)
     analysis.materials.push_back({moduli.size() == 1 ? "" : std::to_string(k + 1), {moduli[k], 0.3}, "noise"});
