@@ -8,20 +8,19 @@
 namespace efree {
 namespace {
 
-TEST(Noise, ImagesAreSolvedWhateverTheirSpecksAndIslands) {
-  constexpr int images = 12;
+TEST(Noise, FiftyImagesEndAtTheirFiniteElementsWhateverTheirSpecksAndIslands) {
+  constexpr int images = 51;
   for (int k = 0; k < images; ++k) {
     Case<3> analysis =
-        bench::pulled(bench::noise(k % 3, 0.3 + 0.6 * (k / 3) / 3.0, static_cast<unsigned>(k), 12), 1.0, {1.0});
+        bench::pulled(bench::noise(k % 3, 0.2 + 0.7 * (k / 3) / 16.0, static_cast<unsigned>(k), 10), 1.0, {1.0});
     analysis.correction.tolerance = 1e-6;
     analysis.largest_error = 1e9;
     const CaseResult<3> result = solve_case(analysis);
-    EXPECT_GE(result.approximation.small_bodies, 0);
     analysis.approximation.kind = BasisKind::p1;
     analysis.model.essential = Essential::strong;
     const double truth = solve_case(analysis).solution.strain_energy;
-    EXPECT_NEAR(result.solution.strain_energy, truth, 1e-10 * truth) << k;
-    EXPECT_LE(result.estimates->corrections, 40) << k;
+    EXPECT_NEAR(result.solution.strain_energy, truth, 1e-10 * truth + 1e-20) << k;
+    EXPECT_LE(result.estimates->corrections, 60) << k;
   }
 }
 
