@@ -376,12 +376,13 @@ int main(int argc, char** argv) {
                         {clamp<3>("left")},
                         {{tension<3>("right", 1.0)}, {}}};
     });
+  const double lattice = mode == "recovery" ? 3.0 : 2.0;
   run("block", [&] {
     const auto spheres =
-        random_spheres<3>(mode == "recovery" ? 32 : 64, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0});
-    return pulled(keep_largest(spheres).image, 2.0, 2.6);
+        random_spheres<3>(mode == "iterations" ? 64 : 32, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0});
+    return pulled(keep_largest(spheres).image, lattice, 1.3 * lattice);
   });
-  run("gyroid", [&] { return pulled(gyroid(mode == "recovery" ? 32 : 64), 2.0, 2.6); });
+  run("gyroid", [&] { return pulled(gyroid(mode == "iterations" ? 64 : 32), lattice, 1.3 * lattice); });
   if (folder.empty()) std::fprintf(stderr, "elephant and assembly are left out: no folder of the real files\n");
   for (const char* name : {"elephant", "assembly"})
     if (!folder.empty()) run(name, [&] { return real_file(folder / (std::string(name) + ".toml"), c); });
