@@ -221,8 +221,8 @@ TEST(Correction, RefusesToGiveBackLessThanWasAskedFor) {
 }
 /// Two nodes through the height cannot bend: the iterations are on their own, and a direct solver ends them.
 TEST(Correction, SolvesDirectlyWhereTheCloudIsBlind) {
-  const Problem<2> beam{triangulate(shapes::rectangle(0.0, 0.0, 10.0, 0.2), {.size = 0.1}),
-                        {.interpolation = 1, .spacing = 1.0},
+  const Problem<2> beam{triangulate(shapes::rectangle(0.0, 0.0, 30.0, 0.2), {.size = 0.1}),
+                        {.interpolation = 1, .spacing = 3.0},
                         {.material = {1.0, 0.3}},
                         {clamp<2>("left")},
                         {.tractions = {{"right",
@@ -232,7 +232,8 @@ TEST(Correction, SolvesDirectlyWhereTheCloudIsBlind) {
                          .body_force = {}}};
   const auto corrected = correct(beam, {.tolerance = 1e-6}).correction;
   const auto direct = elements(beam, 1);
-  EXPECT_NEAR(corrected.strain_energy, direct.strain_energy, 1e-8 * direct.strain_energy);
+  // Rounding of the elements: the fourth power of a length of 150 heights.
+  EXPECT_NEAR(corrected.strain_energy, direct.strain_energy, 1e-6 * direct.strain_energy);
   EXPECT_EQ(corrected.iterations, 21);
   EXPECT_GT(corrected.start_error, 0.9);
 }
