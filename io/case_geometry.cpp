@@ -358,7 +358,8 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
 }
 
 /// The function that makes the mesh of a file.
-template <int Dim> std::function<MadeMesh<Dim>(const MeshSize&)> file_mesh(const Section& geometry, const fs::path& file) {
+template <int Dim>
+std::function<MadeMesh<Dim>(const MeshSize&)> file_mesh(const Section& geometry, const fs::path& file) {
   const FileKind kind = kind_of(geometry, file);
   switch (kind) {
     case FileKind::gmsh:

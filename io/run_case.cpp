@@ -196,12 +196,15 @@ template <int Dim> double least_memory(const ApproximationOptions& asked, const 
 /// Relative error in the energy norm from which on an answer is doubtful: one per cent of the energy.
 constexpr double doubtful = 0.1;
 
+double bearable_error(const CaseSettings& analysis) {
+  return analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
+}
+
 /// Doubts about an answer that is far from the truth, or, beyond what the case bears, a refusal.
 template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
   if (!result.estimates) return;
   const Estimates& errors = *result.estimates;
-  const double bearable = analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
-  if (errors.total() < std::min(bearable, analysis.largest_error)) return;
+  if (errors.total() < std::min(bearable_error(analysis), analysis.largest_error)) return;
   const std::string what =
       errors.cloud > errors.mesh
           ? fmt::format(
@@ -230,6 +233,7 @@ template <int Dim> struct Corrected {
   Correction<Dim> correction;
   Approximation<Dim> elements;
   Solution<Dim> solution;
+  Fields<Dim> fields;
   double mesh_error;
 };
 template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const CaseResult<Dim>& result,
@@ -243,8 +247,8 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
   elements.axisymmetric = functions.space.axisymmetric();
   result_of.elements = approximate(*result.mesh, elements);
   result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
-  result_of.mesh_error = recovery_error(result_of.elements, recover_fields(result_of.elements, result_of.solution),
-                                        region_lame(result.model, *result.mesh));
+  result_of.fields = recover_fields(result_of.elements, result_of.solution);
+  result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, region_lame(result.model, *result.mesh));
   return result_of;
 }
 
@@ -254,7 +258,7 @@ template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>&
   const Stage stage("correction", result.times, progress);
   const Approximation<Dim>& cloud = result.approximation;
   CorrectionOptions options = analysis.correction;
-  const double bearable = analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
+  const double bearable = bearable_error(analysis);
   options.tolerance = std::min(options.tolerance, 0.3 * bearable);  // a twentieth of the square is left to it
   if (!analysis.corrected) options.iterations = 2;                  // as many as the estimate takes
   const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
@@ -280,6 +284,7 @@ template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>&
   }
   result.elements = std::move(best.elements);
   result.solution = std::move(best.solution);
+  result.fields = std::move(best.fields);
   return estimates;
 }
 
@@ -366,7 +371,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
 
   const Stage stage("output", result.times, progress);
   const Approximation<Dim>& basis = result.basis();
-  result.fields = recover_fields(basis, result.solution);
+  if (!result.elements) result.fields = recover_fields(basis, result.solution);  // else the estimate took them
   if (analysis.has_exact())
     result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
   for (const auto& p : analysis.probes) result.probes.emplace_back(p.name, probe(basis.space, result.fields, p.at));

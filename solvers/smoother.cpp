@@ -47,6 +47,9 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
   });
+  std::vector<std::pair<Index, Mat<Dim>>> held;
+  for (Index i = 0; i < n; ++i)
+    if (const Mat<Dim> open = free(i); open != Mat<Dim>::Identity()) held.emplace_back(i, open);
   // Lanczos by conjugate gradients: the largest Ritz value of some steps is within 15 per cent of the eigenvalue.
   constexpr int steps = 10;
   Matrix T = Matrix::Zero(steps, steps);
@@ -70,9 +73,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     if (k > 0) T(k - 1, k) = T(k, k - 1) = std::sqrt(beta) / alpha_before;
     alpha_before = alpha;
     r -= alpha * q;
-    // What is held takes no part.
-    for (Index i = 0; i < n; ++i)
-      if (const Mat<Dim> open = free(i); open != Mat<Dim>::Identity()) r.col(i) = open * Vec<Dim>(r.col(i));
+    for (const auto& [i, open] : held) r.col(i) = open * Vec<Dim>(r.col(i));  // what is held takes no part
   }
   if (done > 0)
     largest_ = 1.15 * Eigen::SelfAdjointEigenSolver<Matrix>(T.topLeftCorner(done, done)).eigenvalues().maxCoeff();

@@ -248,7 +248,8 @@ TEST(CommandLine, ThreadsDoNotChangeABit) {
 TEST(CommandLine, StagesAreToldLineByLineWhereNobodyWatches) {
   const Workspace work;
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
-  for (const char* stage : {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "output"})
+  for (const char* stage :
+       {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "output"})
     EXPECT_TRUE(std::regex_search(run.output, std::regex(std::string("(^|\n)") + stage + " +[0-9.]+ s\n")))
         << run.output;
   EXPECT_EQ(run.output.find("weights"), run.output.rfind("weights")) << run.output;
