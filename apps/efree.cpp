@@ -35,7 +35,14 @@ struct Options {
   StudyOptions study;
 };
 
-std::string estimates_text(const Estimates& estimates) {
+template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
+  const Estimates& estimates = *result.estimates;
+  if (result.cells)
+    return fmt::format(
+        "{} cells, {} iterations; error in the energy norm: about {:.2g} %; strain energy {:.6g}, "
+        "extrapolated {:.6g}",
+        result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
+        result.cells->extrapolated_energy);
   const std::string of_cloud =
       fmt::format("error in the energy norm: {:.2g} % of the cloud", 100.0 * estimates.uncorrected);
   const std::string corrected =
@@ -61,7 +68,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       return solve_case(analysis, mesh, progress);
     };
     CaseResult<Dim> result = analysis.accuracy > 0.0 ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
-    if (result.estimates) say(estimates_text(*result.estimates));
+    if (result.estimates) say(estimates_text(result));
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);
@@ -69,7 +76,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       const auto draw = [&] { draw_fields(out.file("fields.png"), analysis, result); };
       const auto write = [&] {
         write_fields(out.file("fields.vtu"), analysis, result);
-        write_nodes(out.file("nodes.vtu"), result);
+        if (!result.cells) write_nodes(out.file("nodes.vtu"), result);
       };
       // Both only read the result.
       parallel_chunks(options.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write() : draw(); });

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// From an image to its effective modulus by corrected clouds on lattice meshes: error against time and memory, to be
-/// read beside the tables of bench/peers (same problems, same references).
+/// From an image to its effective modulus, on cells or by corrected clouds on lattice meshes: error against time and
+/// memory, to be read beside the tables of bench/peers (same problems, same references).
 ///
+///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
+#include "efree/core/parallel.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/largest_body.hpp"
+#include "efree/solvers/cell_solver.hpp"
 #include "efree/solvers/correction.hpp"
 
 #include <sys/resource.h>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -25,6 +29,9 @@ double cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 double peak_mib() {
   rusage usage{};
@@ -49,16 +56,63 @@ LabelImage<3> gyroid() {
   return image;
 }
 
+struct Body {
+  LabelImage<3> image;
+  double reference;
+};
+Body body_named(const std::string& name) {
+  if (name == "block") return {random_spheres<3>(128, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0}), 0.4653};
+  Body body{gyroid(), 0.0868};
+  if (name == "gyroid_labels") body.image.grey.clear();
+  return body;
+}
+
+std::vector<DisplacementCondition<3>> pulled(double shift) {
+  return {symmetry_plane<3>("left"),
+          symmetry_plane<3>("front"),
+          symmetry_plane<3>("bottom"),
+          {"top", {}, [=](const Vec<3>&) { return shift; }}};
+}
+
+int on_cells(const std::string& name, double size, double tolerance, int threads) {
+  const Body body = body_named(name);
+  set_num_threads(threads);
+  const double start = cpu_seconds(), wall = wall_seconds();
+  const LabelImage<3> image = keep_largest(body.image).image;
+  const double kept = cpu_seconds();
+  const double edge = image.size[0];
+  StageTimes times;
+  const CellSolution solution =
+      solve_on_cells(image, {{}, {1.0, 0.3}}, pulled(0.01 * edge), {}, {.size = size, .tolerance = tolerance}, &times);
+  const double all = cpu_seconds() - start, passed = wall_seconds() - wall;
+  const auto modulus = [&](double energy) { return 2.0 * energy / (1e-4 * edge * edge * edge); };
+  for (const CellLevel& level : solution.levels)
+    std::printf("| %s | %.3g | %d | %.5f | %+.2f %% | %d | %.1e |\n", name.c_str(), level.edges[0], level.cells,
+                modulus(level.strain_energy), 100.0 * (modulus(level.strain_energy) / body.reference - 1.0),
+                level.iterations, level.iteration_error);
+  std::printf(
+      "extrapolated %.5f (%+.2f %%), error in the energy norm %.3f (true %.3f); islands %.2f s, set-up %.2f s, solve "
+      "%.2f s, all %.2f s of CPU, %.2f s of "
+      "clock, %.0f MiB\n",
+      modulus(solution.extrapolated_energy), 100.0 * (modulus(solution.extrapolated_energy) / body.reference - 1.0),
+      solution.grid_error, std::sqrt(std::abs(1.0 - body.reference / modulus(solution.finest().strain_energy))),
+      kept - start, times["assembly"], times["solve"], all, passed, peak_mib());
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "cells")
+    return on_cells(argc > 2 ? argv[2] : "block", argc > 3 ? std::atof(argv[3]) : 2.0,
+                    argc > 4 ? std::atof(argv[4]) : 5e-4, argc > 5 ? std::atoi(argv[5]) : 1);
   const std::string name = argc > 1 ? argv[1] : "block";
   const double size = argc > 2 ? std::atof(argv[2]) : 2.0;
   const int degree = argc > 3 ? std::atoi(argv[3]) : 1;
   const double tolerance = argc > 4 ? std::atof(argv[4]) : 0.01;
   const Index voxels = name == "block" ? 128 : 96;
-  const double reference = name == "block" ? 0.4653 : 0.0868;
-  auto image = name == "block" ? random_spheres<3>(voxels, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0}) : gyroid();
+  const double reference = body_named(name).reference;
+  auto image = body_named(name).image;
   const double start = cpu_seconds();
   image = keep_largest(image).image;
   double before = start;
@@ -72,10 +126,7 @@ int main(int argc, char** argv) {
   auto cloud = approximate<3>(mesh, {.spacing = argc > 5 ? std::atof(argv[5]) : 0.0});
   const double basis = lap();
   const ElasticModel model{.material = {1.0, 0.3}};
-  const std::vector<DisplacementCondition<3>> supports{symmetry_plane<3>("left"),
-                                                       symmetry_plane<3>("front"),
-                                                       symmetry_plane<3>("bottom"),
-                                                       {"top", {}, [=](const Vec<3>&) { return 0.01 * voxels; }}};
+  const std::vector<DisplacementCondition<3>> supports = pulled(0.01 * voxels);
   const auto solution = ElasticSolver<3>(cloud, model, supports).solve({});
   const double solving = lap();
   Points<3> from = interpolate(cloud.shape, solution.coefficients);

@@ -13,6 +13,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <tuple>
 
 namespace efree {
 namespace {
@@ -37,8 +38,15 @@ template <int Dim> Expressions<Dim> read_definitions(const Section& root) {
 void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis, double mesh_ratio,
                         CaseSettings& result) {
   ApproximationOptions& options = result.approximation;
-  options.kind = basis.choice<BasisKind>(
-      "kind", {{"mls", BasisKind::mls}, {"p1", BasisKind::p1}, {"p2", BasisKind::p2}}, options.kind);
+  using Cells = CaseSettings::Cells;
+  using Kind = std::pair<BasisKind, Cells>;
+  std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
+                                                            {{"auto", {BasisKind::mls, Cells::automatic}},
+                                                             {"mls", {BasisKind::mls, Cells::never}},
+                                                             {"p1", {BasisKind::p1, Cells::never}},
+                                                             {"p2", {BasisKind::p2, Cells::never}},
+                                                             {"cells", {BasisKind::mls, Cells::always}}},
+                                                            Kind{BasisKind::mls, Cells::automatic});
   options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
   options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 
@@ -296,6 +304,29 @@ void read_correction(const Section& analysis, CaseSettings& result) {
         "elements of the fine mesh lock");
 }
 
+/// Cells have no cloud: what the file says of one decides against them, or contradicts it.
+template <int Dim>
+void read_cells(const Section& root, const Section& basis, const Section& analysis, CaseSettings& result) {
+  using Cells = CaseSettings::Cells;
+  if (result.cells == Cells::never) return;
+  if (Dim == 2) {
+    if (result.cells == Cells::always) basis.fail("kind", "cells are for images in space; this geometry is planar");
+    result.cells = Cells::never;
+    return;
+  }
+  std::vector<std::string> said;
+  for (const char* key : {"cloud", "quadrature"})
+    if (root.has(key)) said.push_back(fmt::format("[{}]", key));
+  for (const char* key : {"order", "interpolation"})
+    if (basis.has(key)) said.push_back(fmt::format("basis.{}", key));
+  for (const char* key : {"correction", "essential"})
+    if (analysis.has(key)) said.push_back(fmt::format("analysis.{}", key));
+  if (said.empty()) return;
+  if (result.cells == Cells::always)
+    basis.fail("kind", fmt::format("{} means nothing on cells, which have no cloud", fmt::join(said, ", ")));
+  result.cells = Cells::never;
+}
+
 template <int Dim> Plane read_plane(const Section& analysis) {
   if (Dim == 3 && analysis.has("plane"))
     analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
@@ -342,6 +373,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
                                     nodal ? Essential::strong : Essential::nitsche));
 
   read_correction(analysis, result);
+  read_cells<Dim>(root, basis, analysis, result);
   if (root.has("accuracy")) {
     const Section accuracy = root.section("accuracy", {"energy", "time_limit"});
     result.accuracy = accuracy.number("energy", {1e-6, 1.0, true, false});

@@ -17,6 +17,9 @@ namespace efree {
 
 /// What a case says whatever its dimension.
 struct CaseSettings {
+  /// Whether an image in space is solved on a grid of cells (solve_on_cells), not by a cloud.
+  enum class Cells { automatic, never, always };
+
   /// Something in the file that can only be checked later, and where it was said ("file:line").
   struct Mention {
     std::string name, where;
@@ -30,10 +33,11 @@ struct CaseSettings {
   std::string title;
   std::filesystem::path file;  ///< the case file itself
   ApproximationOptions approximation;
-  bool estimated = true;         ///< say how far the answer is from the finite elements of the fine mesh
-  bool corrected = true;         ///< hand out the corrected answer, not that of the cloud
-  CorrectionOptions correction;  ///< towards the finite elements of the fine mesh
-  double accuracy = 0.0;         ///< wanted relative error in the energy norm; 0: as the mesh gives
+  Cells cells = Cells::automatic;  ///< automatic: where it can be; said nowhere else
+  bool estimated = true;           ///< say how far the answer is from the finite elements of the fine mesh
+  bool corrected = true;           ///< hand out the corrected answer, not that of the cloud
+  CorrectionOptions correction;    ///< towards the finite elements of the fine mesh
+  double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
   double largest_error = 0.5;       ///< relative, in the energy norm, beyond which the answer is no answer
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for

@@ -303,6 +303,11 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
     if constexpr (Dim == 3)
       if (sized.mesher == Mesher::lattice) {
         LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
+        for (const LabelCount& count : count_labels(labels))
+          if (count.label != 0)
+            made.region_of_label[count.label] =
+                sized.names.empty() ? std::to_string(count.label) : sized.names.at(count.label);
+        made.image = std::make_shared<const LabelImage<3>>(std::move(labels));
         made.mesh = std::move(on_lattice.mesh);
         report_lost(on_lattice.lost, made);
         if (largest_only && on_lattice.lost.broken_off > 0) {

@@ -4,8 +4,11 @@
 #pragma once
 
 #include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/label_image.hpp"
 
 #include <functional>
+#include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <variant>
@@ -22,6 +25,8 @@ template <int Dim> struct MadeMesh {
   std::vector<std::pair<std::string, Reported>> reports{};  ///< names as in result.json, values
   std::vector<std::string> remarks{};                       ///< the same in words
   double size = 0.0;                                        ///< it was made with; 0: with the file's own sizes
+  std::shared_ptr<const LabelImage<Dim>> image{};           ///< that a lattice was cut out of; else none
+  std::map<Label, std::string> region_of_label{};           ///< of the image: names of the mesh's regions
 };
 
 /// How fine a mesh should be.

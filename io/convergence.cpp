@@ -91,6 +91,7 @@ template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method
     if (options.spacing > 0.0) options.grading = scaled(std::move(options.grading), size / options.spacing);
   }
   analysis.estimated = analysis.corrected = false;  // a study is of the methods themselves
+  analysis.cells = CaseSettings::Cells::never;
   const bool same_kind = options.kind == method.kind;
   options.kind = method.kind;
   options.secondary = method.secondary;

@@ -206,7 +206,9 @@ template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& res
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(analysis), analysis.largest_error)) return;
   const std::string what =
-      errors.cloud > errors.mesh
+      result.cells
+          ? fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh)
+      : errors.cloud > errors.mesh
           ? fmt::format(
                 "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "
                 "(analysis.correction = \"auto\"), or use a smaller spacing",
@@ -288,6 +290,50 @@ template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>&
   return estimates;
 }
 
+/// Why a case cannot be solved on cells; empty if it can.
+template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh) {
+  if (!mesh.image) return "the geometry is not an image in space on a lattice";
+  if (analysis.loads.body_force) return "there is a body force";
+  if (analysis.has_exact()) return "there is an exact solution to compare with";
+  if (mesh.open_interface.size() > 0) return "regions are open along a part";
+  for (const auto& material : mesh.materials)
+    if (material.nu > 0.4) return "a material is nearly incompressible";
+  for (const auto& group : analysis.groups)
+    if (!is_side(group.name)) return fmt::format("\"{}\" is not a side of the image", group.name);
+  return "";
+}
+
+/// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields.
+void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResult<3>& result,
+                     const Progress& progress) {
+  const FineSpace<3> space(*mesh.mesh, 1);
+  require_restrained(space, restraints(analysis.supports), tied_facets(*mesh.mesh, mesh.open_interface));
+  std::vector<LinearElastic> of_label(mesh.region_of_label.rbegin()->first + 1);
+  std::vector<Index> region_of_label(of_label.size(), -1);
+  for (const auto& [label, name] : mesh.region_of_label) {
+    const auto& names = mesh.mesh->region_names();
+    const auto found = std::ranges::find(names, name);
+    if (found != names.end()) region_of_label[label] = static_cast<Index>(found - names.begin());
+    const auto material =
+        std::ranges::find_if(analysis.materials, [&](const auto& m) { return m.region.empty() || m.region == name; });
+    if (material == analysis.materials.end())
+      throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"", analysis.materials.back().where, name));
+    of_label[label] = material->elastic;
+  }
+  result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads, {.size = mesh.size},
+                                &result.times, progress);
+  const CellSolution& cells = *result.cells;
+  result.solution.strain_energy = cells.finest().strain_energy;
+  const double iterations = cells.finest().iteration_error;
+  result.estimates = {.cloud = iterations,
+                      .uncorrected = iterations,
+                      .mesh = cells.grid_error,
+                      .corrections = cells.finest().iterations};
+  result.approximation.space = space;
+  const Stage stage("output", result.times, progress);
+  result.fields = recover_fields(cells, *mesh.image, *mesh.mesh, region_of_label, mesh.materials);
+}
+
 double process_cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -312,6 +358,8 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
       result.size = made.size;
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);
+      result.image = std::move(made.image);
+      result.region_of_label = std::move(made.region_of_label);
       // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.
       const bool parted = analysis.approximation.kind == BasisKind::mls;
       return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
@@ -350,7 +398,16 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.model.open_interface = mesh.open_interface;
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
+  bool on_cells = false;
+  if (analysis.cells != CaseSettings::Cells::never) {
+    const std::string why = why_not_on_cells(analysis, mesh);
+    if (analysis.cells == CaseSettings::Cells::always && !why.empty())
+      throw InputError(fmt::format("{}: basis.kind = \"cells\" does not do here: {}", analysis.file.string(), why));
+    on_cells = why.empty();
+  }
   located(analysis, analysis.file.string(), [&] {
+    if constexpr (Dim == 3)
+      if (on_cells) return answer_on_cells(analysis, mesh, result, progress);
     ApproximationOptions options = analysis.approximation;
     if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*mesh.mesh);
     require_memory(least_memory(options, *mesh.mesh),
@@ -365,13 +422,14 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
     if (analysis.approximation.kind == BasisKind::mls && !analysis.approximation.dilatation && analysis.estimated)
       result.estimates = correct(analysis, result, progress);
   });
-  result.warnings = doubts(analysis.approximation, result.approximation);
+  if (!on_cells) result.warnings = doubts(analysis.approximation, result.approximation);
   judge(analysis, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);
   const Approximation<Dim>& basis = result.basis();
-  if (!result.elements) result.fields = recover_fields(basis, result.solution);  // else the estimate took them
+  if (!result.elements && !on_cells)
+    result.fields = recover_fields(basis, result.solution);  // else the estimate took them
   if (analysis.has_exact())
     result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
   for (const auto& p : analysis.probes) result.probes.emplace_back(p.name, probe(basis.space, result.fields, p.at));
@@ -431,7 +489,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
                         growth * attempts.back().seconds, analysis.time_limit);
       break;
     }
-    constexpr double bytes_per_cell = Dim == 2 ? 4e3 : 6e3;
+    const double bytes_per_cell = best->cells ? 1e3 : Dim == 2 ? 4e3 : 6e3;
     if (bytes_per_cell * growth * attempts.back().cells > 0.8 * available_memory()) {
       why = "a finer mesh would take more memory than there is";
       break;

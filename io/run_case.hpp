@@ -3,9 +3,11 @@
 #pragma once
 
 #include "efree/io/case_file.hpp"
+#include "efree/solvers/cell_solver.hpp"
 
 #include <cmath>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -23,8 +25,10 @@ template <int Dim> struct CaseMesh {
   std::shared_ptr<const FineMesh<Dim>> mesh;
   double size = 0.0;                     ///< edges it was made with; the longest of a file with sizes of its own
   std::vector<LinearElastic> materials;  ///< by region of the mesh
-  std::string open_interface;            ///< part along which regions are not tied; empty: tied wherever they touch
-  std::vector<Part> parts;               ///< in the order of the case
+  std::shared_ptr<const LabelImage<Dim>> image;  ///< whose lattice the mesh was cut out of; else none
+  std::map<Label, std::string> region_of_label;  ///< of the image: names of regions
+  std::string open_interface;  ///< part along which regions are not tied; empty: tied wherever they touch
+  std::vector<Part> parts;     ///< in the order of the case
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
   std::vector<std::string> remarks;                       ///< what to tell the user: the same in words, the parts
   double seconds = 0.0, cpu_seconds = 0.0;
@@ -41,9 +45,9 @@ struct Attempt {
 
 /// Relative errors in the energy norm.
 struct Estimates {
-  double cloud;        ///< of the answer, against the finite elements of the fine mesh
-  double uncorrected;  ///< of the cloud's own answer, against them
-  double mesh;         ///< of these finite elements, by recovery
+  double cloud;        ///< of the answer, against the finite elements of the fine mesh; on cells, of the iterations
+  double uncorrected;  ///< of the cloud's own answer, against them; on cells the same
+  double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
   int corrections;     ///< iterations that led to the answer
   double total() const { return std::hypot(cloud, mesh); }
 };
@@ -54,7 +58,8 @@ template <int Dim> struct CaseResult {
   Approximation<Dim> approximation;  ///< refers to *mesh
   /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
   std::optional<Approximation<Dim>> elements;
-  Solution<Dim> solution;
+  Solution<Dim> solution;              ///< on cells the strain energy only
+  std::optional<CellSolution> cells;   ///< if the case was solved on cells; then `approximation` is a space only
   std::optional<Estimates> estimates;  ///< none for finite elements, nor where dilatations are averaged
   Fields<Dim> fields;
   /// What `solution` and `fields` belong to.

@@ -199,6 +199,14 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
   if (result.errors) json["errors"] = errors_json(*result.errors);
   json["strain_energy"] = result.solution.strain_energy;
+  if (result.cells) {
+    json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
+    for (const CellLevel& level : result.cells->levels)
+      json["grids"].push_back({{"edges", array(level.edges)},
+                               {"cells", level.cells},
+                               {"iterations", level.iterations},
+                               {"strain_energy", level.strain_energy}});
+  }
   if (result.estimates)
     json["estimates"]["energy"] = {{"cloud", result.estimates->cloud},
                                    {"uncorrected", result.estimates->uncorrected},
@@ -224,7 +232,7 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
                      {"quadrature_points_dropped", approximation.dropped_points},
                      {"interpolation", result.basis().space.degree()}};
   const ApproximationOptions& asked = analysis.approximation;
-  if (asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
+  if (!result.cells && asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
     json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
     json["reports"]["ratio_reached"] = approximation.ratio();

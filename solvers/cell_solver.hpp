@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Linear elasticity of images on a regular grid, without a mesh and without a matrix.
+#pragma once
+
+#include "efree/core/progress.hpp"
+#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/lattice_mesh.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/solvers/static_analysis.hpp"
+
+#include <vector>
+
+namespace efree {
+
+/// Whether a part of the boundary is a side of an image's frame: "left", "right" (x), "front", "back" (y), "bottom",
+/// "top" (z).
+bool is_side(const std::string& name);
+
+struct CellOptions {
+  double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
+  double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
+  int most = 200;           ///< iterations on a grid after which it is given up
+};
+
+/// What was found on one grid.
+struct CellLevel {
+  Vec<3> edges;                  ///< of a cell [length]
+  Index cells = 0;               ///< that are not void
+  int iterations = 0;            ///< 0 on the coarsest grid, which is solved directly
+  double strain_energy = 0.0;    ///< [force * length]
+  double potential = 0.0;        ///< strain energy less the work of the loads
+  double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
+};
+
+struct CellSolution {
+  Lattice grid;
+  Points<3> displacement;         ///< 3 x points of the grid; continued to points of void next to the body, 0 beyond
+  std::vector<CellLevel> levels;  ///< ascending edges: the answer's own grid first
+  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids.
+  double grid_error = 0.0;
+  /// Strain energy extrapolated to cells without size from the last two grids at the rate of the last three, between
+  /// one and two (that of smooth fields and boundaries; re-entrant corners and noise come with less).
+  double extrapolated_energy = 0.0;
+
+  const CellLevel& finest() const { return levels.front(); }
+};
+
+/// Trilinear displacements on a grid of equal boxes that the image's frame is cut into, their strains weighted with the
+/// stiffness of what the image has in each octant of a cell (finite cells; Parvizian, Duester & Rank 2007). Conjugate
+/// gradients preconditioned by geometric multigrid, a Chebyshev polynomial over the diagonal as smoother (Adams,
+/// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
+///
+/// `materials` by label, void 0 left out of account. Conditions and loads are on the sides of the frame: "left",
+/// "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the grid's points. Bodies that
+/// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory is about 130 bytes
+/// to a point of the grid.
+///
+/// Throws InputError for a broken image, a size that is not positive, a label without material, moduli out of range,
+/// conditions elsewhere than on sides, body forces, a body that is loaded but not held, or too little memory;
+/// NumericalError if the iterations break down or do not end.
+CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+                            const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
+                            const CellOptions& options = {}, StageTimes* times = nullptr,
+                            const Progress& progress = {});
+
+/// Displacement, strain and stress at the vertices of a mesh of the image, each of one region (cut_regions).
+/// Displacements are interpolated; strains are linear fits around the points of the grid to those of the cells,
+/// weighted with how much of the region is at them, and interpolated in between. `region_of_label` by label: region of
+/// the mesh, -1 where there is none; `materials` by region. Bitwise the same on any number of threads.
+Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
+                         const std::vector<Index>& region_of_label, const std::vector<LinearElastic>& materials);
+
+}  // namespace efree

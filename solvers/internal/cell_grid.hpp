@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Linear elasticity on a grid of boxes with trilinear displacements, without a matrix.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <array>
+#include <vector>
+
+namespace efree::internal {
+
+/// A body in a grid of cells (finite cells; Parvizian, Duester & Rank 2007): strains are taken at eight points of a
+/// cell, the centres of its octants ("parts"), each weighted with the stiffness of the material in its octant. So cells
+/// that are partly void are no thicker than their material, and whole ones bend more easily (by a quarter) than with
+/// exact integration. Constant strains are integrated exactly.
+///
+/// Fields have three components one after the other, each by node with x fastest; rows of nodes are padded so that
+/// `lanes` cells can be taken at once.
+struct CellGrid {
+  static constexpr int lanes = 8;
+
+  std::array<Index, 3> cells{};
+  Vec<3> edges = Vec<3>::Ones();  ///< of a cell [length]
+  std::array<float, 3> inverse_edges{};
+  Index row = 0, pitch = 0;      ///< cells in a padded row, nodes in one
+  std::vector<float> stiffness;  ///< by `lanes` cells: mu of their 8 parts and lambda of their 8 parts, times volume
+  std::vector<char> empty;       ///< by `lanes` cells
+
+  /// Lame constants by part, x fastest, two parts to a cell along each axis.
+  CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const std::vector<float>& mu,
+           const std::vector<float>& lambda);
+
+  std::size_t node(Index i, Index j, Index k) const {
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(pitch) * (j + static_cast<std::size_t>(cells[1] + 1) * k);
+  }
+  std::size_t nodes() const { return node(0, 0, cells[2] + 1); }
+  std::size_t size() const { return 3 * nodes(); }
+  std::size_t block(Index i, Index j, Index k) const {
+    return (static_cast<std::size_t>(i) +
+            static_cast<std::size_t>(row) * (j + static_cast<std::size_t>(cells[1]) * k)) /
+           lanes;
+  }
+  /// mu of part q = x + 2 y + 4 z of a cell, times its volume; lambda with q + 8.
+  float weight(Index i, Index j, Index k, int q) const {
+    return stiffness[(block(i, j, k) * 16 + q) * lanes + i % lanes];
+  }
+
+  /// f = K u. Bitwise the same on any number of threads.
+  void apply(const float* u, float* f) const;
+  void apply(const double* u, double* f) const;
+  /// A diagonal D, laid out as a field, with x^T K x <= x^T D x for all x: that of K, cell by cell times the largest
+  /// eigenvalue that its part of K has over it.
+  std::vector<float> bound() const;
+};
+
+/// Lame constants by cell from those by part: means of eight.
+std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells);
+
+}  // namespace efree::internal

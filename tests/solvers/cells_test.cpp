@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Images on grids of cells against closed forms and finite elements.
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/box_averages.hpp"
+#include "efree/geometry/image_mesh.hpp"
+#include "efree/solvers/cell_solver.hpp"
+
+#include <gtest/gtest.h>
+#include <cmath>
+#include <functional>
+#include <random>
+
+using namespace efree;
+
+namespace {
+
+LabelImage<3> image_of(const std::array<Index, 3>& size, const std::function<Label(const Vec<3>&)>& label) {
+  LabelImage<3> image;
+  image.size = size;
+  for (Index k = 0; k < size[2]; ++k)
+    for (Index j = 0; j < size[1]; ++j)
+      for (Index i = 0; i < size[0]; ++i) image.labels.push_back(label(Vec<3>(i + 0.5, j + 0.5, k + 0.5)));
+  return image;
+}
+
+DisplacementCondition<3> moved(const std::string& on, const std::function<Vec<3>(const Vec<3>&)>& u) {
+  DisplacementCondition<3> condition{on, {}, {}};
+  for (int c = 0; c < 3; ++c) condition.components[c] = [u, c](const Vec<3>& x) { return u(x)[c]; };
+  return condition;
+}
+
+std::vector<DisplacementCondition<3>> stretched(double by) {
+  return {symmetry_plane<3>("left"),
+          symmetry_plane<3>("front"),
+          symmetry_plane<3>("bottom"),
+          {"top", {}, [=](const Vec<3>&) { return by; }}};
+}
+
+const std::vector<std::string> all_sides{"left", "right", "front", "back", "bottom", "top"};
+
+}  // namespace
+
+TEST(BoxAverages, KeepTheVolumeOfLabelsWhateverTheBoxes) {
+  std::mt19937 random(1);
+  const auto image = image_of({12, 7, 9}, [&](const Vec<3>& x) -> Label { return x[0] < 5.0 ? 1 : 2; });
+  for (const std::array<Index, 3>& boxes : {std::array<Index, 3>{12, 7, 9}, {6, 3, 4}, {5, 11, 9}, {24, 14, 18}}) {
+    const std::vector<float> means = box_averages(image, {0.0F, 1.0F, 3.0F}, boxes);
+    double sum = 0.0;
+    for (const float mean : means) sum += mean;
+    EXPECT_NEAR(sum / static_cast<double>(means.size()), (5.0 * 1.0 + 7.0 * 3.0) / 12.0, 1e-6);
+  }
+}
+
+TEST(BoxAverages, OfABallHaveItsVolumeBySmoothedLabelsAndByGreyValues) {
+  for (const bool grey : {false, true})
+    for (const Index boxes : {16, 32, 64}) {
+      auto image =
+          image_of({32, 32, 32}, [](const Vec<3>& x) -> Label { return (x - Vec<3>(16.1, 15.8, 16.3)).norm() < 11.0; });
+      if (grey)
+        for (Index k = 0; k < 32; ++k)
+          for (Index j = 0; j < 32; ++j)
+            for (Index i = 0; i < 32; ++i)
+              image.grey.push_back(
+                  static_cast<float>(11.0 - (Vec<3>(i + 0.5, j + 0.5, k + 0.5) - Vec<3>(16.1, 15.8, 16.3)).norm()));
+      double sum = 0.0;
+      for (const float mean : box_averages(image, {0.0F, 1.0F}, {boxes, boxes, boxes})) sum += mean;
+      const double volume = sum * std::pow(32.0 / boxes, 3), exact = 4.0 / 3.0 * M_PI * std::pow(11.0, 3);
+      EXPECT_NEAR(volume / exact, 1.0, grey ? 0.003 : 0.02) << boxes << (grey ? " grey" : " labels");
+    }
+}
+
+TEST(Cells, PatchTestOnAnyGridWithVoidAndTwoMaterialsOfOneStiffness) {
+  Mat<3> A;
+  A << 1.0, 0.3, -0.2, 0.1, -0.5, 0.4, 0.2, 0.1, 0.7;
+  const auto linear = [&](const Vec<3>& x) -> Vec<3> { return A * x + Vec<3>(0.1, 0.2, 0.3); };
+  auto image = image_of({20, 15, 12}, [](const Vec<3>& x) -> Label { return x[0] + x[1] < 17.0 ? 1 : 2; });
+  image.spacing = {1.0, 2.0, 0.5};
+  image.origin = {-3.0, 4.0, 5.0};
+  std::vector<DisplacementCondition<3>> held;
+  for (const std::string& side : all_sides) held.push_back(moved(side, linear));
+  for (const double size : {1.0, 1.7, 4.0}) {
+    const CellSolution solution =
+        solve_on_cells(image, {{}, {3.0, 0.2}, {3.0, 0.2}}, held, {}, {.size = size, .tolerance = 1e-9});
+    double worst = 0.0;
+    Eigen::Index point = 0;
+    for (Index k = 0; k <= solution.grid.cubes[2]; ++k)
+      for (Index j = 0; j <= solution.grid.cubes[1]; ++j)
+        for (Index i = 0; i <= solution.grid.cubes[0]; ++i, ++point) {
+          const Vec<3> x = solution.grid.origin + solution.grid.spacing.cwiseProduct(Vec<3>(i, j, k));
+          worst = std::max(worst, (solution.displacement.col(point) - linear(x)).norm());
+        }
+    EXPECT_LT(worst, 1e-6 * A.norm() * 40.0) << "cells of " << size;
+    const Lame lame = solid_lame({3.0, 0.2});
+    const Mat<3> strain = 0.5 * (A + A.transpose());
+    const double energy = (0.5 * lame.lambda * std::pow(strain.trace(), 2) + lame.mu * strain.squaredNorm()) * 20.0 *
+                          15.0 * 12.0 * image.spacing.prod();
+    EXPECT_NEAR(solution.finest().strain_energy, energy, 1e-5 * energy);
+  }
+}
+
+TEST(Cells, LayersInSeriesHaveTheirExactStiffnessWhereCellsEndBetweenThem) {
+  // A bar that cannot contract: each layer has its constrained modulus.
+  const auto image = image_of({8, 8, 16}, [](const Vec<3>& x) -> Label { return x[2] < 8.0 ? 1 : 2; });
+  std::vector<DisplacementCondition<3>> held = stretched(0.16);
+  held.push_back(symmetry_plane<3>("right"));
+  held.push_back(symmetry_plane<3>("back"));
+  const auto modulus = [](const LinearElastic& m) {
+    const Lame lame = solid_lame(m);
+    return lame.lambda + 2.0 * lame.mu;
+  };
+  const LinearElastic soft{1.0, 0.3}, stiff{1000.0, 0.2};
+  const CellSolution solution = solve_on_cells(image, {{}, soft, stiff}, held, {}, {.size = 1.0, .tolerance = 1e-8});
+  const double stiffness = 64.0 / (8.0 / modulus(soft) + 8.0 / modulus(stiff));
+  EXPECT_NEAR(solution.finest().strain_energy, 0.5 * stiffness * 0.16 * 0.16, 1e-5 * stiffness * 0.16 * 0.16);
+  EXPECT_LE(solution.finest().iterations, 40);
+}
+
+TEST(Cells, TractionOnASlenderBarBendsItLikeABeam) {
+  const double E = 200.0, length = 64.0, depth = 8.0, load = 0.01;
+  auto image = image_of({64, 4, 8}, [](const Vec<3>&) -> Label { return 1; });
+  const CellSolution solution =
+      solve_on_cells(image, {{}, {E, 0.0}}, {clamp<3>("left")},
+                     {.tractions = {{"right", [=](const Vec<3>&, const Vec<3>&) { return Vec<3>(0.0, 0.0, load); }}},
+                      .body_force = {}},
+                     {.size = 1.0, .tolerance = 1e-6});
+  // Timoshenko: P L^3 / (3 E I) + 6/5 P L / (G A), P = load * A.
+  const double P = load * 4.0 * depth, I = 4.0 * std::pow(depth, 3) / 12.0, G = E / 2.0;
+  const double tip = P * std::pow(length, 3) / (3.0 * E * I) + 1.2 * P * length / (G * 4.0 * depth);
+  EXPECT_NEAR(solution.finest().strain_energy, 0.5 * P * tip, 0.01 * 0.5 * P * tip);
+  EXPECT_NEAR(solution.finest().potential, -solution.finest().strain_energy, 1e-4 * solution.finest().strain_energy);
+}
+
+TEST(Cells, CavityConcentratesStressAsGoodierSaysAndTheErrorIsKnown) {
+  // An eighth of a cube with a small ball cut out, pulled along z: 2.045 at the equator for nu = 0.3 (Goodier 1933).
+  const double radius = 10.0;
+  const auto image = image_of({60, 60, 60}, [=](const Vec<3>& x) -> Label { return x.norm() > radius; });
+  const CellSolution solution = solve_on_cells(
+      image, {{}, {1.0, 0.3}}, {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
+      {.tractions = {tension<3>("top", 1.0)}, .body_force = {}}, {.size = 2.0});
+  FineMesh<3> mesh(mesh_image<3>(image, {.size = 2.0}));
+  const Fields<3> fields = recover_fields(solution, image, mesh, {-1, 0}, {{1.0, 0.3}});
+  double most = 0.0;
+  for (Index v = 0; v < mesh.num_vertices(); ++v) most = std::max(most, fields.stress(2, v));
+  EXPECT_NEAR(most, 2.045, 0.15);
+  // Energy of the block less what the cavity adds; the extrapolated energy moves less than the error that is said.
+  const CellSolution coarser = solve_on_cells(
+      image, {{}, {1.0, 0.3}}, {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
+      {.tractions = {tension<3>("top", 1.0)}, .body_force = {}}, {.size = 4.0});
+  const double truth = solution.extrapolated_energy;
+  const double left = std::sqrt(std::abs(truth - coarser.finest().strain_energy) / truth);
+  EXPECT_GT(coarser.grid_error / left, 0.5);
+  EXPECT_LT(coarser.grid_error / left, 2.0);
+}
+
+TEST(Cells, PorousBlockComesWithinTwoPercentOfItsSpheresAndSaysItsError) {
+  // 0.4653 +- 0.001: fine voxels of the spheres, extrapolated. Here half as large an image would do other spheres.
+  const auto image = keep_largest(random_spheres<3>(128, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
+  const CellSolution solution = solve_on_cells(image, {{}, {1.0, 0.3}}, stretched(1.28), {}, {.size = 2.0});
+  const double scale = 2.0 / (1e-4 * std::pow(128.0, 3)), reference = 0.4653;
+  const double modulus = scale * solution.finest().strain_energy;
+  EXPECT_NEAR(modulus, reference, 0.02 * reference);
+  EXPECT_NEAR(scale * solution.extrapolated_energy, reference, 0.005 * reference);
+  const double error = std::sqrt(modulus / reference - 1.0);
+  EXPECT_GT(solution.grid_error / error, 0.7);
+  EXPECT_LT(solution.grid_error / error, 1.4);
+  for (const CellLevel& level : solution.levels) EXPECT_LE(level.iterations, 8);
+}
+
+TEST(Cells, NoiseIsSolvedWhereBodiesHangLooseAndBitwiseTheSameOnThreads) {
+  std::mt19937 random(7);
+  const auto image = image_of({24, 24, 24}, [&](const Vec<3>&) -> Label { return random() % 100 < 55 ? 1 : 0; });
+  const int before = num_threads();
+  std::vector<CellSolution> solutions;
+  for (const int threads : {1, 3}) {
+    set_num_threads(threads);
+    solutions.push_back(solve_on_cells(image, {{}, {1.0, 0.3}}, stretched(0.24), {}, {.size = 1.0}));
+  }
+  set_num_threads(before);
+  EXPECT_EQ(solutions[0].displacement, solutions[1].displacement);
+  EXPECT_TRUE(solutions[0].displacement.allFinite());
+  EXPECT_GT(solutions[0].finest().strain_energy, 0.0);
+  EXPECT_LE(solutions[0].finest().iterations, 60);
+}
+
+TEST(Cells, RefuseWhatTheyCannotDo) {
+  const auto image = image_of({8, 8, 8}, [](const Vec<3>&) -> Label { return 1; });
+  const std::vector<LinearElastic> materials{{}, {1.0, 0.3}};
+  EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("pores")}, {}), InputError);
+  EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("left")},
+                              {.tractions = {}, .body_force = [](const Vec<3>&) { return Vec<3>(0, 0, 1); }}),
+               InputError);
+  EXPECT_THROW(solve_on_cells(image, {{}}, {clamp<3>("left")}, {}), InputError);
+  EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("left")}, {}, {.size = -1.0}), InputError);
+  // Loaded, but free to move.
+  EXPECT_THROW(solve_on_cells(image, materials, {symmetry_plane<3>("bottom")},
+                              {.tractions = {{"right", [](const Vec<3>&, const Vec<3>&) { return Vec<3>(0, 1, 0); }}},
+                               .body_force = {}}),
+               InputError);
+}
