@@ -39,10 +39,11 @@ template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
   const Estimates& estimates = *result.estimates;
   if (result.cells)
     return fmt::format(
-        "{} cells, {} iterations; error in the energy norm: about {:.2g} %; strain energy {:.6g}, "
-        "extrapolated {:.6g}",
+        "{} cells, {} iterations; error in the energy norm: about {:.2g} %; strain energy {:.6g}, extrapolated {:.6g}; "
+        "half "
+        "a voxel changes it by {:.2g} %",
         result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
-        result.cells->extrapolated_energy);
+        result.cells->extrapolated_energy, 100.0 * result.cells->half_voxel);
   const std::string of_cloud =
       fmt::format("error in the energy norm: {:.2g} % of the cloud", 100.0 * estimates.uncorrected);
   const std::string corrected =

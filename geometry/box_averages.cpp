@@ -43,8 +43,8 @@ struct Overlaps {
 class VoxelFractions {
  public:
   /// Of voxels cut into parts^3 equal parts, 1 or 2.
-  VoxelFractions(const LabelImage<3>& image, const std::vector<float>& value_of_label, int parts)
-      : image_(image), parts_(parts) {
+  VoxelFractions(const LabelImage<3>& image, const std::vector<float>& value_of_label, int parts, double grown)
+      : image_(image), parts_(parts), grown_(static_cast<float>(grown) * static_cast<float>(parts)) {
     for (int d = 0; d < 3; ++d) size[d] = parts * image.size[d];
     for (int p = 0; p <= 2 * parts; ++p) {
       const float t = 0.5F * static_cast<float>(p) / static_cast<float>(parts) - 0.5F;
@@ -57,7 +57,10 @@ class VoxelFractions {
       const float value = label < value_of_label.size() ? value_of_label[label] : 0.0F;
       const auto same = std::ranges::find(values_, value);
       kind_[label] = static_cast<std::uint16_t>(same - values_.begin());
-      if (same == values_.end()) values_.push_back(value);
+      if (same == values_.end()) {
+        values_.push_back(value);
+        is_void_.push_back(label == 0);
+      }
     }
     if (!image.grey.empty())
       for (std::size_t label = 1; label < kind_.size(); ++label)
@@ -139,7 +142,7 @@ class VoxelFractions {
 
   /// Adds by part how much of it lies where the stencil's field, quadratic along each axis, is positive, if a plane
   /// bounds it: to `sums` times `value`, to `all` as it is.
-  void add_fractions(const Stencil& stencil, float value, std::array<float, 8>& sums, std::array<float, 8>& all) const {
+  void add_fractions(const Stencil& stencil, float grown, float value, std::array<float, 8>& sums, std::array<float, 8>& all) const {
     // At the parts' faces and middles: along x, along y, along z.
     const int m = 2 * parts_ + 1;
     std::array<float, 45> along_x;
@@ -166,11 +169,14 @@ class VoxelFractions {
       for (int y = 0; y < parts_; ++y)
         for (int x = 0; x < parts_; ++x, ++part) {
           const float* middle = &at[((2 * z + 1) * m + 2 * y + 1) * m + 2 * x + 1];
-          float mean = *middle, change = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
+          float mean = *middle, change = 0.0F, squares = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
           for (const int step : {1, m, m * m}) {
             mean += (middle[step] + middle[-step] - 2.0F * *middle) / 6.0F;
-            change += std::abs(middle[step] - middle[-step]);
+            const float across = middle[step] - middle[-step];
+            change += std::abs(across);
+            squares += across * across;
           }
+          mean += grown * std::sqrt(squares);
           const float fraction = change > 0.0F ? std::clamp(0.5F + mean / change, 0.0F, 1.0F)
                                  : mean > 0.0F ? 1.0F
                                                : 0.0F;
@@ -191,14 +197,14 @@ class VoxelFractions {
     if (!image_.grey.empty()) {
       for (int n = 0; n < 27; ++n)
         stencil[n] = image_.grey[around[n % 9] + plane * std::clamp(voxel[2] + n / 9 - 1, 0, image_.size[2] - 1)];
-      add_fractions(stencil, material_, sums, all);
+      add_fractions(stencil, grown_, material_, sums, all);
       all.fill(1.0F);
     } else {
       for (std::size_t kind = 0; kind < values_.size(); ++kind) {
         if (smooth[1]->of_kind[kind][around[4]] == 0) continue;
         for (int n = 0; n < 27; ++n)
           stencil[n] = static_cast<float>(smooth[n / 9]->of_kind[kind][around[n % 9]]) / whole - 0.5F;
-        add_fractions(stencil, values_[kind], sums, all);
+        add_fractions(stencil, is_void_[kind] ? -grown_ : grown_, values_[kind], sums, all);
       }
     }
     for (std::size_t p = 0; p < values.size(); ++p)
@@ -207,7 +213,9 @@ class VoxelFractions {
 
   const LabelImage<3>& image_;
   int parts_;
+  float grown_;  ///< by how much void recedes [parts]
   std::vector<std::uint16_t> kind_;            ///< by label: labels of the same value are of one kind
+  std::vector<char> is_void_;  ///< by kind
   std::vector<float> values_;                  ///< by kind
   float material_ = 0.0F;                      ///< value of what is not void, with grey values
   std::vector<std::array<float, 3>> weights_;  ///< of quadratics through -1, 0, 1, by face or middle of a part
@@ -220,19 +228,19 @@ void require_boxes(const std::array<Index, 3>& boxes) {
 }
 
 VoxelFractions voxel_fractions(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                               const std::array<Index, 3>& boxes) {
+                               const std::array<Index, 3>& boxes, double grown) {
   bool smaller = false;
   for (int d = 0; d < 3; ++d) smaller = smaller || boxes[d] > image.size[d];
-  return {image, value_of_label, smaller ? 2 : 1};
+  return {image, value_of_label, smaller ? 2 : 1, grown};
 }
 
 }  // namespace
 
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                                const std::array<Index, 3>& boxes) {
+                                const std::array<Index, 3>& boxes, double grown) {
   check_image(image);
   require_boxes(boxes);
-  const VoxelFractions of_image = voxel_fractions(image, value_of_label, boxes);
+  const VoxelFractions of_image = voxel_fractions(image, value_of_label, boxes, grown);
   const auto& n = of_image.size;
   const Overlaps x(n[0], boxes[0]), y(n[1], boxes[1]), z(n[2], boxes[2]);
   const auto along = static_cast<std::size_t>(boxes[0]), plane = along * boxes[1];

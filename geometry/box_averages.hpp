@@ -15,9 +15,10 @@ namespace efree {
 /// label's part of the 27 voxels around, weighted with 1, 2, 1 along each axis, is a half. So the steps of voxels are
 /// smoothed away: bodies of voxels with steps are softer than what they picture. What a plane cuts off is taken from
 /// distance over slope, exact for planes along the voxels' sides. Voxels count by the volume they share with a box,
-/// exactly. Bitwise the same on any number of threads. Throws as check_image does, and InputError without boxes.
+/// exactly. Bitwise the same on any number of threads. `grown` [voxels] moves the boundaries between void and the rest outwards. Throws as
+/// check_image does, and InputError without boxes.
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                                const std::array<Index, 3>& boxes);
+                                const std::array<Index, 3>& boxes, double grown = 0.0);
 
 /// The same over the rectangles that boxes have on a side of the frame (axis 0 to 2, at its lower or upper end), from
 /// the outermost voxels; the lower of the other two axes fastest.

@@ -212,6 +212,7 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
                                    {"uncorrected", result.estimates->uncorrected},
                                    {"mesh", result.estimates->mesh},
                                    {"total", result.estimates->total()}};
+  if (result.cells) json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
   for (const Attempt& attempt : result.attempts)
     json["attempts"].push_back({{"mesh_size", attempt.size},
                                 {"fine_cells", attempt.cells},

@@ -452,6 +452,7 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
 
   std::vector<std::unique_ptr<Problem>> problems;
   std::optional<CoarsestSolver> coarsest;
+  std::optional<CellGrid> grown;  // of the second grid, where that is cheap
   {
     const Stage stage("assembly", clock, progress);
     std::vector<float> mu_of(materials.size(), 0.0F), lambda_of = mu_of, solid = mu_of;
@@ -465,15 +466,28 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       solid[count.label] = 1.0F;
     }
     std::array<Index, 3> n = cells;
-    std::vector<float> mu = box_averages(image, mu_of, {2 * n[0], 2 * n[1], 2 * n[2]}), lambda;
-    if (const auto ratio = common_ratio(lambda_of, mu_of)) {
-      for (const float value : mu) lambda.push_back(*ratio * value);
-    } else {
-      lambda = box_averages(image, lambda_of, {2 * n[0], 2 * n[1], 2 * n[2]});
-    }
+    const auto averages = [&](const std::vector<float>& of_label, const std::array<Index, 3>& grid, double outwards) {
+      return box_averages(image, of_label, {2 * grid[0], 2 * grid[1], 2 * grid[2]}, outwards);
+    };
+    const auto ratio = common_ratio(lambda_of, mu_of);
+    // Lame constants by part of a grid's cells.
+    const auto moduli = [&](const std::array<Index, 3>& grid, double outwards) {
+      std::pair<std::vector<float>, std::vector<float>> result{averages(mu_of, grid, outwards), {}};
+      if (!ratio) {
+        result.second = averages(lambda_of, grid, outwards);
+      } else {
+        for (const float value : result.first) result.second.push_back(*ratio * value);
+      }
+      return result;
+    };
+    auto [mu, lambda] = moduli(n, 0.0);
     for (int level = 0;; ++level) {
       Vec<3> edges;
       for (int d = 0; d < 3; ++d) edges[d] = lengths[d] / n[d];
+      if (options.half_voxel && level == std::min(1, halvings)) {
+        const auto [more_mu, more_lambda] = moduli(n, 0.5);
+        grown.emplace(n, edges, more_mu, more_lambda);
+      }
       problems.push_back(
           std::make_unique<Problem>(Problem{CellGrid(n, edges, mu, lambda), image.origin, held, {}, {}}));
       Problem& problem = *problems.back();
@@ -580,6 +594,10 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
         });
       }
       energy = residual();
+    }
+    if (grown && grid.cells == grown->cells) {
+      grown->apply(u.data(), Ap.data());
+      solution.half_voxel = std::abs(dot(u, Ap) / energy - 1.0);
     }
     found.strain_energy = 0.5 * energy;
     found.potential = found.strain_energy - dot(u, problem.load);

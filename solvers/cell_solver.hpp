@@ -20,6 +20,7 @@ struct CellOptions {
   double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
   double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
   int most = 200;           ///< iterations on a grid after which it is given up
+  bool half_voxel = false;  ///< also say what half a voxel changes
 };
 
 /// What was found on one grid.
@@ -41,6 +42,10 @@ struct CellSolution {
   /// Strain energy extrapolated to cells without size from the last two grids at the rate of the last three, between
   /// one and two (that of smooth fields and boundaries; re-entrant corners and noise come with less).
   double extrapolated_energy = 0.0;
+
+  /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
+  /// voxel further out (or in).
+  double half_voxel = 0.0;
 
   const CellLevel& finest() const { return levels.front(); }
 };
