@@ -352,7 +352,13 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
     SurfaceMeshOptions sized = meshing;
     const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
     sized.size = size_or(size, (high - low).norm() / 40.0, made);
-    made.mesh = mesh_surface(soup, sized);
+    try {
+      made.mesh = mesh_surface(soup, sized);
+    } catch (const InputError& error) {
+      if (!wrap) throw;
+      throw InputError(fmt::format("{}; {}: where it went in through holes, a larger alpha leaves them closed",
+                                   error.what(), made.remarks.front()));
+    }
     if (largest_only) {
       LargestMesh<3> body = keep_largest(std::move(made.mesh));
       made.mesh = std::move(body.mesh);

@@ -7,6 +7,7 @@
 #include "efree/geometry/image_summary.hpp"
 #include "efree/geometry/spacing.hpp"
 #include "efree/geometry/surface_check.hpp"
+#include "efree/geometry/walls.hpp"
 #include "efree/io/run_case.hpp"
 
 #include <fmt/format.h>
@@ -89,6 +90,93 @@ template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::st
   return out;
 }
 
+/// Where the sorted values have passed none, 5 % and half of the weights.
+std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
+  std::ranges::sort(weighted);
+  double total = 0.0, passed = 0.0;
+  for (const auto& [value, weight] : weighted) total += weight;
+  std::array<double, 3> out{};
+  constexpr std::array wanted{0.0, 0.05, 0.5};
+  std::size_t next = 0;
+  for (const auto& [value, weight] : weighted) {
+    passed += weight;
+    while (next < wanted.size() && passed >= wanted[next] * total) out[next++] = value;
+  }
+  return out;
+}
+
+/// Spacing of the cloud at every vertex; none for finite elements.
+template <int Dim> Vector cloud_spacing(const Case<Dim>& analysis, const FineMesh<Dim>& mesh) {
+  const ApproximationOptions& options = analysis.approximation;
+  if (options.kind != BasisKind::mls) return {};
+  return graded_spacing(mesh, options.spacing > 0.0 ? options.spacing : default_spacing(mesh), options.grading);
+}
+
+template <int Dim>
+std::optional<typename Inspection<Dim>::Walls> find_walls(const FineMesh<Dim>& mesh, const Vector& spacing) {
+  const Vector thickness = wall_thickness(mesh);
+  typename Inspection<Dim>::Walls walls;
+  if (spacing.size() > 0) walls.spacing = spacing.maxCoeff();
+  std::vector<std::pair<double, double>> lengths, nodes, edges;
+  double boundary = 0.0, faced = 0.0;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const double measure = mesh.facet_measure(f);
+    boundary += measure;
+    if (!std::isfinite(thickness[f])) continue;
+    faced += measure;
+    Vec<Dim> middle = Vec<Dim>::Zero();
+    double edge = 0.0, apart = 0.0;
+    for (int k = 0; k < Dim; ++k) {
+      const Vec<Dim> x = mesh.vertex(mesh.facets()(k, f));
+      middle += x / Dim;
+      edge += (mesh.vertex(mesh.facets()((k + 1) % Dim, f)) - x).norm() / Dim;
+      if (spacing.size() > 0) apart += spacing[mesh.facets()(k, f)] / Dim;
+    }
+    if (lengths.empty() || thickness[f] < walls.thickness[0]) {
+      walls.thickness[0] = thickness[f];
+      walls.at = middle;
+    }
+    lengths.emplace_back(thickness[f], measure);
+    edges.emplace_back(thickness[f] / edge, measure);
+    if (spacing.size() > 0) nodes.emplace_back(thickness[f] / apart, measure);
+  }
+  if (lengths.empty()) return {};
+  walls.thickness = shares(std::move(lengths));
+  walls.nodes = shares(std::move(nodes));
+  walls.edges = shares(std::move(edges));
+  walls.share = faced / boundary;
+  return walls;
+}
+
+/// What follows from walls that cloud or mesh hardly resolve.
+template <int Dim> void remark_on_walls(const Case<Dim>& analysis, Inspection<Dim>& out) {
+  if (!out.walls) return;
+  // A wall bends as it should with two functions across it or more.
+  constexpr double enough = 2.0;
+  const auto& walls = *out.walls;
+  if (walls.spacing > 0.0 && walls.nodes[1] < enough) {
+    const double wanted = walls.spacing * walls.nodes[1] / enough;
+    if (analysis.corrected && !analysis.approximation.dilatation)
+      out.remarks.push_back(fmt::format(
+          "the cloud alone is too stiff in walls of fewer than {:g} nodes: the answer is corrected towards the "
+          "elements "
+          "of the fine mesh, which takes more iterations, and the estimated error says how far off the cloud was",
+          enough));
+    else
+      out.remarks.push_back(fmt::format(
+          "the cloud is too stiff in walls of fewer than {:g} nodes, and this case has no corrections: take "
+          "[cloud] spacing = {:.2g}",
+          enough, wanted));
+  }
+  if (walls.edges[1] < enough)
+    out.remarks.push_back(fmt::format(
+        "linear elements are too stiff in walls of fewer than {:g} edges of the fine mesh: {}", enough,
+        analysis.approximation.kind == BasisKind::mls && analysis.approximation.interpolation == 0 &&
+                analysis.corrected && !analysis.approximation.dilatation
+            ? "quadratic ones take over where the estimate asks for them; a smaller mesh_size resolves stresses"
+            : "take a smaller mesh_size or quadratic cells"));
+}
+
 /// A case as its analysis will see it: with its mesh size, and with the parts it selects.
 template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
   const CaseMesh<Dim> made = read_mesh(analysis);
@@ -109,6 +197,14 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
   add_mesh(data, out);
   for (const auto& [name, reported] : made.reports)
     out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
+  Vector spacing;
+  try {
+    spacing = cloud_spacing(analysis, mesh);
+  } catch (const InputError& error) {  // of a spacing below the edges of the mesh: what is in the way of an analysis
+    out.remarks.emplace_back(error.what());
+  }
+  out.walls = find_walls(mesh, spacing);
+  remark_on_walls(analysis, out);
   return out;
 }
 
@@ -335,6 +431,20 @@ template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
   if (in.smallest)
     out += fmt::format("smallest feature: {} {:.4g} at {}\n", in.smallest->what, in.smallest->size,
                        tuple<Dim>(in.smallest->at, scale));
+  if (in.walls) {
+    const bool cloud = in.walls->spacing > 0.0;
+    const auto list = [](const std::array<double, 3>& values) {
+      return fmt::format("{:.3g}", fmt::join(values, ", "));
+    };
+    const auto& across = cloud ? in.walls->nodes : in.walls->edges;
+    out += fmt::format("walls: {:.2g} {} across at the thinnest, {:.2g} at 5 %, {:.2g} at half of the boundary",
+                       across[0], cloud ? "nodes" : "edges of the fine mesh", across[1], across[2]);
+    out += fmt::format(" (thickness {}", list(in.walls->thickness));
+    if (cloud)
+      out +=
+          fmt::format("; spacing {:.4g}; edges of the fine mesh across {}", in.walls->spacing, list(in.walls->edges));
+    out += fmt::format("); the thinnest at {}\n", tuple<Dim>(in.walls->at, scale));
+  }
   std::vector<std::vector<std::string>> rows;
   for (auto [name, value] : in.facts) {
     std::ranges::replace(name, '_', ' ');
@@ -364,6 +474,14 @@ template <int Dim> std::string inspection_json(const Inspection<Dim>& in) {
   if (in.smallest)
     json["smallest_feature"] = {
         {"what", in.smallest->what}, {"size", in.smallest->size}, {"at", json_of<Dim>(in.smallest->at)}};
+  json["walls"] = nullptr;
+  if (in.walls) {
+    const bool cloud = in.walls->spacing > 0.0;
+    json["walls"] = {
+        {"thickness", in.walls->thickness}, {"nodes", cloud ? ordered_json(in.walls->nodes) : ordered_json()},
+        {"edges", in.walls->edges},         {"spacing", cloud ? ordered_json(in.walls->spacing) : ordered_json()},
+        {"at", json_of<Dim>(in.walls->at)}, {"share", in.walls->share}};
+  }
   json["facts"] = ordered_json::object();
   for (const auto& [name, value] : in.facts) json["facts"][name] = value;
   json["remarks"] = in.remarks;

@@ -29,6 +29,18 @@ template <int Dim> struct Inspection {
     Vec<Dim> at;
   };
   std::optional<Feature> smallest{};
+  /// Of a case: thickness of the body (of each region for itself), and how finely cloud and mesh resolve it.
+  struct Walls {
+    /// Each at the least, at what 5 % of the boundary has less than (of the part of it that has an opposite side), and
+    /// at the median.
+    std::array<double, 3> thickness{};  ///< [length]
+    std::array<double, 3> nodes{};      ///< thickness over the spacing of the cloud there; 0: finite elements
+    std::array<double, 3> edges{};      ///< thickness over the edges of the fine mesh there
+    double spacing = 0.0;               ///< of the cloud, asked for or chosen; 0: finite elements [length]
+    Vec<Dim> at;                        ///< the thinnest: on one of its sides
+    double share = 0.0;                 ///< of the boundary that has an opposite side
+  };
+  std::optional<Walls> walls{};
   /// Counts and measures of quality, named as in JSON ("open_edges").
   std::vector<std::pair<std::string, double>> facts{};
   std::vector<std::string> remarks{};  ///< what stands in the way of an analysis, and what can be done about it

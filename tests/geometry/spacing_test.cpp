@@ -2,6 +2,7 @@
 #include "efree/geometry/spacing.hpp"
 #include "efree/geometry/node_cloud.hpp"
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/walls.hpp"
 #include "meshes.hpp"
 
 #include <limits>
@@ -133,6 +134,27 @@ TEST(FeatureSize, OfASheetOfTetrahedraIsItsThickness) {
   const Vector spacing = graded_spacing(mesh, 0.5, {.features = true});
   EXPECT_LE(steepest(mesh, spacing), 0.2 * (1.0 + 1e-12));
   EXPECT_LT(spacing.minCoeff(), 0.3);
+}
+
+TEST(WallThickness, OfABlockIsExactlyThatOfItsSidesThoughWaysRunAlongEdges) {
+  const auto mesh = block({2.0, 1.0, 0.25}, {16, 8, 2});
+  const Vector thickness = wall_thickness(mesh);
+  ASSERT_EQ(thickness.size(), mesh.num_facets());
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const Vec<3> normal = mesh.facet_normal(f).cwiseAbs();
+    EXPECT_NEAR(thickness[f], normal.dot(Vec<3>(2.0, 1.0, 0.25)), 1e-12);
+  }
+}
+
+TEST(WallThickness, SidesOfASharpCornerAreNoWall) {
+  MeshData<2> data;
+  data.vertices.resize(2, 3);
+  data.vertices << 0.0, 1.0, 0.0,  //
+      0.0, 0.0, 1.0;
+  data.cells.resize(3, 1);
+  data.cells << 0, 1, 2;
+  const Vector thickness = wall_thickness(FineMesh<2>(data));
+  for (Index f = 0; f < 3; ++f) EXPECT_EQ(thickness[f], infinity);
 }
 
 TEST(FeatureSize, SidesOfASlitAreNoThinGapOnlyItsTipsAreFeatures) {

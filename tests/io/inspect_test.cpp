@@ -215,6 +215,97 @@ TEST(Inspect, ACaseIsSeenWithItsSelections) {
   EXPECT_LE(fact(strip, "longest_edge"), 0.1 + 1e-12);
 }
 
+TEST(Inspect, OfASheetSaysHowManyNodesAndEdgesSpanIt) {
+  const Workspace work;
+  const std::string rest = R"([material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, 0, 0]
+)";
+  work.write("sheet.toml", R"([geometry]
+shape = "box"
+parameters = { width = 2, depth = 1.5, height = 0.2 }
+mesh_size = 0.1
+[cloud]
+spacing = 0.4
+)" + rest);
+  const auto sheet = std::get<Inspection<3>>(inspect(work / "sheet.toml"));
+  ASSERT_TRUE(sheet.walls.has_value());
+  EXPECT_DOUBLE_EQ(sheet.walls->share, 1.0);
+  EXPECT_DOUBLE_EQ(sheet.walls->spacing, 0.4);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(sheet.walls->thickness[k], 0.2, 1e-12);
+    EXPECT_NEAR(sheet.walls->nodes[k], 0.5, 1e-12);
+    EXPECT_GT(sheet.walls->edges[k], 2.0);  // none is longer than half of the sheet is thick
+    EXPECT_LT(sheet.walls->edges[k], 4.0);
+  }
+  EXPECT_LT(std::abs(std::abs(sheet.walls->at.z() - 0.1) - 0.1), 1e-12);
+  ASSERT_EQ(sheet.remarks.size(), 1u);
+  EXPECT_NE(sheet.remarks[0].find("takes more iterations"), std::string::npos) << sheet.remarks[0];
+
+  const auto run = work.efree({"inspect", "sheet.toml"});
+  EXPECT_NE(run.output.find("walls: 0.5 nodes across at the thinnest, 0.5 at 5 %, 0.5 at half of the boundary"),
+            std::string::npos)
+      << run.output;
+  EXPECT_EQ(nlohmann::json::parse(work.efree({"inspect", "sheet.toml", "--json"}).output)["walls"]["nodes"].size(), 3u);
+
+  work.write("elements.toml", R"([geometry]
+shape = "box"
+parameters = { width = 2, depth = 1.5, height = 0.2 }
+mesh_size = 0.25
+[basis]
+kind = "p1"
+)" + rest);
+  const auto elements = std::get<Inspection<3>>(inspect(work / "elements.toml"));
+  ASSERT_TRUE(elements.walls.has_value());
+  EXPECT_EQ(elements.walls->spacing, 0.0);
+  EXPECT_LT(elements.walls->edges[2], 2.0);
+  ASSERT_EQ(elements.remarks.size(), 1u);
+  EXPECT_NE(elements.remarks[0].find("smaller mesh_size or quadratic"), std::string::npos) << elements.remarks[0];
+}
+
+TEST(Inspect, FindsTheThinnestPlaceOfAPlateAndCountsTheCloudThatIsDenserThere) {
+  const Workspace work;
+  work.write("plate.geo",
+             "SetFactory(\"OpenCASCADE\");\nRectangle(1) = {0, 0, 0, 4, 2};\nDisk(2) = {3, 1.4, 0, 0.5};\n"
+             "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }\n");
+  const auto text = [](const std::string& cloud) {
+    return R"([geometry]
+file = "plate.geo"
+mesh_size = 0.04
+[analysis]
+plane = "stress"
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = { plane = { point = [0, 0], normal = [1, 0] } }
+displacement = [0, 0]
+)" + cloud;
+  };
+  work.write("even.toml", text("[cloud]\nspacing = 0.4\n"));
+  const auto even = std::get<Inspection<2>>(inspect(work / "even.toml"));
+  ASSERT_TRUE(even.walls.has_value());
+  EXPECT_NEAR(even.walls->thickness[0], 0.1, 0.002);  // the hole is a polygon
+  EXPECT_NEAR(even.walls->nodes[0], 0.25, 0.005);
+  EXPECT_NEAR(even.walls->thickness[2], 2.0, 0.02);
+  EXPECT_NEAR(even.walls->at.x(), 3.0, 0.1);
+  EXPECT_GT(even.walls->at.y(), 1.85);
+
+  work.write("denser.toml",
+             text("[cloud]\nspacing = 0.4\nboxes = [{ box = [[2.5, 1.8], [3.5, 2]], spacing = 0.05 }]\n"));
+  EXPECT_NEAR(std::get<Inspection<2>>(inspect(work / "denser.toml")).walls->nodes[0], 2.0, 0.05);
+  // What the cloud may not be is a remark, not the end.
+  work.write("too_dense.toml",
+             text("[cloud]\nspacing = 0.4\nboxes = [{ box = [[2.5, 1.8], [3.5, 2]], spacing = 0.01 }]\n"));
+  const auto refused = std::get<Inspection<2>>(inspect(work / "too_dense.toml"));
+  ASSERT_FALSE(refused.remarks.empty());
+  EXPECT_NE(refused.remarks[0].find("below the edges of the fine mesh"), std::string::npos);
+  EXPECT_EQ(refused.walls->spacing, 0.0);
+}
+
 TEST(Inspect, ProgramWritesTextOrJsonAndAPicture) {
   const Workspace work;
   work.write("box.off", box_off(3, 2, 0.5));
