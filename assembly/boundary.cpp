@@ -83,6 +83,30 @@ template <class Key, class Block> void combine(std::vector<std::pair<Key, Block>
   entries.resize(out);
 }
 
+/// The same while the blocks come, so that there are never many more than different keys near each other.
+template <class Key, class Block> class Combiner {
+ public:
+  void add(const Key& key, const Block& block) {
+    recent_.emplace_back(key, block);
+    if (recent_.size() == most) settle();
+  }
+  /// All of them, sorted by key.
+  std::vector<std::pair<Key, Block>> take() {
+    settle();
+    combine(settled_);
+    return std::move(settled_);
+  }
+
+ private:
+  static constexpr std::size_t most = 1 << 16;
+  void settle() {
+    combine(recent_);
+    settled_.insert(settled_.end(), recent_.begin(), recent_.end());
+    recent_.clear();
+  }
+  std::vector<std::pair<Key, Block>> recent_, settled_;
+};
+
 /// A point of the boundary where displacements are held to a value (one side) or to each other (two sides).
 template <int Dim> struct Constraint {
   struct Side {
@@ -304,8 +328,8 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
                                                             const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
   using Strains = Voigt<Dim, Normals>;
   using Block = Eigen::Matrix<double, Dim, voigt_size<Dim, Normals>>;
-  std::vector<std::pair<std::pair<Index, Index>, Block>> jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T
-  std::vector<std::pair<Index, Strains>> values;                 // K: int Phi_K sum_d g B(n) d
+  Combiner<std::pair<Index, Index>, Block> all_jumps;  // (K, fine v): int Phi_K eta_v sum_d d (B(n) d)^T
+  Combiner<Index, Strains> all_values;                 // K: int Phi_K sum_d g B(n) d
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
     const Block normal = strain_matrix<Dim, Normals>(constraint.n).transpose();
     const Block block = constraint.directions * normal;
@@ -313,15 +337,15 @@ template <int Dim, int Normals> SymmetricMatrix consistency(const FineSpace<Dim>
     for (std::size_t s = 0; s < constraint.sides.size(); ++s)
       for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi) {
         const double factor = constraint.weight() * share.flux[s] * phi.value();
-        values.emplace_back(phi.col(), factor * (normal.transpose() * constraint.value));
+        all_values.add(phi.col(), factor * (normal.transpose() * constraint.value));
         for (const auto& [point, sign] : constraint.sides)
           for (std::size_t i = 0; i < point.dofs.size(); ++i)
             if (point.N[i] != 0.0)
-              jumps.emplace_back(std::pair(phi.col(), point.dofs[i]), sign * factor * point.N[i] * block);
+              all_jumps.add(std::pair(phi.col(), point.dofs[i]), sign * factor * point.N[i] * block);
       }
   });
-  combine(jumps);
-  combine(values);
+  const auto jumps = all_jumps.take();
+  const auto values = all_values.take();
 
   std::vector<VoigtMatrix<Dim, Normals>> C;
   for (const Lame& lame : term.lame) C.push_back(stiffness<Dim, Normals>(lame));
@@ -388,7 +412,7 @@ template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, c
                                                   const std::vector<std::vector<double>>& penalty,
                                                   const std::vector<Restraint<Dim>>& restraints,
                                                   const std::vector<TiedFacets>& ties, Points<Dim>& rhs) {
-  std::vector<std::pair<std::pair<Index, Index>, Mat<Dim>>> fine;
+  Combiner<std::pair<Index, Index>, Mat<Dim>> all;
   Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
   for_each_constraint(space, restraints, ties, [&](const Constraint<Dim>& constraint) {
     const double factor = constraint.weight() * shares(terms, penalty, constraint).beta;
@@ -399,11 +423,11 @@ template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, c
         for (const auto& [other, other_sign] : constraint.sides)
           for (std::size_t j = 0; j < other.dofs.size(); ++j)
             if (other.N[j] != 0.0)
-              fine.emplace_back(std::pair(at.dofs[i], other.dofs[j]),
-                                (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
+              all.add(std::pair(at.dofs[i], other.dofs[j]),
+                      (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
       }
   });
-  combine(fine);
+  const auto fine = all.take();
   rhs += to_nodes(shape, fine_rhs);
 
   // One row for each fine v on the boundary: its nodes against the sum over its neighbours w there.
