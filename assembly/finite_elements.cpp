@@ -93,8 +93,16 @@ template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const
 }
 
 template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& space, const ElementNodes& nodes,
-                                                      const std::vector<Lame>& lame) {
+                                                      const std::vector<Lame>& lame, bool mean_dilatation) {
   const FineMesh<Dim>& mesh = space.mesh();
+  const bool solid = Dim == 3 || space.axisymmetric();
+  std::vector<Lame> at_points = lame;
+  std::vector<double> bulk(lame.size(), 0.0);  // of the mean dilatation
+  if (mean_dilatation)
+    for (std::size_t region = 0; region < lame.size(); ++region) {
+      at_points[region] = solid ? deviatoric<3>(lame[region]) : deviatoric<2>(lame[region]);
+      bulk[region] = (solid ? volumetric<3>(lame[region]) : volumetric<2>(lame[region])).lambda;
+    }
 
   const std::size_t corners = space.cell(0).size();
   std::vector<Index> cell_nodes;
@@ -134,15 +142,28 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
       return part.blocks[std::lower_bound(first, last, j) - part.columns.begin()];
     };
     CellStrains<Dim> strains(space);
+    Points<Dim> dilatation(Dim, corners);  // integral over a cell, by node
     for (const Index c : cells) {
       const auto of_cell = nodes_of(c);
-      strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
-        const Lame& one = lame[mesh.region(c)];
-        const Lame weighted{weight * one.lambda, weight * one.mu};
+      const auto add = [&](const auto& stiffness) {
         for (std::size_t k = 0; k < corners; ++k) {
           if (of_cell[k] < begin || of_cell[k] >= end) continue;
-          for (std::size_t l = 0; l < corners; ++l) block(of_cell[k], of_cell[l]) += coupling(weighted, B[k], B[l]);
+          for (std::size_t l = 0; l < corners; ++l) block(of_cell[k], of_cell[l]) += stiffness(k, l);
         }
+      };
+      double volume = 0.0;
+      dilatation.setZero();
+      strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
+        const Lame& one = at_points[mesh.region(c)];
+        const Lame weighted{weight * one.lambda, weight * one.mu};
+        add([&](std::size_t k, std::size_t l) { return coupling(weighted, B[k], B[l]); });
+        volume += weight;
+        for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * B[k].d();
+      });
+      if (!mean_dilatation) continue;
+      const double stiff = bulk[mesh.region(c)] / volume;
+      add([&](std::size_t k, std::size_t l) -> Mat<Dim> {
+        return (stiff * dilatation.col(k)) * dilatation.col(l).transpose();
       });
     }
     for (Index i = begin; i < end; ++i) part.sizes.push_back(offsets[i - begin + 1] - offsets[i - begin]);
@@ -170,7 +191,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
 
 template ElementNodes element_nodes<2>(const FineSpace<2>&, const std::vector<TiedFacets>&);
 template ElementNodes element_nodes<3>(const FineSpace<3>&, const std::vector<TiedFacets>&);
-template BlockMatrix<2> element_stiffness<2>(const FineSpace<2>&, const ElementNodes&, const std::vector<Lame>&);
-template BlockMatrix<3> element_stiffness<3>(const FineSpace<3>&, const ElementNodes&, const std::vector<Lame>&);
+template BlockMatrix<2> element_stiffness<2>(const FineSpace<2>&, const ElementNodes&, const std::vector<Lame>&, bool);
+template BlockMatrix<3> element_stiffness<3>(const FineSpace<3>&, const ElementNodes&, const std::vector<Lame>&, bool);
 
 }  // namespace efree

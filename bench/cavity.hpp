@@ -10,10 +10,10 @@
 
 namespace efree::bench {
 
-/// Infinite body with a spherical cavity of radius 1 under unit tension along z, E = 1, nu = 0.3.
-struct Cavity {
+/// Infinite body with a spherical cavity of radius 1 under unit tension along z, E = 1.
+template <double Nu> struct CavityIn {
   static constexpr double half_width = 2.0;  ///< of the eighth that is analysed
-  static constexpr LinearElastic material{1.0, 0.3};
+  static constexpr LinearElastic material{1.0, Nu};
 
   /// u = f(r, c) n + g(r, c) e + the uniform field, with n = x / r, e the axis of tension, c = n . e.
   static Vec<3> displacement(const Vec<3>& x) {
@@ -77,5 +77,6 @@ struct Cavity {
     }
   };
 };
+using Cavity = CavityIn<0.3>;
 
 }  // namespace efree::bench

@@ -13,12 +13,12 @@
 
 namespace efree::bench {
 
-/// Unit pressure inside, nothing outside, E = 1, nu = 0.3. The ends of the cylinder do not move along the axis.
+/// Unit pressure inside, nothing outside. The ends of the cylinder do not move along the axis.
 struct ThickWall {
   static constexpr double inner = 1.0, outer = 2.0;
-  static constexpr LinearElastic material{1.0, 0.3};
 
   bool sphere;
+  LinearElastic material{1.0, 0.3};
 
   /// Displacement outwards and stresses (radial, hoop, along the axis of the cylinder) at the radius r.
   struct State {

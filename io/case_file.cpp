@@ -297,11 +297,6 @@ void read_correction(const Section& analysis, CaseSettings& result) {
     return;
   }
   result.corrected = analysis.choice<bool>("correction", {{"auto", true}, {"off", false}}, std::nullopt);
-  if (result.corrected && result.approximation.dilatation)
-    analysis.fail(
-        "correction",
-        "correction means nothing where dilatations are averaged (nearly incompressible materials): the finite "
-        "elements of the fine mesh lock");
 }
 
 /// Cells have no cloud: what the file says of one decides against them, or contradicts it.
@@ -388,10 +383,10 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 }  // namespace
 
 void require_estimates(const CaseSettings& analysis) {
-  if (analysis.approximation.kind == BasisKind::mls && !analysis.approximation.dilatation && analysis.corrected) return;
+  if (analysis.approximation.kind == BasisKind::mls && analysis.corrected) return;
   throw InputError(fmt::format(
       "{}: an accuracy can be asked for where the error is estimated and the answer corrected: with basis.kind = "
-      "\"mls\", analysis.correction = \"auto\" and without averaged dilatations (nearly incompressible materials)",
+      "\"mls\" and analysis.correction = \"auto\"",
       analysis.file.string()));
 }
 

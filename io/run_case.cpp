@@ -244,41 +244,74 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
   Corrected<Dim> result_of;
   result_of.correction =
       Corrector<Dim>(functions, result.model, analysis.supports).correct(start, analysis.loads, options);
-  ApproximationOptions elements;
-  elements.kind = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
-  elements.axisymmetric = functions.space.axisymmetric();
-  result_of.elements = approximate(*result.mesh, elements);
+  const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
+  result_of.elements = approximate<Dim>(*result.mesh, {.kind = elements,
+                                                       .axisymmetric = functions.space.axisymmetric(),
+                                                       .dilatation = takes_mean_dilatation(functions, result.model)});
   result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
   result_of.fields = recover_fields(result_of.elements, result_of.solution);
   result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, region_lame(result.model, *result.mesh));
   return result_of;
 }
 
+/// Values at the vertices (columns) as values in the quadratic space of the mesh.
+template <int Dim> Matrix at_midpoints_too(const FineSpace<Dim>& quadratic, const Matrix& u) {
+  Matrix result(u.rows(), quadratic.size());
+  result.leftCols(u.cols()) = u;
+  Index dof = static_cast<Index>(u.cols());
+  for (const auto& [a, b] : quadratic.edges()) result.col(dof++) = 0.5 * (u.col(a) + u.col(b));
+  return result;
+}
+
 /// The answer of the finite elements of the fine mesh, as near as the case wants it, and how far that of the cloud is
-/// from it. Where linear cells are too coarse, and the case leaves their degree open, quadratic ones take over.
-template <int Dim> Estimates correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
+/// from it. Where linear cells are too coarse, and the case leaves their degree open, quadratic ones take over; where
+/// dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). None, and a warning, if
+/// there is no memory for these, or if, very near to nu = 1/2, their iterations do not end.
+template <int Dim>
+std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
   const Stage stage("correction", result.times, progress);
   const Approximation<Dim>& cloud = result.approximation;
+  const bool memory = memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory();
+  const auto none = [&](const std::string& why) {
+    result.warnings.push_back(fmt::format("{}: the answer is that of the cloud, and its error is not known", why));
+    return std::nullopt;
+  };
+  if (cloud.averaged && !memory)
+    return none("there is no memory for the quadratic elements that nearly incompressible materials need");
   CorrectionOptions options = analysis.correction;
   const double bearable = bearable_error(analysis);
   options.tolerance = std::min(options.tolerance, 0.3 * bearable);  // a twentieth of the square is left to it
-  if (!analysis.corrected) options.iterations = 2;                  // as many as the estimate takes
-  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
-  Corrected<Dim> best = corrected(analysis, result, cloud, start, options);
-  Estimates estimates{.cloud = analysis.corrected ? best.correction.error : best.correction.start_error,
-                      .uncorrected = best.correction.start_error,
+  // As many as the estimate takes. What a cloud with averaged dilatations is off is seen at the end only.
+  if (!analysis.corrected) options.iterations = cloud.averaged ? -1 : 2;
+  std::optional<Approximation<Dim>> lifted;
+  if (cloud.averaged && cloud.space.degree() == 1) lifted.emplace(in_quadratic_space(cloud));
+  const Approximation<Dim>& functions = lifted ? *lifted : cloud;
+  const Points<Dim> start = interpolate(functions.shape, result.solution.coefficients);
+  Corrected<Dim> best;
+  try {
+    best = corrected(analysis, result, functions, start, options);
+  } catch (const NumericalError& error) {
+    if (!cloud.averaged) throw;
+    return none(error.what());
+  }
+  double uncorrected = best.correction.start_error;
+  if (cloud.averaged) {
+    result.fields = recover_fields(cloud, result.solution);
+    Fields<Dim> fields = result.fields;
+    if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
+    fields.displacement = start;
+    uncorrected =
+        mixed_distance(best.elements, best.correction.displacement, fields, region_lame(result.model, *result.mesh));
+  }
+  Estimates estimates{.cloud = analysis.corrected ? best.correction.error : uncorrected,
+                      .uncorrected = uncorrected,
                       .mesh = best.mesh_error,
                       .corrections = analysis.corrected ? best.correction.iterations : 0};
   if (!analysis.corrected) return estimates;
   const bool free = analysis.approximation.interpolation == 0 && options.iterations < 0;
-  if (free && cloud.space.degree() == 1 && estimates.total() > bearable &&
-      memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory()) {
+  if (free && functions.space.degree() == 1 && estimates.total() > bearable && memory) {
     const Approximation<Dim> quadratic = in_quadratic_space(cloud);
-    const auto& u = best.correction.displacement;
-    Points<Dim> from(Dim, quadratic.space.size());
-    from.leftCols(u.cols()) = u;
-    Index dof = static_cast<Index>(u.cols());
-    for (const auto& [a, b] : quadratic.space.edges()) from.col(dof++) = 0.5 * (u.col(a) + u.col(b));
+    const Points<Dim> from = at_midpoints_too(quadratic.space, best.correction.displacement);
     best = corrected(analysis, result, quadratic, from, options);
     estimates.cloud = best.correction.error;
     estimates.mesh = best.mesh_error;
@@ -419,17 +452,19 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
       const Stage stage("solve", result.times, progress);
       result.solution = solver.solve(analysis.loads);
     }
-    if (analysis.approximation.kind == BasisKind::mls && !analysis.approximation.dilatation && analysis.estimated)
+    if (analysis.approximation.kind == BasisKind::mls && analysis.estimated)
       result.estimates = correct(analysis, result, progress);
   });
-  if (!on_cells) result.warnings = doubts(analysis.approximation, result.approximation);
+  if (!on_cells) {
+    const auto doubtful_quadrature = doubts(analysis.approximation, result.approximation);
+    result.warnings.insert(result.warnings.end(), doubtful_quadrature.begin(), doubtful_quadrature.end());
+  }
   judge(analysis, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   const Stage stage("output", result.times, progress);
   const Approximation<Dim>& basis = result.basis();
-  if (!result.elements && !on_cells)
-    result.fields = recover_fields(basis, result.solution);  // else the estimate took them
+  if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
   if (analysis.has_exact())
     result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
   for (const auto& p : analysis.probes) result.probes.emplace_back(p.name, probe(basis.space, result.fields, p.at));
@@ -473,6 +508,11 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
     CaseResult<Dim> result = solve_case(trial, mesh, progress);
+    if (!result.estimates) {
+      why = result.warnings.front();
+      if (!best) throw InputError(fmt::format("{}: {}", analysis.file.string(), why));
+      break;
+    }
     const double error = result.estimates->total();
     attempts.push_back({mesh.size, mesh.mesh->num_cells(), result.basis().space.degree(), error, seconds() - begin});
     tell(fmt::format("{} cells of degree {}: error {:.2g} % in the energy norm, {:.2g} s", attempts.back().cells,

@@ -46,7 +46,8 @@ struct Attempt {
 /// Relative errors in the energy norm.
 struct Estimates {
   double cloud;        ///< of the answer, against the finite elements of the fine mesh; on cells, of the iterations
-  double uncorrected;  ///< of the cloud's own answer, against them; on cells the same
+  double uncorrected;  ///< of the cloud's own answer, against them (where dilatations are averaged: mixed_distance); on
+                       ///< cells the same as `cloud`
   double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
   int corrections;     ///< iterations that led to the answer
   double total() const { return std::hypot(cloud, mesh); }
@@ -58,9 +59,10 @@ template <int Dim> struct CaseResult {
   Approximation<Dim> approximation;  ///< refers to *mesh
   /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
   std::optional<Approximation<Dim>> elements;
-  Solution<Dim> solution;              ///< on cells the strain energy only
-  std::optional<CellSolution> cells;   ///< if the case was solved on cells; then `approximation` is a space only
-  std::optional<Estimates> estimates;  ///< none for finite elements, nor where dilatations are averaged
+  Solution<Dim> solution;             ///< on cells the strain energy only
+  std::optional<CellSolution> cells;  ///< if the case was solved on cells; then `approximation` is a space only
+  /// None for finite elements, nor where averaged dilatations lack memory for them.
+  std::optional<Estimates> estimates;
   Fields<Dim> fields;
   /// What `solution` and `fields` belong to.
   const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }

@@ -175,6 +175,13 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
   }
   Stage stage("quadrature", times, progress);
   result.quadrature = project(result.space, result.shape, every_cell(result.space));
+  result.averaged = options.dilatation;
+  if (options.dilatation) {
+    const Index cells = mesh.num_cells(), points = result.quadrature.size() / cells;
+    result.union_of.resize(result.quadrature.size());
+    for (Index K = 0; K < result.quadrature.size(); ++K) result.union_of[K] = K / points;
+    result.dilatation = merge(result.quadrature, result.union_of, cells);
+  }
   return result;
 }
 
@@ -202,6 +209,7 @@ template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim
   result.space = FineSpace<Dim>(linear.mesh(), 2, linear.axisymmetric());
   result.nodes = approximation.nodes;
   result.node_dofs = approximation.node_dofs;
+  result.averaged = approximation.averaged;
   std::vector<Index> offsets{0}, nodes;
   std::vector<double> N;
   for (Index v = 0; v < linear.size(); ++v) {
@@ -269,6 +277,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
+  result.averaged = options.dilatation;
   if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));

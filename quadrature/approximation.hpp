@@ -41,7 +41,8 @@ struct ApproximationOptions {
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
   double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
-  bool dilatation = false;  ///< also build the coarser clusters that carry the volumetric part (B-bar)
+  bool dilatation = false;  ///< also build what carries the volumetric part (B-bar): coarser clusters; of finite
+                            ///< elements the cells, which makes a difference for quadratic ones
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
   /// strongly.
@@ -66,6 +67,7 @@ template <int Dim> struct Approximation {
   Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
   Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless asked for
   std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty without dilatation
+  bool averaged = false;           ///< whether the volumetric part is on unions (B-bar)
   Discretization<Dim> fine;        ///< full integration; empty unless asked for
   MlsReport mls;                   ///< how often supports had to grow
   Index small_bodies = 0;          ///< too small for moving least squares: finite elements
@@ -84,7 +86,8 @@ template <int Dim> struct Approximation {
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
                                                   StageTimes* times = nullptr, const Progress& progress = {});
 
-/// The same functions as members of the quadratic space of the mesh: space, shape, nodes, node_dofs; the rest is empty.
+/// The same functions as members of the quadratic space of the mesh: space, shape, nodes, node_dofs, averaged; the rest
+/// is empty.
 /// Throws InputError unless the space is of degree 1.
 template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim>& approximation);
 

@@ -9,6 +9,7 @@
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/internal/condensation.hpp"
 #include "efree/solvers/internal/smoother.hpp"
+#include "efree/solvers/internal/stiffness_terms.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -21,8 +22,9 @@
 namespace efree {
 namespace {
 
-/// Iterations that an estimate of the error takes.
-constexpr int least_iterations = 2;
+/// Iterations that an estimate of the error takes, and where dilatations are averaged: the nearer to nu = 1/2, the more
+/// convergence slows down after the first ones.
+constexpr int least_iterations = 2, least_iterations_averaged = 4;
 /// Iterations after which elements few enough for it are solved directly: the cloud is too coarse to help.
 constexpr int patience = 20;
 template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
@@ -315,15 +317,17 @@ template <int Dim> NodalConditions<Dim> strong_conditions(const FineSpace<Dim>& 
 /// Adds what holds the restraints that nodal values cannot.
 template <int Dim> WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes,
                                                    const std::vector<Lame>& lame,
-                                                   const std::vector<Restraint<Dim>>& restrained, BlockMatrix<Dim>& K) {
+                                                   const std::vector<Restraint<Dim>>& restrained, bool mean_dilatation,
+                                                   BlockMatrix<Dim>& K) {
   WeakConditions<Dim> conditions{Points<Dim>::Zero(Dim, nodes.count), {}};
   std::vector<Restraint<Dim>> weak;
   for (const auto& restraint : restrained)
     if (!can_be_nodal(space, restraint)) weak.push_back(restraint);
   if (weak.empty()) return conditions;
-  const auto identity = ShapeTable<Dim>::identity(space.size());
-  const auto quadrature = project(space, identity, every_cell(space));
-  auto system = nitsche<Dim>(space, identity, {{&quadrature, lame}}, weak);
+  const auto elements = approximate<Dim>(space.mesh(), {.kind = space.degree() == 1 ? BasisKind::p1 : BasisKind::p2,
+                                                        .axisymmetric = space.axisymmetric(),
+                                                        .dilatation = mean_dilatation});
+  auto system = nitsche<Dim>(space, elements.shape, stiffness_terms(elements, lame), weak);
   for (Index dof = 0; dof < space.size(); ++dof)
     conditions.rhs.col(nodes.at[dof]) += system.rhs.template segment<Dim>(Dim * dof);
   for (Index column = 0; column < system.matrix.cols(); ++column)
@@ -339,21 +343,30 @@ template <int Dim> WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, 
 
 }  // namespace
 
+template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model) {
+  constexpr double bearable = 0.49;
+  const auto is_beyond = [](const LinearElastic& material) { return material.nu > bearable; };
+  return approximation.averaged &&
+         (model.regions.empty() ? is_beyond(model.material) : std::ranges::any_of(model.regions, is_beyond));
+}
+
 template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
                                              const std::vector<DisplacementCondition<Dim>>& conditions,
                                              StageTimes* times, const Progress& progress) {
   StageTimes unused;
   const Stage stage("correction", times ? *times : unused, progress);
   const FineSpace<Dim>& space = approximation.space;
-  require(approximation.dilatation.size() == 0,
-          "correction: finite elements lock where the dilatation has to be averaged (nearly incompressible materials)");
+  require(!approximation.averaged || space.degree() == 2,
+          "correction: linear elements lock where the dilatation has to be averaged (nearly incompressible materials): "
+          "in_quadratic_space");
   const auto lame = region_lame(model, space.mesh());
   const auto ties = tied_facets(space.mesh(), model.open_interface);
   const auto restrained = restraints(conditions);
   require_restrained(space, restrained, ties);
+  const bool mean_dilatation = takes_mean_dilatation(approximation, model);
   ElementNodes nodes = element_nodes(space, ties);
-  auto K = element_stiffness(space, nodes, lame);
-  auto weak = hold_weakly(space, nodes, lame, restrained, K);
+  auto K = element_stiffness(space, nodes, lame, mean_dilatation);
+  auto weak = hold_weakly(space, nodes, lame, restrained, mean_dilatation, K);
   const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
   Members<Dim> dofs_of = members(space, nodes, lame);
   ShapeTable<Dim> P = shape_at_nodes(approximation.shape, dofs_of);
@@ -402,7 +415,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
 
   // The answer is iterate `wanted`; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
-  const int wanted = open ? options.most : options.iterations, last = std::max(wanted, least_iterations);
+  const int least = problem.approximation.averaged ? least_iterations_averaged : least_iterations;
+  const int wanted = open ? options.most : options.iterations, last = std::max(wanted, least);
   std::vector<double> taken;  // by the iterations
   bool solved = false;        // directly
   Points<Dim> answer;
@@ -435,7 +449,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     if (k == wanted) answer = u;
     if (k <= wanted) result.iterations = k;
     const auto is_good = [&] { return error_left(taken) < options.tolerance * options.tolerance * scale; };
-    if (open && k >= least_iterations && is_good()) {
+    if (open && k >= least && is_good()) {
       scale = std::max(energy(u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) break;
     }
@@ -475,6 +489,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   return result;
 }
 
+template bool takes_mean_dilatation<2>(const Approximation<2>&, const ElasticModel&);
+template bool takes_mean_dilatation<3>(const Approximation<3>&, const ElasticModel&);
 template class Corrector<2>;
 template class Corrector<3>;
 

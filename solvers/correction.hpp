@@ -10,7 +10,7 @@
 namespace efree {
 
 struct CorrectionOptions {
-  int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least two
+  int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least two, four with B-bar
   double tolerance = 0.01;  ///< relative error in the energy norm that may be left
   int most = 200;           ///< iterations after which it is given up
 };
@@ -28,17 +28,24 @@ template <int Dim> struct Correction {
   std::vector<double> taken;
 };
 
+/// Whether the finite elements that a corrector leads to take the mean of the dilatation in each cell: where the
+/// approximation averages dilatations (B-bar) and some nu is beyond 0.49. Up to there quadratic elements do not lock as
+/// they are, and on smooth solutions they are several times as accurate.
+template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model);
+
 /// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud are the
 /// coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009, A-DEF2), a Chebyshev polynomial of symmetric
 /// Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro 2003). The finite element problem is that of
-/// BasisKind::p1 (p2 if approximation.space is of degree 2) with conditions set strongly, wherever nodal values can
+/// BasisKind::p1 (p2 if approximation.space is of degree 2; with ApproximationOptions::dilatation where
+/// takes_mean_dilatation) with conditions set strongly, wherever nodal values can
 /// hold them, and regions that share their nodes. Where the cloud is too coarse to help and the elements are few, they
 /// are solved directly after some iterations. Errors come from what the iterations take off (Hestenes & Stiefel
 /// 1952; Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:
   /// Assembles, and factors the coarse problem. Keeps references to the approximation. Throws like ElasticSolver, and
-  /// InputError if the approximation averages dilatations (B-bar): finite elements lock there.
+  /// InputError if the approximation averages dilatations (B-bar) in a space of degree 1, where finite elements lock:
+  /// see in_quadratic_space.
   Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
             const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
             const Progress& progress = {});

@@ -131,6 +131,40 @@ template <int Dim, int Rows, class Values> auto gather(const Values& values, std
   return local;
 }
 
+/// Strains of a displacement at the fine degrees of freedom as the stiffness sees them: in finite elements with
+/// averaged dilatations its mean in the cell takes the dilatation's place.
+template <int Dim, int Normals> class CellStrains {
+ public:
+  CellStrains(const Approximation<Dim>& approximation, const Points<Dim>& u)
+      : space_(approximation.space),
+        u_(u),
+        averaged_(approximation.averaged && approximation.dilatation.size() == space_.mesh().num_cells()) {}
+  /// Strain at any barycentric point of cell c.
+  auto in(Index c) const {
+    double mean = 0.0, volume = 0.0;
+    const auto& rule = space_.cell_rule();
+    for (Index q = 0; averaged_ && q < rule.weights.size(); ++q) {
+      const double weight = space_.weight(c, q);
+      mean += weight * at(c, rule.points.col(q)).template head<Normals>().sum();
+      volume += weight;
+    }
+    if (averaged_) mean /= volume;
+    return [this, c, mean](const typename FineSpace<Dim>::Barycentric& x) {
+      Voigt<Dim, Normals> eps = at(c, x);
+      if (averaged_) eps.template head<Normals>().array() += (mean - eps.template head<Normals>().sum()) / Normals;
+      return eps;
+    };
+  }
+
+ private:
+  Voigt<Dim, Normals> at(Index c, const typename FineSpace<Dim>::Barycentric& x) const {
+    return strain_at<Dim, Normals>(space_, c, x, u_);
+  }
+  const FineSpace<Dim>& space_;
+  const Points<Dim>& u_;
+  bool averaged_;
+};
+
 /// Errors in an analysis with `Normals` normal strains.
 template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                                    const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
@@ -143,8 +177,10 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
     compliances.push_back(stiffnesses.back().inverse());
   }
   enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
+  const CellStrains<Dim, Normals> strains(approximation, fields.displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto dofs = space.cell(c);
+    const auto strain = strains.in(c);
     const auto u = gather<Dim, Dim>(fields.displacement, dofs);
     const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, dofs);
     const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
@@ -164,8 +200,7 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
               fmt::format("the exact stress has {} components, expected {}", given.size(), voigt_size<Dim, Normals>));
         const Strains reference = given;
         const auto energy = [&](const Strains& s) { return dV * s.dot(compliance * s); };
-        sum[energy_error] +=
-            energy(C * strain_at<Dim, Normals>(space, c, rule.points.col(q), fields.displacement) - reference);
+        sum[energy_error] += energy(C * strain(rule.points.col(q)) - reference);
         sum[recovered_error] += energy(sigma * N - reference);
         sum[energy_norm] += energy(reference);
       }
@@ -198,7 +233,9 @@ template <int Dim, int Normals> double recovery_error_with(const Approximation<D
     compliances.push_back(stiffnesses.back().inverse());
   }
   enum { error, norm, rounding, count };
+  const CellStrains<Dim, Normals> strains(approximation, fields.displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto strain = strains.in(c);
     const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.cell(c));
     const double moved = gather<Dim, Dim>(fields.displacement, space.cell(c)).colwise().squaredNorm().maxCoeff();
     sum[rounding] += space.volume(c) * 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm() *
@@ -207,7 +244,7 @@ template <int Dim, int Normals> double recovery_error_with(const Approximation<D
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto at = rule.points.col(q);
       const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      const Strains eps = strain_at<Dim, Normals>(space, c, at, fields.displacement);
+      const Strains eps = strain(at);
       const Strains difference = sigma * space.values(at) - C * eps;
       sum[error] += dV * difference.dot(compliance * difference);
       sum[norm] += dV * eps.dot(C * eps);
@@ -217,7 +254,42 @@ template <int Dim, int Normals> double recovery_error_with(const Approximation<D
   return sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0;
 }
 
+template <int Dim, int Normals> double mixed_distance_with(const Approximation<Dim>& elements,
+                                                           const Points<Dim>& displacement, const Fields<Dim>& fields,
+                                                           const std::vector<Lame>& lame) {
+  const auto& space = elements.space;
+  const auto rule = simplex_rule<Dim>(2 * space.degree());
+  std::vector<VoigtMatrix<Dim, Normals>> shear;
+  for (const Lame& one : lame) shear.push_back(stiffness<Dim, Normals>(deviatoric<Normals>(one)));
+  enum { distance, norm, count };
+  const CellStrains<Dim, Normals> strains(elements, displacement);
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto strain = strains.in(c);
+    const auto stress = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.cell(c));
+    const auto& C = shear[space.mesh().region(c)];
+    const double kappa = volumetric<Normals>(lame[space.mesh().region(c)]).lambda;
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = rule.points.col(q);
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
+      const Voigt<Dim, Normals> eps = strain(at);
+      const Voigt<Dim, Normals> difference = strain_at<Dim, Normals>(space, c, at, fields.displacement) - eps;
+      const double p = kappa * eps.template head<Normals>().sum();
+      const double apart = (stress * space.values(at)).template head<Normals>().mean() - p;
+      sum[distance] += dV * (difference.dot(C * difference) + apart * apart / kappa);
+      sum[norm] += dV * (eps.dot(C * eps) + p * p / kappa);
+    }
+  });
+  return sums[norm] > 0.0 ? std::sqrt(sums[distance] / sums[norm]) : 0.0;
+}
+
 }  // namespace
+
+template <int Dim> double mixed_distance(const Approximation<Dim>& elements, const Points<Dim>& displacement,
+                                         const Fields<Dim>& fields, const std::vector<Lame>& lame) {
+  return with_normals<Dim>(elements.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return mixed_distance_with<Dim, Normals>(elements, displacement, fields, lame);
+  });
+}
 
 template <int Dim> double recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                          const std::vector<Lame>& lame) {
@@ -261,11 +333,15 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
   });
 }
 
+template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&,
+                                  const std::vector<Lame>&);
 template double recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&,
                                   const ExactSolution<2>&);
+template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&,
+                                  const std::vector<Lame>&);
 template double recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);

@@ -6,6 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/internal/stiffness_terms.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,10 +14,7 @@
 #include <cmath>
 
 namespace efree {
-namespace {
 
-/// The stiffness as a sum of terms with their own quadrature: deviatoric part stabilised by full integration,
-/// volumetric part on coarser unions where the approximation has them.
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
                                                                    const std::vector<Lame>& lame,
                                                                    double stabilisation) {
@@ -49,6 +47,8 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
       {unions ? &approximation.dilatation : &approximation.quadrature, of_all(solid ? volumetric<3> : volumetric<2>)});
   return terms;
 }
+
+namespace {
 
 template <int Dim, int Normals> std::vector<VoigtMatrix<Dim, Normals>> stiffnesses(const std::vector<Lame>& lame) {
   std::vector<VoigtMatrix<Dim, Normals>> C;
@@ -344,5 +344,8 @@ template Solution<2> evaluate<2>(const Approximation<2>&, const ElasticModel&, P
 template class ElasticSolver<2>;
 template Solution<3> evaluate<3>(const Approximation<3>&, const ElasticModel&, Points<3>);
 template class ElasticSolver<3>;
+
+template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const std::vector<Lame>&, double);
+template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const std::vector<Lame>&, double);
 
 }  // namespace efree

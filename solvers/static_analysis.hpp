@@ -111,4 +111,12 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
 template <int Dim> double recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                          const std::vector<Lame>& lame);
 
+/// Relative distance in the energy norm of fields with a pressure of their own, as averaged dilatations (B-bar) give
+/// it, from a displacement of finite elements: of the deviators of the strains, and of the pressures. What the
+/// pointwise divergence of the displacement would cost is not in it: towards nu = 1/2 it grows beyond bounds and means
+/// nothing. `fields` and `displacement` at the degrees of freedom of elements.space; `lame` by region. 0 without any
+/// stress.
+template <int Dim> double mixed_distance(const Approximation<Dim>& elements, const Points<Dim>& displacement,
+                                         const Fields<Dim>& fields, const std::vector<Lame>& lame);
+
 }  // namespace efree

@@ -94,6 +94,12 @@ TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {
   EXPECT_TRUE(strain.approximation.dilatation);
   EXPECT_EQ(strain.loads.tractions.at(0).traction({48, 50}, {1, 0}), Vec<2>(0, 6.25));
 }
+TEST(Examples, CookInPlaneStrainIsCorrectedToATenthOfAPercent) {
+  const auto result = solve_case(std::get<Case<2>>(read_case(examples + "/cook/plane_strain.toml")));
+  ASSERT_TRUE(result.estimates);
+  EXPECT_LT(result.estimates->total(), 0.05);
+  EXPECT_NEAR(result.probes.at(0).second.displacement.y() / 7.695, 1.0, 1e-3);
+}
 
 }  // namespace
 }  // namespace efree

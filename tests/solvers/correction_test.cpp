@@ -33,6 +33,7 @@ template <int Dim> struct Corrected {
 template <int Dim> Corrected<Dim> correct(const Problem<Dim>& problem, const CorrectionOptions& options) {
   Corrected<Dim> result{approximate(problem.mesh, problem.cloud), {}, {}};
   result.solution = ElasticSolver<Dim>(result.cloud, problem.model, problem.supports).solve(problem.loads);
+  if (result.cloud.averaged && result.cloud.space.degree() == 1) result.cloud = in_quadratic_space(result.cloud);
   result.correction =
       Corrector<Dim>(result.cloud, problem.model, problem.supports)
           .correct(interpolate(result.cloud.shape, result.solution.coefficients), problem.loads, options);
@@ -42,8 +43,10 @@ template <int Dim> Corrected<Dim> correct(const Problem<Dim>& problem, const Cor
 /// The finite element solution by a direct solver on the same mesh.
 template <int Dim>
 Solution<Dim> elements(const Problem<Dim>& problem, int degree, Essential essential = Essential::strong) {
-  const auto approximation = approximate<Dim>(
-      problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2, .axisymmetric = problem.cloud.axisymmetric});
+  const auto approximation =
+      approximate<Dim>(problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2,
+                                      .axisymmetric = problem.cloud.axisymmetric,
+                                      .dilatation = problem.cloud.dilatation && problem.model.material.nu > 0.49});
   ElasticModel model = problem.model;
   model.essential = essential;
   return ElasticSolver<Dim>(approximation, model, problem.supports).solve(problem.loads);
@@ -131,6 +134,36 @@ TEST(Correction, EndsAtTheElementsOfABodyOfRevolution) {
        {symmetry_plane<2>("bottom")},
        {.tractions = {tension<2>("top", 1.0), pressure<2>("right", [](const Vec<2>& x) { return x[1]; })},
         .body_force = {}}});
+}
+/// Nearly incompressible: quadratic elements with the mean dilatation of each cell.
+TEST(Correction, EndsAtTheElementsWithMeanDilatationsInPlaneStrain) {
+  Problem<2> problem = plate(2);
+  problem.cloud.dilatation = true;
+  problem.model = {.material = {1.0, 0.495}, .plane = Plane::strain};
+  expect_same_as_elements(problem);
+  problem.cloud.interpolation = 1;
+  expect_same_as_elements(problem);
+}
+TEST(Correction, EndsAtPlainQuadraticElementsWhereTheseHardlyLock) {
+  Problem<2> problem = plate(2);
+  problem.cloud.dilatation = true;
+  problem.model = {.material = {1.0, 0.48}, .plane = Plane::strain};
+  expect_same_as_elements(problem);
+}
+TEST(Correction, EndsAtTheElementsWithMeanDilatationsInSpace) {
+  Problem<3> problem = bar(1.0);
+  problem.mesh = FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.2));
+  problem.cloud.dilatation = true;
+  problem.model.material.nu = 0.495;
+  expect_same_as_elements(problem, Essential::strong, 40);
+}
+TEST(Correction, EndsAtTheElementsWithMeanDilatationsHeldByNitsche) {
+  expect_same_as_elements<2>({testing::body("random_holes").mesh,
+                              {.interpolation = 2, .spacing = 0.1, .dilatation = true},
+                              {.material = {1.0, 0.495}, .plane = Plane::strain},
+                              {{"holes", {}, [](const Vec<2>& x) { return 0.01 * x[0]; }}},
+                              {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
+                             Essential::nitsche, 40);
 }
 TEST(Correction, KeepsDisplacementsThatAreNotZero) {
   Problem<2> problem = plate();
@@ -237,10 +270,11 @@ TEST(Correction, SolvesDirectlyWhereTheCloudIsBlind) {
   EXPECT_EQ(corrected.iterations, 21);
   EXPECT_GT(corrected.start_error, 0.9);
 }
-TEST(Correction, RefusesBasesThatAverageDilatations) {
+TEST(Correction, RefusesLinearElementsWhereDilatationsAreAveraged) {
   Problem<2> problem = plate();
   problem.cloud.dilatation = true;
-  EXPECT_THROW(correct(problem, {}), InputError);
+  const auto cloud = approximate(problem.mesh, problem.cloud);
+  EXPECT_THROW(Corrector<2>(cloud, problem.model, problem.supports), InputError);
 }
 TEST(Correction, OneAndTwoThreadsAgreeBitwise) {
   const Problem<3> flat = flat_cells();

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Corrected answers of nearly incompressible bodies, against closed forms: they must not lock.
+#include "efree/assembly/operators.hpp"
+#include "efree/bench/cavity.hpp"
+#include "efree/bench/lame.hpp"
+#include "efree/solvers/correction.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+constexpr double nu = 0.4999;
+
+/// Relative distance of a displacement with a pressure of its own from the exact solution: of the shear in the energy
+/// norm, and of the pressure.
+template <int Dim> double distance_from(const VoigtField<Dim>& exact, const FineSpace<Dim>& space,
+                                        const Fields<Dim>& fields, const Lame& lame) {
+  constexpr int normals = 3;  // in space and around an axis
+  const auto C = stiffness<Dim, normals>(deviatoric<normals>(lame));
+  const double kappa = volumetric<normals>(lame).lambda;
+  const auto rule = simplex_rule<Dim>(4);
+  double distance = 0.0, norm = 0.0;
+  for (Index c = 0; c < space.mesh().num_cells(); ++c)
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = rule.points.col(q);
+      const Vec<Dim> x = space.position(c, at);
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(x);
+      Voigt<Dim, normals> shear = exact(x);
+      const double p = shear.template head<normals>().mean();
+      shear.template head<normals>().array() -= p;
+      const Voigt<Dim, normals> found = C * strain_at<Dim, normals>(space, c, at, fields.displacement);
+      double found_p = 0.0;
+      const auto N = space.values(at);
+      const auto dofs = space.cell(c);
+      for (std::size_t k = 0; k < dofs.size(); ++k)
+        found_p += N[static_cast<Index>(k)] * fields.stress.col(dofs[k]).template head<normals>().mean();
+      const auto energy = [&](Voigt<Dim, normals> s, double mean) {
+        s.template tail<voigt_size<Dim, normals> - normals>() *= std::sqrt(2.0);
+        return dV * (0.5 * s.squaredNorm() / lame.mu + mean * mean / kappa);
+      };
+      distance += energy(found - shear, found_p - p);
+      norm += energy(shear, p);
+    }
+  return std::sqrt(distance / norm);
+}
+
+/// Errors of a corrected answer against the exact solution, and what is said of them.
+struct Found {
+  Errors errors;
+  double largest;   ///< error of the displacement anywhere, of the largest one
+  double recovery;  ///< estimate of errors.energy_norm
+  double said;      ///< of the cloud, against the corrected answer
+  double cloud;     ///< of the cloud, against the exact solution
+};
+template <int Dim> Found corrected(const FineMesh<Dim>& mesh, double spacing, const ElasticModel& model,
+                                   const std::vector<DisplacementCondition<Dim>>& supports, const Loads<Dim>& loads,
+                                   const ExactSolution<Dim>& exact) {
+  const bool axisymmetric = Dim == 2 && model.plane == Plane::axisymmetric;
+  const auto cloud = approximate<Dim>(
+      mesh, {.axisymmetric = axisymmetric, .interpolation = 2, .spacing = spacing, .dilatation = true});
+  const auto lame = region_lame(model, mesh);
+  const auto start = recover_fields(cloud, ElasticSolver<Dim>(cloud, model, supports).solve(loads));
+  const auto u = Corrector<Dim>(cloud, model, supports).correct(start.displacement, loads).displacement;
+  const auto elements = approximate<Dim>(
+      mesh, {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = takes_mean_dilatation(cloud, model)});
+  const auto fields = recover_fields(elements, evaluate(elements, model, u));
+  Found found{errors_against<Dim>(elements, fields, lame, exact), 0.0, recovery_error(elements, fields, lame),
+              mixed_distance(elements, u, start, lame),
+              distance_from<Dim>(exact.stress, cloud.space, start, lame.front())};
+  double size = 0.0;
+  for (Index dof = 0; dof < elements.space.size(); ++dof) {
+    const Vec<Dim> there = exact.displacement(elements.space.points().col(dof));
+    size = std::max(size, there.norm());
+    found.largest = std::max(found.largest, (u.col(dof) - there).norm());
+  }
+  found.largest /= size;
+  return found;
+}
+Found cylinder(double size, double spacing) {
+  const bench::ThickWall wall{false, {1.0, nu}};
+  return corrected<2>(
+      wall.mesh<2>(1.0, size, size), spacing, {.material = wall.material, .plane = Plane::axisymmetric},
+      {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")}, wall.loads<2>(),
+      {[&](const Vec<2>& x) { return wall.displacement<2>(x); }, [&](const Vec<2>& x) { return wall.stress<2>(x); }});
+}
+template <double Nu> Found cavity(double size, double spacing) {
+  using Cavity = bench::CavityIn<Nu>;
+  return corrected<3>(Cavity::mesh(size), spacing, {.material = Cavity::material},
+                      {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
+                      Cavity::loads(), {Cavity::displacement, Cavity::stress});
+}
+
+void expect_cloud_known(const Found& found) {
+  EXPECT_GT(found.said, 0.7 * found.cloud);
+  EXPECT_LT(found.said, 1.4 * found.cloud);
+}
+
+/// The divergence of the exact displacement is constant: the elements are better than their order, which recovery
+/// cannot see.
+TEST(NearlyIncompressible, CorrectedCylinderIsThatOfLame) {
+  const Found found = cylinder(0.1, 0.3);
+  EXPECT_LT(found.largest, 1e-4);
+  EXPECT_LT(*found.errors.energy_norm, 1e-3);
+  EXPECT_GT(found.recovery, *found.errors.energy_norm);
+  EXPECT_LT(found.recovery, 2e-3);
+  expect_cloud_known(found);
+}
+/// Most of the displacement's error is that of the chords across the sphere, whatever Poisson's ratio.
+TEST(NearlyIncompressible, CorrectedCavityIsThatOfGoodier) {
+  const Found found = cavity<nu>(0.4, 1.2), compressible = cavity<0.3>(0.4, 1.2);
+  EXPECT_LT(found.largest, 0.025);
+  EXPECT_LT(*found.errors.energy_norm, 0.04);
+  EXPECT_LT(*found.errors.l2_displacement, 1.1 * *compressible.errors.l2_displacement);
+  EXPECT_GT(found.recovery, 0.7 * *found.errors.energy_norm);
+  EXPECT_LT(found.recovery, 1.4 * *found.errors.energy_norm);
+  expect_cloud_known(found);
+  expect_cloud_known(compressible);
+}
+
+}  // namespace
+}  // namespace efree
