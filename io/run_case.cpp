@@ -353,8 +353,8 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
       throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"", analysis.materials.back().where, name));
     of_label[label] = material->elastic;
   }
-  result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads, {.size = mesh.size, .half_voxel = true},
-                                &result.times, progress);
+  result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
+                                {.size = mesh.size, .half_voxel = true}, &result.times, progress);
   const CellSolution& cells = *result.cells;
   result.solution.strain_energy = cells.finest().strain_energy;
   const double iterations = cells.finest().iteration_error;

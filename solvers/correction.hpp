@@ -10,7 +10,7 @@
 namespace efree {
 
 struct CorrectionOptions {
-  int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least two, four with B-bar
+  int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least one, three with B-bar
   double tolerance = 0.01;  ///< relative error in the energy norm that may be left
   int most = 200;           ///< iterations after which it is given up
 };
@@ -33,14 +33,14 @@ template <int Dim> struct Correction {
 /// they are, and on smooth solutions they are several times as accurate.
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model);
 
-/// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud are the
-/// coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009, A-DEF2), a Chebyshev polynomial of symmetric
-/// Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro 2003). The finite element problem is that of
-/// BasisKind::p1 (p2 if approximation.space is of degree 2; with ApproximationOptions::dilatation where
-/// takes_mean_dilatation) with conditions set strongly, wherever nodal values can
-/// hold them, and regions that share their nodes. Where the cloud is too coarse to help and the elements are few, they
-/// are solved directly after some iterations. Errors come from what the iterations take off (Hestenes & Stiefel
-/// 1952; Strakos & Tichy 2002).
+/// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud, and
+/// rotations of its nodes in thin walls and limbs, are the coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009,
+/// A-DEF2), a Chebyshev polynomial of symmetric Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro
+/// 2003). The finite element problem is that of BasisKind::p1 (p2 if approximation.space is of degree 2; with
+/// ApproximationOptions::dilatation where takes_mean_dilatation) with conditions set strongly, wherever nodal values
+/// can hold them, and regions that share their nodes. Where the cloud is too coarse to help and the elements are few,
+/// they are solved directly after some iterations. Errors come from what the iterations take off (Hestenes & Stiefel
+/// 1952), one beyond the answer among them (Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:
   /// Assembles, and factors the coarse problem. Keeps references to the approximation. Throws like ElasticSolver, and
