@@ -6,7 +6,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cstring>
-#include <limits>
 
 namespace efree::internal {
 namespace {
@@ -150,8 +149,15 @@ template <class T, class V>
 [[gnu::target("avx2,fma")]] void wide(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
   add_layers<T, V>(grid, u, f, begin, end);
 }
+template <class T, class V> [[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const CellGrid& grid,
+                                                                                        const T* u, T* f, Index begin,
+                                                                                        Index end) {
+  add_layers<T, V>(grid, u, f, begin, end);  // twice the registers
+}
 template <class T, class V> Layers<T> kernel() {
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? wide<T, V> : plain<T, V>;
+  if (__builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) return wider<T, V>;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return wide<T, V>;
+  return plain<T, V>;
 }
 #else
 template <class T, class V> Layers<T> kernel() {
@@ -221,10 +227,9 @@ void CellGrid::apply(const double* u, double* f) const {
 
 namespace {
 
-/// By set of parts (bit q: part q = x + 2 y + 4 z): the largest eigenvalue of the stiffness of a cell with material of
-/// one kind in these parts, over its diagonal.
-std::array<float, 256> largest_eigenvalues(const Vec<3>& edges, float lambda_over_mu) {
-  std::array<float, 256> result{};
+/// Of parts of one material.
+CellEigenvalues of_one_ratio(const Vec<3>& edges, float lambda_over_mu) {
+  CellEigenvalues result{};
   for (int set = 1; set < 256; ++set) {
     std::vector<float> mu(8);
     for (int q = 0; q < 8; ++q) mu[q] = set >> q & 1 ? 1.0F : 0.0F;
@@ -253,23 +258,17 @@ std::array<float, 256> largest_eigenvalues(const Vec<3>& edges, float lambda_ove
 
 }  // namespace
 
-std::vector<float> CellGrid::bound() const {
-  float least = std::numeric_limits<float>::max(), most = std::numeric_limits<float>::lowest();  // lambda over mu
-  for (std::size_t b = 0; b < empty.size(); ++b)
-    if (!empty[b])
-      for (int w = 0; w < 8 * lanes; ++w) {
-        const float mu = stiffness[b * 16 * lanes + w], lambda = stiffness[(b * 16 + 8) * lanes + w];
-        if (mu == 0.0F) continue;
-        least = std::min(least, lambda / mu);
-        most = std::max(most, lambda / mu);
-      }
-  std::vector<float> result(size(), 0.0F);
-  if (least > most) return result;
-  std::array<float, 256> eigenvalue = largest_eigenvalues(edges, least);
-  if (most > 1.001F * least) {
-    const auto other = largest_eigenvalues(edges, most);
-    for (int set = 0; set < 256; ++set) eigenvalue[set] = std::max(eigenvalue[set], other[set]);
+CellEigenvalues largest_eigenvalues(const Vec<3>& edges, float least, float most) {
+  CellEigenvalues eigenvalues = of_one_ratio(edges, least);
+  if (most > 1.001F * least || most < 0.999F * least) {
+    const CellEigenvalues other = of_one_ratio(edges, most);
+    for (int set = 0; set < 256; ++set) eigenvalues[set] = std::max(eigenvalues[set], other[set]);
   }
+  return eigenvalues;
+}
+
+std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
+  std::vector<float> result(size(), 0.0F);
   // Squared slopes of a corner's function at the eight points: (w_y w_z / h)^2, w = 3/4 on its side, 1/4 on the other.
   std::array<std::array<std::array<float, 3>, 8>, 8> squares;  // by corner, point, axis
   for (int a = 0; a < 8; ++a)
@@ -280,6 +279,9 @@ std::vector<float> CellGrid::bound() const {
           if (e != d) slope *= (a >> e & 1) == (q >> e & 1) ? 0.75F : 0.25F;
         squares[a][q][d] = slope * slope;
       }
+  std::array<float, 3> whole{};  // the same at every corner
+  for (int q = 0; q < 8; ++q)
+    for (int d = 0; d < 3; ++d) whole[d] += squares[0][q][d];
   constexpr float margin = 1.02F;
   for_layers(cells, [&](Index begin, Index end, bool) {
     for (Index k = begin; k < end; ++k)
@@ -289,6 +291,20 @@ std::vector<float> CellGrid::bound() const {
           std::array<float, 8> mu, factor{};
           std::array<int, 8> order{0, 1, 2, 3, 4, 5, 6, 7};
           for (int q = 0; q < 8; ++q) mu[q] = weight(i, j, k, q);
+          const auto uniform = [&](int first) {
+            for (int q = 1; q < 8; ++q)
+              if (weight(i, j, k, first + q) != weight(i, j, k, first)) return false;
+            return true;
+          };
+          if (uniform(0) && uniform(8)) {
+            const float factor_of_all = margin * eigenvalue[255], lambda = weight(i, j, k, 8),
+                        shear = mu[0] * (whole[0] + whole[1] + whole[2]);
+            for (int a = 0; a < 8; ++a) {
+              float* at = result.data() + node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
+              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor_of_all * ((lambda + mu[0]) * whole[d] + shear);
+            }
+            continue;
+          }
           std::ranges::sort(order, [&](int a, int b) { return mu[a] > mu[b]; });
           // Weights fall from part to part: layers of sets of equal weight, one within the other.
           int set = 0;

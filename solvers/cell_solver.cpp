@@ -12,16 +12,29 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <string_view>
 
 namespace efree {
 namespace {
 
-using internal::CellGrid;
-using Field = std::vector<double>;
-using SingleField = std::vector<float>;
+using internal::CellGrid, internal::CellEigenvalues;
+/// Memory is first written by those who fill it, in parallel: pages are handed out then.
+template <class T> struct Uninitialised : std::allocator<T> {
+  template <class U> struct rebind { using other = Uninitialised<U>; };
+  template <class U, class... Values> void construct(U* at, Values&&... values) {
+    if constexpr (sizeof...(Values) == 0)
+      ::new (static_cast<void*>(at)) U;
+    else
+      ::new (static_cast<void*>(at)) U(std::forward<Values>(values)...);
+  }
+};
+template <class T> using Values = std::vector<T, Uninitialised<T>>;
+using Field = Values<double>;
+using SingleField = Values<float>;
 
 /// A side of the image's frame.
 struct Side {
@@ -65,8 +78,8 @@ struct Problem {
   CellGrid grid;
   Vec<3> origin;
   const std::vector<Held>& held;
-  SingleField inverse_diagonal;  ///< of a diagonal that is nowhere less than K; 0 where nothing is free
-  Field load;
+  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K; 0 where nothing is free
+  Field load;                           ///< empty without tractions
 
   Index nodes(int axis) const { return grid.cells[axis] + 1; }
   Vec<3> place(Index i, Index j, Index k) const { return origin + grid.edges.cwiseProduct(Vec<3>(i, j, k)); }
@@ -79,10 +92,10 @@ struct Problem {
     for (at[second] = 0; at[second] < nodes(second); ++at[second])
       for (at[first] = 0; at[first] < nodes(first); ++at[first]) f(at[0], at[1], at[2]);
   }
-  template <class T> void clear_held(std::vector<T>& field) const {
+  void clear_held(std::vector<float>& field) const {
     for (const Held& h : held)
       on_side(h.side,
-              [&](Index i, Index j, Index k) { field[h.component * grid.nodes() + grid.node(i, j, k)] = T(0); });
+              [&](Index i, Index j, Index k) { field[h.component * grid.nodes() + grid.node(i, j, k)] = 0.0F; });
   }
   void set_held(Field& u) const {
     for (const Held& h : held)
@@ -91,15 +104,17 @@ struct Problem {
       });
   }
   Index num_cells() const {
-    Index count = 0;
-    for (Index k = 0; k < grid.cells[2]; ++k)
-      for (Index j = 0; j < grid.cells[1]; ++j)
-        for (Index i = 0; i < grid.cells[0]; ++i) {
-          float sum = 0.0F;
-          for (int q = 0; q < 8; ++q) sum += grid.weight(i, j, k, q);
-          count += sum > 0.0F;
-        }
-    return count;
+    std::vector<Index> of_layer(grid.cells[2], 0);
+    parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k)
+        for (Index j = 0; j < grid.cells[1]; ++j)
+          for (Index i = 0; i < grid.cells[0]; ++i) {
+            bool some = false;
+            for (int q = 0; q < 8; ++q) some = some || grid.weight(i, j, k, q) > 0.0F;
+            of_layer[k] += some;
+          }
+    });
+    return std::accumulate(of_layer.begin(), of_layer.end(), Index(0));
   }
 };
 
@@ -128,7 +143,12 @@ template <class F> void for_all(std::size_t size, const F& f) {
     for (std::size_t i = first; i < last; ++i) f(i);
   });
 }
-template <class A, class B> double dot(const std::vector<A>& a, const std::vector<B>& b) {
+template <class T> Values<T> zeros(std::size_t size) {
+  Values<T> result(size);
+  for_all(size, [&](std::size_t i) { result[i] = T(0); });
+  return result;
+}
+template <class A, class B> double dot(const Values<A>& a, const Values<B>& b) {
   return summed(a.size(), [&](std::size_t i) { return static_cast<double>(a[i]) * b[i]; });
 }
 
@@ -136,7 +156,7 @@ template <class A, class B> double dot(const std::vector<A>& a, const std::vecto
 void restrict_to(const Problem& coarse, const CellGrid& fine, const SingleField& from, SingleField& to) {
   const CellGrid& grid = coarse.grid;
   parallel_chunks(grid.cells[2] + 1, 2, [&](Index begin, Index end) {
-    SingleField line(fine.pitch + 1);
+    std::vector<float> line(fine.pitch + 1);
     for (int c = 0; c < 3; ++c)
       for (Index k = begin; k < end; ++k)
         for (Index j = 0; j <= grid.cells[1]; ++j) {
@@ -161,8 +181,7 @@ void restrict_to(const Problem& coarse, const CellGrid& fine, const SingleField&
 }
 
 /// fine += P coarse.
-template <class T>
-void prolong(const CellGrid& coarse, const CellGrid& fine, const std::vector<T>& from, std::vector<T>& to) {
+template <class T> void prolong(const CellGrid& coarse, const CellGrid& fine, const Values<T>& from, Values<T>& to) {
   parallel_chunks(fine.cells[2] + 1, 4, [&](Index begin, Index end) {
     std::vector<T> line(coarse.cells[0] + 1);
     for (int c = 0; c < 3; ++c)
@@ -257,7 +276,7 @@ class CoarsestSolver {
   explicit CoarsestSolver(const Problem& problem) {
     const CellGrid& grid = problem.grid;
     // Columns of nodes three apart do not overlap: 27 times three products have them all.
-    Field u(grid.size()), f(grid.size());
+    Field u = zeros<double>(grid.size()), f(grid.size());
     unknown_.assign(grid.size(), -1);
     for_nodes(grid, [&](Index i, Index j, Index k) {
       for (int c = 0; c < 3; ++c) {
@@ -296,7 +315,7 @@ class CoarsestSolver {
     K.setFromTriplets(entries.begin(), entries.end());
     if (!dofs_.empty()) factor_.emplace(K);
   }
-  template <class T> void solve(const std::vector<T>& b, std::vector<T>& x) const {
+  template <class T> void solve(const Values<T>& b, Values<T>& x) const {
     std::ranges::fill(x, T(0));
     if (!factor_) return;
     Matrix right(dofs_.size(), 1);
@@ -324,7 +343,7 @@ class Multigrid {
       : problems_(problems), coarsest_(coarsest), work_(problems.size()) {
     for (std::size_t l = 0; l < problems.size(); ++l)
       for (auto* field : {&work_[l].b, &work_[l].x, &work_[l].step, &work_[l].rest})
-        field->assign(problems[l]->grid.size(), 0.0F);
+        *field = zeros<float>(problems[l]->grid.size());
   }
 
   SingleField& right(std::size_t l) { return work_[l].b; }
@@ -456,11 +475,14 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
   {
     const Stage stage("assembly", clock, progress);
     std::vector<float> mu_of(materials.size(), 0.0F), lambda_of = mu_of, solid = mu_of;
+    float least_ratio = std::numeric_limits<float>::max(), most_ratio = std::numeric_limits<float>::lowest();
     for (const LabelCount& count : count_labels(image)) {
       if (count.label == 0) continue;
       if (count.label >= materials.size())
         throw InputError(fmt::format("the image has the label {}, which has no material", count.label));
       const Lame lame = solid_lame(materials[count.label]);
+      least_ratio = std::min(least_ratio, static_cast<float>(lame.lambda / lame.mu));
+      most_ratio = std::max(most_ratio, static_cast<float>(lame.lambda / lame.mu));
       mu_of[count.label] = static_cast<float>(lame.mu);
       lambda_of[count.label] = static_cast<float>(lame.lambda);
       solid[count.label] = 1.0F;
@@ -476,11 +498,14 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       if (!ratio) {
         result.second = averages(lambda_of, grid, outwards);
       } else {
-        for (const float value : result.first) result.second.push_back(*ratio * value);
+        result.second.resize(result.first.size());
+        for_all(result.first.size(), [&](std::size_t i) { result.second[i] = *ratio * result.first[i]; });
       }
       return result;
     };
     auto [mu, lambda] = moduli(n, 0.0);
+    const Vec<3> proportions = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
+    const CellEigenvalues eigenvalues = internal::largest_eigenvalues(proportions, least_ratio, most_ratio);
     for (int level = 0;; ++level) {
       Vec<3> edges;
       for (int d = 0; d < 3; ++d) edges[d] = lengths[d] / n[d];
@@ -491,10 +516,13 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       problems.push_back(
           std::make_unique<Problem>(Problem{CellGrid(n, edges, mu, lambda), image.origin, held, {}, {}}));
       Problem& problem = *problems.back();
-      problem.inverse_diagonal = problem.grid.bound();
-      for (float& d : problem.inverse_diagonal) d = d > 0.0F ? 1.0F / d : 0.0F;
+      problem.inverse_diagonal = problem.grid.bound(eigenvalues);
+      for_all(problem.inverse_diagonal.size(), [&](std::size_t i) {
+        float& d = problem.inverse_diagonal[i];
+        d = d > 0.0F ? 1.0F / d : 0.0F;
+      });
       problem.clear_held(problem.inverse_diagonal);
-      problem.load.assign(problem.grid.size(), 0.0);
+      if (!loads.tractions.empty()) problem.load = zeros<double>(problem.grid.size());
       for (const auto& traction : loads.tractions) {
         const Side side = side_named(traction.on);
         const int first = side.axis == 0 ? 1 : 0, second = side.axis == 2 ? 1 : 2;
@@ -541,27 +569,30 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
     const Problem& problem = *problems[l];
     const CellGrid& grid = problem.grid;
     const std::size_t dofs = grid.size();
-    Field start(dofs, 0.0);
+    Field start = zeros<double>(dofs);
     if (!u.empty()) prolong(problems[l + 1]->grid, grid, u, start);
     u = std::move(start);
     problem.set_held(u);
     Field r(dofs), p, Ap(dofs);
+    const bool loaded = !problem.load.empty();
     // Residual where nothing is held; returns u^T K u.
     const auto residual = [&] {
       grid.apply(u.data(), Ap.data());
       const double energy = dot(u, Ap);
-      for_all(dofs, [&](std::size_t i) { r[i] = problem.inverse_diagonal[i] > 0.0F ? problem.load[i] - Ap[i] : 0.0; });
+      for_all(dofs, [&](std::size_t i) {
+        r[i] = problem.inverse_diagonal[i] > 0.0F ? (loaded ? problem.load[i] : 0.0) - Ap[i] : 0.0;
+      });
       return energy;
     };
     CellLevel found{.edges = grid.edges, .cells = problem.num_cells()};
     double energy = residual();
     if (l + 1 == problems.size()) {
-      p.assign(dofs, 0.0);
+      p = zeros<double>(dofs);
       coarsest->solve(r, p);
       for_all(dofs, [&](std::size_t i) { u[i] += p[i]; });
       energy = residual();
     } else {
-      p.assign(dofs, 0.0);
+      p = zeros<double>(dofs);
       double rz = 0.0;
       for (;; ++found.iterations) {
         // In single precision small numbers keep their digits only if scaled.
@@ -600,7 +631,8 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       solution.half_voxel = std::abs(dot(u, Ap) / energy - 1.0);
     }
     found.strain_energy = 0.5 * energy;
-    found.potential = found.strain_energy - dot(u, problem.load);
+    found.potential = found.strain_energy;
+    if (!problem.load.empty()) found.potential -= dot(u, problem.load);
     solution.levels.insert(solution.levels.begin(), found);
     if (progress) progress("solve", std::pow(8.0, -static_cast<double>(l)));
   }

@@ -9,6 +9,12 @@
 
 namespace efree::internal {
 
+/// By set of parts (bit q: part q = x + 2 y + 4 z): the largest eigenvalue of the stiffness of a cell with material in
+/// these parts, over its diagonal.
+using CellEigenvalues = std::array<float, 256>;
+/// For lambda / mu between two values. Cells of any size, but of these proportions.
+CellEigenvalues largest_eigenvalues(const Vec<3>& edges, float least, float most);
+
 /// A body in a grid of cells (finite cells; Parvizian, Duester & Rank 2007): strains are taken at eight points of a
 /// cell, the centres of its octants ("parts"), each weighted with the stiffness of the material in its octant. So cells
 /// that are partly void are no thicker than their material, and whole ones bend more easily (by a quarter) than with
@@ -51,7 +57,7 @@ struct CellGrid {
   void apply(const double* u, double* f) const;
   /// A diagonal D, laid out as a field, with x^T K x <= x^T D x for all x: that of K, cell by cell times the largest
   /// eigenvalue that its part of K has over it.
-  std::vector<float> bound() const;
+  std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
 
 /// Lame constants by cell from those by part: means of eight.
