@@ -200,6 +200,11 @@ double bearable_error(const CaseSettings& analysis) {
   return analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
 }
 
+std::string not_reached(const CaseSettings& analysis, double error, const std::string& why) {
+  return fmt::format("an error of {:.2g} % in the energy norm was asked for, {:.2g} % is reached: {}",
+                     100.0 * analysis.accuracy, 100.0 * error, why);
+}
+
 /// Doubts about an answer that is far from the truth, or, beyond what the case bears, a refusal.
 template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
   if (!result.estimates) return;
@@ -336,7 +341,9 @@ template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const
   return "";
 }
 
-/// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields.
+/// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where the case does
+/// not say how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, or as far
+/// as an accuracy that is asked for takes it.
 void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResult<3>& result,
                      const Progress& progress) {
   const FineSpace<3> space(*mesh.mesh, 1);
@@ -353,8 +360,35 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
       throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"", analysis.materials.back().where, name));
     of_label[label] = material->elastic;
   }
-  result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
-                                {.size = mesh.size, .half_voxel = true}, &result.times, progress);
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
+  const bool fixed = analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0, asked = analysis.accuracy > 0.0;
+  std::string why = fixed ? "the case says the size of its mesh: leave mesh_size out, so that it can be chosen" : "";
+  for (double size = mesh.size;; size *= 0.5) {
+    const double begin = seconds();
+    result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
+                                  {.size = size, .half_voxel = true}, &result.times, progress);
+    const CellLevel& finest = result.cells->finest();
+    const double error = std::hypot(finest.iteration_error, result.cells->grid_error), spent = seconds() - begin;
+    result.attempts.push_back({size, finest.cells, 1, error, spent});
+    if (error <= bearable_error(analysis)) {
+      why.clear();
+      break;
+    }
+    if (fixed || (!asked && size < 1.99 * mesh.image->spacing.minCoeff())) break;
+    double points = 8.0;
+    for (const Index n : result.cells->grid.cubes) points *= n + 1.0;
+    if (cell_memory * points > 0.5 * available_memory()) {
+      why = "a finer grid would take more memory than there is";
+      break;
+    }
+    if (seconds() + 9.0 * spent > analysis.time_limit) {
+      why = fmt::format("a finer grid would take about {:.3g} s, and the time limit is {:.3g} s", 9.0 * spent,
+                        analysis.time_limit);
+      break;
+    }
+  }
+  if (asked && !why.empty()) result.warnings.push_back(not_reached(analysis, result.attempts.back().error, why));
   const CellSolution& cells = *result.cells;
   result.solution.strain_energy = cells.finest().strain_energy;
   const double iterations = cells.finest().iteration_error;
@@ -365,6 +399,15 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
   result.approximation.space = space;
   const Stage stage("output", result.times, progress);
   result.fields = recover_fields(cells, *mesh.image, *mesh.mesh, region_of_label, mesh.materials);
+}
+
+/// Whether the case is solved on cells. Throws InputError if it should be, but cannot.
+template <int Dim> bool is_on_cells(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh) {
+  if (analysis.cells == CaseSettings::Cells::never) return false;
+  const std::string why = why_not_on_cells(analysis, mesh);
+  if (analysis.cells == CaseSettings::Cells::always && !why.empty())
+    throw InputError(fmt::format("{}: basis.kind = \"cells\" does not do here: {}", analysis.file.string(), why));
+  return why.empty();
 }
 
 double process_cpu_seconds() {
@@ -431,13 +474,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.model.open_interface = mesh.open_interface;
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
-  bool on_cells = false;
-  if (analysis.cells != CaseSettings::Cells::never) {
-    const std::string why = why_not_on_cells(analysis, mesh);
-    if (analysis.cells == CaseSettings::Cells::always && !why.empty())
-      throw InputError(fmt::format("{}: basis.kind = \"cells\" does not do here: {}", analysis.file.string(), why));
-    on_cells = why.empty();
-  }
+  const bool on_cells = is_on_cells(analysis, mesh);
   located(analysis, analysis.file.string(), [&] {
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(analysis, mesh, result, progress);
@@ -505,6 +542,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
   for (;;) {
     const double begin = seconds();
     const CaseMesh<Dim> mesh = read_mesh(trial, progress);
+    if (is_on_cells(analysis, mesh)) return solve_case(analysis, read_mesh(analysis, progress), progress);
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
     CaseResult<Dim> result = solve_case(trial, mesh, progress);
@@ -529,7 +567,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
                         growth * attempts.back().seconds, analysis.time_limit);
       break;
     }
-    const double bytes_per_cell = best->cells ? 1e3 : Dim == 2 ? 4e3 : 6e3;
+    constexpr double bytes_per_cell = Dim == 2 ? 4e3 : 6e3;
     if (bytes_per_cell * growth * attempts.back().cells > 0.8 * available_memory()) {
       why = "a finer mesh would take more memory than there is";
       break;
@@ -537,10 +575,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
     trial.geometry.size = finer * mesh.size;
   }
   best->attempts = std::move(attempts);
-  if (!why.empty())
-    best->warnings.push_back(
-        fmt::format("an error of {:.2g} % in the energy norm was asked for, {:.2g} % is reached: {}",
-                    100.0 * analysis.accuracy, 100.0 * best->estimates->total(), why));
+  if (!why.empty()) best->warnings.push_back(not_reached(analysis, best->estimates->total(), why));
   return std::move(*best);
 }
 

@@ -34,9 +34,9 @@ template <int Dim> struct CaseMesh {
   double seconds = 0.0, cpu_seconds = 0.0;
 };
 
-/// One mesh that was tried on the way to an accuracy.
+/// One mesh, or grid of cells, that was tried on the way to an accuracy.
 struct Attempt {
-  double size;     ///< of the fine mesh, asked for; 0: that of the file
+  double size;     ///< of the fine mesh, asked for; 0: that of the file; on cells their edges
   Index cells;     ///< of it
   int degree;      ///< of its elements
   double error;    ///< relative, in the energy norm, in all
@@ -72,7 +72,8 @@ template <int Dim> struct CaseResult {
   std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;         ///< of the geometry
 
-  std::vector<Attempt> attempts;  ///< if an accuracy was asked for, in order; the answer is that of the smallest error
+  /// If an accuracy was asked for, and on cells: in order. The answer is that of the smallest error, on cells the last.
+  std::vector<Attempt> attempts;
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one

@@ -428,10 +428,10 @@ std::optional<float> common_ratio(const std::vector<float>& a, const std::vector
 }
 
 /// Cells along the axes for edges of about `size`, and how often they can be halved: grids down to one of at most some
-/// thousand points, cells never longer than asked for.
+/// thousand points, cells never longer than asked for. At least twice: three grids tell the error.
 std::pair<std::array<Index, 3>, int> grid_sizes(const Vec<3>& lengths, double size) {
   constexpr double few = 2500.0;
-  for (int halvings = 0;; ++halvings) {
+  for (int halvings = 2;; ++halvings) {
     std::array<Index, 3> coarsest;
     double points = 1.0;
     for (int d = 0; d < 3; ++d) {
@@ -465,13 +465,13 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
   if (loads.body_force) throw InputError("on cells there are no body forces");
   const auto [cells, halvings] = grid_sizes(lengths, size);
   const double points = (cells[0] + 12.0) * (cells[1] + 1.0) * (cells[2] + 1.0);
-  require_memory(200.0 * points, fmt::format("a grid of {} x {} x {} cells", cells[0], cells[1], cells[2]),
+  require_memory(cell_memory * points, fmt::format("a grid of {} x {} x {} cells", cells[0], cells[1], cells[2]),
                  "use larger cells (mesh_size)");
   const std::vector<Held> held = held_components(conditions);
 
   std::vector<std::unique_ptr<Problem>> problems;
   std::optional<CoarsestSolver> coarsest;
-  std::optional<CellGrid> grown;  // of the second grid, where that is cheap
+  std::optional<CellGrid> shrunk;  // half a voxel less material, on the second grid, where that is cheap
   {
     const Stage stage("assembly", clock, progress);
     std::vector<float> mu_of(materials.size(), 0.0F), lambda_of = mu_of, solid = mu_of;
@@ -510,8 +510,8 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       Vec<3> edges;
       for (int d = 0; d < 3; ++d) edges[d] = lengths[d] / n[d];
       if (options.half_voxel && level == std::min(1, halvings)) {
-        const auto [more_mu, more_lambda] = moduli(n, 0.5);
-        grown.emplace(n, edges, more_mu, more_lambda);
+        const auto [less_mu, less_lambda] = moduli(n, -0.5);
+        shrunk.emplace(n, edges, less_mu, less_lambda);
       }
       problems.push_back(
           std::make_unique<Problem>(Problem{CellGrid(n, edges, mu, lambda), image.origin, held, {}, {}}));
@@ -626,8 +626,8 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
       }
       energy = residual();
     }
-    if (grown && grid.cells == grown->cells) {
-      grown->apply(u.data(), Ap.data());
+    if (shrunk && grid.cells == shrunk->cells) {
+      shrunk->apply(u.data(), Ap.data());
       solution.half_voxel = std::abs(dot(u, Ap) / energy - 1.0);
     }
     found.strain_energy = 0.5 * energy;

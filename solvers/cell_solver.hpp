@@ -16,6 +16,9 @@ namespace efree {
 /// "top" (z).
 bool is_side(const std::string& name);
 
+/// Memory that solve_on_cells takes [bytes to a point of the grid].
+inline constexpr double cell_memory = 320.0;
+
 struct CellOptions {
   double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
   double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
@@ -44,7 +47,7 @@ struct CellSolution {
   double extrapolated_energy = 0.0;
 
   /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
-  /// voxel further out (or in).
+  /// voxel further in.
   double half_voxel = 0.0;
 
   const CellLevel& finest() const { return levels.front(); }
@@ -57,8 +60,7 @@ struct CellSolution {
 ///
 /// `materials` by label, void 0 left out of account. Conditions and loads are on the sides of the frame: "left",
 /// "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the grid's points. Bodies that
-/// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory is about 130 bytes
-/// to a point of the grid.
+/// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
 /// Throws InputError for a broken image, a size that is not positive, a label without material, moduli out of range,
 /// conditions elsewhere than on sides, body forces, a body that is loaded but not held, or too little memory;

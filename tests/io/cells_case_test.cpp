@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Case files of images in space that are solved on cells.
+#include "efree/tests/io/workspace.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/io/run_case.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <cmath>
+
+namespace efree {
+namespace {
+
+using test::json, test::replaced, test::Workspace;
+namespace fs = std::filesystem;
+using ::testing::AllOf, ::testing::HasSubstr;
+
+constexpr int n = 24;
+
+/// A cube with a ball of another label (or void) in a corner, pulled along z between planes that slide.
+const std::string ball_case = R"([geometry]
+file = "ball.raw"
+[geometry.image]
+raw = { size = [24, 24, 24], type = "uint8" }
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, "free", "free"]
+[[boundary]]
+on = "front"
+displacement = ["free", 0, "free"]
+[[boundary]]
+on = "bottom"
+displacement = ["free", "free", 0]
+[[boundary]]
+on = "top"
+displacement = ["free", "free", 0.24]
+)";
+
+struct Ball : Workspace {
+  explicit Ball(const std::string& text, unsigned char inside = 0) : Workspace(text) {
+    std::ofstream image(*this / "ball.raw", std::ios::binary);
+    for (int p = 0; p < n * n * n; ++p) {
+      const double x = p % n + 0.5, y = p / n % n + 0.5, z = p / n / n + 0.5;
+      image.put(static_cast<char>(std::sqrt(x * x + y * y + z * z) < 8.0 ? inside : 1));
+    }
+  }
+  Case<3> read() const { return std::get<Case<3>>(read_case(*this / "case.toml")); }
+};
+
+TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
+  const Ball work(ball_case);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto result = json(work / "out/result.json");
+  EXPECT_FALSE(fs::exists(work / "out/nodes.vtu"));
+  EXPECT_TRUE(fs::exists(work / "out/fields.vtu"));
+  ASSERT_GE(result["grids"].size(), 2U);
+  EXPECT_GT(result["grids"][1]["strain_energy"], result["grids"][0]["strain_energy"]);
+  EXPECT_LT(result["strain_energy_extrapolated"], result["strain_energy"]);
+  EXPECT_LT(result["estimates"]["energy"]["total"], 0.1);
+  EXPECT_GT(result["estimates"]["energy"]["image"], 0.0);
+}
+
+TEST(CellsCase, EnergyIsThatOfQuadraticElementsWithinTheErrorsSaid) {
+  const Ball work(ball_case);
+  const CaseResult<3> cells = solve_case(work.read());
+  ASSERT_TRUE(cells.cells);
+  auto by_elements = work.read();
+  by_elements.cells = CaseSettings::Cells::never;
+  by_elements.approximation.kind = BasisKind::p2;
+  impose(by_elements, Essential::strong);
+  const double energy = solve_case(by_elements).solution.strain_energy;
+  // The boundaries of the two differ: half a voxel would change the energy by more than a per cent.
+  EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.005 * energy);
+  EXPECT_NEAR(cells.solution.strain_energy, energy, std::pow(cells.estimates->total(), 2) * energy + 0.005 * energy);
+}
+
+TEST(CellsCase, InclusionsHaveTheirMaterialsByName) {
+  const std::string two = replaced(ball_case, "[material]\nE = 1\nnu = 0.3\n",
+                                   "[[material]]\nregion = \"2\"\nE = 10\nnu = 0.2\n[[material]]\nregion = \"1\"\nE = "
+                                   "1\nnu = 0.3\n");
+  const Ball work(two, 2);
+  const CaseResult<3> cells = solve_case(work.read());
+  ASSERT_TRUE(cells.cells);
+  auto by_elements = work.read();
+  by_elements.cells = CaseSettings::Cells::never;
+  by_elements.approximation.kind = BasisKind::p2;
+  impose(by_elements, Essential::strong);
+  const double energy = solve_case(by_elements).solution.strain_energy;
+  EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.01 * energy);
+}
+
+TEST(CellsCase, FinerGridsFollowUntilAnAccuracyIsReached) {
+  const Ball work(ball_case + "[accuracy]\nenergy = 0.02\n");
+  const CaseResult<3> result = solve_to_accuracy(work.read());
+  ASSERT_TRUE(result.cells);
+  EXPECT_GE(result.attempts.size(), 2U);
+  EXPECT_LE(result.estimates->total(), 0.02);
+  EXPECT_TRUE(result.warnings.empty());
+}
+
+TEST(CellsCase, PressureInPoresIsLeftToTheCloud) {
+  const Ball work(ball_case + "[[boundary]]\non = \"pores\"\npressure = 0.01\n");
+  const CaseResult<3> result = solve_case(work.read());
+  EXPECT_FALSE(result.cells);
+  EXPECT_GT(result.approximation.nodes.cols(), 0);
+}
+
+struct Wrong {
+  const char* add;
+  const char* says;
+};
+class WrongCells : public ::testing::TestWithParam<Wrong> {};
+TEST_P(WrongCells, AreRefusedWithTheReason) {
+  const Ball work(ball_case + GetParam().add);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.output, AllOf(HasSubstr("case.toml"), HasSubstr(GetParam().says)));
+}
+INSTANTIATE_TEST_SUITE_P(
+    All, WrongCells,
+    ::testing::Values(Wrong{"[basis]\nkind = \"cells\"\n[cloud]\nspacing = 4\n", "[cloud] means nothing on cells"},
+                      Wrong{"[basis]\nkind = \"cells\"\norder = 2\n", "basis.order means nothing on cells"},
+                      Wrong{"[basis]\nkind = \"cells\"\n[analysis]\nbody_force = [0, 0, 1]\n", "there is a body force"},
+                      Wrong{"[basis]\nkind = \"cells\"\n[[boundary]]\non = \"pores\"\npressure = 1\n",
+                            "\"pores\" is not a side of the image"},
+                      Wrong{"[basis]\nkind = \"cell\"\n", "kind is \"cell\""}));
+
+}  // namespace
+}  // namespace efree
