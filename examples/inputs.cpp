@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Makes what examples 03 to 06 read: example_inputs FOLDER. Their case files are copied beside it.
+/// Makes what examples 03 to 07 read: example_inputs FOLDER. Their case files are copied beside it.
 ///
 /// porous.pgm     a square of 256 x 256 pixels with overlapping discs cut out of it
 /// part.mha       a bar of 72 x 24 x 24 voxels as a scanner sees it: rough skin, some pores
 /// assembly.step  a plate with a pin through it, two bodies
 /// dirty.stl      an angle of two overlapping boxes, some of whose triangles are missing, doubled or turned over
+/// block.mha      a block of 96 x 96 x 96 voxels with overlapping balls cut out of it
 #include <cmath>
 #include <cstdio>
 #include <efree/efree.hpp>
@@ -117,9 +118,11 @@ int main(int argc, char** argv) try {
   fs::create_directories(folder);
   porous_image(folder / "porous.pgm");
   scanned_part(folder / "part.mha");
+  write_image(random_spheres<3>(96, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0}), (folder / "block.mha").string());
   assembly(folder / "assembly.step");
   dirty_surface(folder / "dirty.stl");
-  for (const char* name : {"03_porous_image", "04_scanned_part", "05_step_assembly", "06_dirty_surface"})
+  for (const char* name :
+       {"03_porous_image", "04_scanned_part", "05_step_assembly", "06_dirty_surface", "07_porous_block"})
     fs::copy_file(fs::path(EFREE_EXAMPLES) / name / "case.toml", folder / (std::string(name) + ".toml"),
                   fs::copy_options::overwrite_existing);
   return 0;
