@@ -52,15 +52,14 @@ class VoxelFractions {
     }
     for (const Label label : image.labels)
       if (label >= kind_.size()) kind_.resize(label + 1, unknown);
+    values_.push_back(value_of_label.empty() ? 0.0F : value_of_label[0]);
+    if (!kind_.empty()) kind_[0] = 0;
     for (const Label label : image.labels) {
       if (kind_[label] != unknown) continue;
       const float value = label < value_of_label.size() ? value_of_label[label] : 0.0F;
-      const auto same = std::ranges::find(values_, value);
+      const auto same = std::find(values_.begin() + 1, values_.end(), value);
       kind_[label] = static_cast<std::uint16_t>(same - values_.begin());
-      if (same == values_.end()) {
-        values_.push_back(value);
-        is_void_.push_back(label == 0);
-      }
+      if (same == values_.end()) values_.push_back(value);
     }
     if (!image.grey.empty())
       for (std::size_t label = 1; label < kind_.size(); ++label)
@@ -80,8 +79,12 @@ class VoxelFractions {
     for (Index j = 0; j < ny; ++j)
       for (Index i = 0; i < nx; ++i) {
         const std::uint16_t kind = kind_[image_.at({i, j, k})];
-        if (smooth[1]->of_kind[kind][i + static_cast<std::size_t>(nx) * j] == whole)
-          std::ranges::fill(values, values_[kind]);
+        // Walls, slits and specks a voxel thick, which smoothing would take away, stay as they are.
+        const int own = smooth[1]->of_kind[kind][i + static_cast<std::size_t>(nx) * j];
+        const bool thin = image_.grey.empty() && own <= whole / 2 && is_thin({i, j, k});
+        if (own == whole || thin)
+          std::ranges::fill(
+              values, thin && kind > 0 ? std::clamp(1.0F + 2.0F * grown_, 0.0F, 1.0F) * values_[kind] : values_[kind]);
         else
           split({i, j, k}, smooth, values);
         for (int p = 0; p < static_cast<int>(values.size()); ++p)
@@ -103,6 +106,17 @@ class VoxelFractions {
     Index layer = -1;
     std::vector<Plane> of_kind;
   };
+
+  /// Whether both neighbours along an axis are of other kinds than a voxel.
+  bool is_thin(const std::array<Index, 3>& voxel) const {
+    const std::uint16_t own = kind_[image_.at(voxel)];
+    for (int d = 0; d < 3; ++d) {
+      std::array<Index, 3> low = voxel, high = voxel;
+      if (--low[d] < 0 || ++high[d] >= image_.size[d]) continue;
+      if (kind_[image_.at(low)] != own && kind_[image_.at(high)] != own) return true;
+    }
+    return false;
+  }
 
   const Smooth& smoothed(Index k) {
     Smooth& out = smooth_[k % 3];
@@ -142,7 +156,8 @@ class VoxelFractions {
 
   /// Adds by part how much of it lies where the stencil's field, quadratic along each axis, is positive, if a plane
   /// bounds it: to `sums` times `value`, to `all` as it is.
-  void add_fractions(const Stencil& stencil, float grown, float value, std::array<float, 8>& sums, std::array<float, 8>& all) const {
+  void add_fractions(const Stencil& stencil, float grown, float value, std::array<float, 8>& sums,
+                     std::array<float, 8>& all) const {
     // At the parts' faces and middles: along x, along y, along z.
     const int m = 2 * parts_ + 1;
     std::array<float, 45> along_x;
@@ -169,7 +184,8 @@ class VoxelFractions {
       for (int y = 0; y < parts_; ++y)
         for (int x = 0; x < parts_; ++x, ++part) {
           const float* middle = &at[((2 * z + 1) * m + 2 * y + 1) * m + 2 * x + 1];
-          float mean = *middle, change = 0.0F, squares = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
+          float mean = *middle, change = 0.0F,
+                squares = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
           for (const int step : {1, m, m * m}) {
             mean += (middle[step] + middle[-step] - 2.0F * *middle) / 6.0F;
             const float across = middle[step] - middle[-step];
@@ -197,6 +213,10 @@ class VoxelFractions {
     if (!image_.grey.empty()) {
       for (int n = 0; n < 27; ++n)
         stencil[n] = image_.grey[around[n % 9] + plane * std::clamp(voxel[2] + n / 9 - 1, 0, image_.size[2] - 1)];
+      // Far from boundaries some fields have the largest number there is.
+      float largest = 0.0F;
+      for (const float value : stencil) largest = std::max(largest, std::abs(value));
+      for (float& value : stencil) value /= largest;
       add_fractions(stencil, grown_, material_, sums, all);
       all.fill(1.0F);
     } else {
@@ -204,7 +224,7 @@ class VoxelFractions {
         if (smooth[1]->of_kind[kind][around[4]] == 0) continue;
         for (int n = 0; n < 27; ++n)
           stencil[n] = static_cast<float>(smooth[n / 9]->of_kind[kind][around[n % 9]]) / whole - 0.5F;
-        add_fractions(stencil, is_void_[kind] ? -grown_ : grown_, values_[kind], sums, all);
+        add_fractions(stencil, kind == 0 ? -grown_ : grown_, values_[kind], sums, all);
       }
     }
     for (std::size_t p = 0; p < values.size(); ++p)
@@ -213,10 +233,9 @@ class VoxelFractions {
 
   const LabelImage<3>& image_;
   int parts_;
-  float grown_;  ///< by how much void recedes [parts]
+  float grown_;                                ///< by how much void recedes [parts]
   std::vector<std::uint16_t> kind_;            ///< by label: labels of the same value are of one kind
-  std::vector<char> is_void_;  ///< by kind
-  std::vector<float> values_;                  ///< by kind
+  std::vector<float> values_;                  ///< by kind: void, then labels by their values
   float material_ = 0.0F;                      ///< value of what is not void, with grey values
   std::vector<std::array<float, 3>> weights_;  ///< of quadratics through -1, 0, 1, by face or middle of a part
   std::array<Smooth, 3> smooth_;
@@ -272,10 +291,8 @@ std::vector<float> side_averages(const LabelImage<3>& image, const std::vector<f
   check_image(image);
   require_boxes(boxes);
   // The side as an image of its own, one voxel deep.
-  LabelImage<3> side = image;
+  LabelImage<3> side{.size = image.size, .spacing = image.spacing, .origin = image.origin};
   side.size[axis] = 1;
-  side.labels.clear();
-  side.grey.clear();
   std::array<Index, 3> at{};
   for (at[2] = 0; at[2] < side.size[2]; ++at[2])
     for (at[1] = 0; at[1] < side.size[1]; ++at[1])

@@ -13,10 +13,10 @@ namespace efree {
 /// Boundaries are planes within a voxel (within an eighth of it where boxes are smaller than voxels): where the grey
 /// values change their sign, between the centres of voxels quadratic along each axis; without grey values where the
 /// label's part of the 27 voxels around, weighted with 1, 2, 1 along each axis, is a half. So the steps of voxels are
-/// smoothed away: bodies of voxels with steps are softer than what they picture. What a plane cuts off is taken from
-/// distance over slope, exact for planes along the voxels' sides. Voxels count by the volume they share with a box,
-/// exactly. Bitwise the same on any number of threads. `grown` [voxels] moves the boundaries between void and the rest outwards. Throws as
-/// check_image does, and InputError without boxes.
+/// smoothed away (but not walls, slits and specks a voxel thick): bodies of voxels with steps are softer than what they
+/// picture. What a plane cuts off is taken from distance over slope, exact for planes along the voxels' sides. Voxels
+/// count by the volume they share with a box, exactly. Bitwise the same on any number of threads. `grown` [voxels]
+/// moves the boundaries between void and the rest outwards. Throws as check_image does, and InputError without boxes.
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
                                 const std::array<Index, 3>& boxes, double grown = 0.0);
 

@@ -195,7 +195,7 @@ template <class T, class V> void product(const CellGrid& grid, const T* u, T* f)
 CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& mu,
                    const std::vector<float>& lambda)
     : cells(cells_), edges(edges_), row((cells_[0] + lanes - 1) / lanes * lanes), pitch(row + lanes) {
-  for (int d = 0; d < 3; ++d) inverse_edges[d] = static_cast<float>(1.0 / edges[d]);
+  for (int d = 0; d < 3; ++d) inverse_edges[d] = 1.0 / edges[d];
   const std::size_t blocks = static_cast<std::size_t>(row / lanes) * cells[1] * cells[2];
   stiffness.assign(blocks * 16 * lanes, 0.0F);
   empty.assign(blocks, 1);
@@ -274,7 +274,7 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
   for (int a = 0; a < 8; ++a)
     for (int q = 0; q < 8; ++q)
       for (int d = 0; d < 3; ++d) {
-        float slope = inverse_edges[d];
+        float slope = static_cast<float>(inverse_edges[d]);
         for (int e = 0; e < 3; ++e)
           if (e != d) slope *= (a >> e & 1) == (q >> e & 1) ? 0.75F : 0.25F;
         squares[a][q][d] = slope * slope;
@@ -282,7 +282,7 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
   std::array<float, 3> whole{};  // the same at every corner
   for (int q = 0; q < 8; ++q)
     for (int d = 0; d < 3; ++d) whole[d] += squares[0][q][d];
-  constexpr float margin = 1.02F;
+  constexpr float margin = 1.06F;  // materials of different nu in one cell need up to 1.04
   for_layers(cells, [&](Index begin, Index end, bool) {
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < cells[1]; ++j)
@@ -327,18 +327,23 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
   return result;
 }
 
-std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells) {
+std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
+                          const std::array<int, 3>& ratio) {
   const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
-  std::vector<float> means(static_cast<std::size_t>(cells[0]) * cells[1] * cells[2]);
-  parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
+  const std::array<Index, 3> out{2 * cells[0] / ratio[0], 2 * cells[1] / ratio[1], 2 * cells[2] / ratio[2]};
+  const float share = 1.0F / static_cast<float>(ratio[0] * ratio[1] * ratio[2]);
+  std::vector<float> means(static_cast<std::size_t>(out[0]) * out[1] * out[2]);
+  parallel_chunks(out[2], 2, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < cells[1]; ++j) {
-        const float* from = parts.data() + along * 2 * j + plane * 2 * k;
-        float* to = means.data() + static_cast<std::size_t>(cells[0]) * (j + static_cast<std::size_t>(cells[1]) * k);
-        for (Index i = 0; i < cells[0]; ++i, from += 2)
-          to[i] = 0.125F * (from[0] + from[1] + from[along] + from[along + 1] + from[plane] + from[plane + 1] +
-                            from[plane + along] + from[plane + along + 1]);
-      }
+      for (Index j = 0; j < out[1]; ++j)
+        for (Index i = 0; i < out[0]; ++i) {
+          const float* from = parts.data() + ratio[0] * i + along * ratio[1] * j + plane * ratio[2] * k;
+          float sum = 0.0F;
+          for (int z = 0; z < ratio[2]; ++z)
+            for (int y = 0; y < ratio[1]; ++y)
+              for (int x = 0; x < ratio[0]; ++x) sum += from[x + along * y + plane * z];
+          means[i + static_cast<std::size_t>(out[0]) * (j + static_cast<std::size_t>(out[1]) * k)] = share * sum;
+        }
   });
   return means;
 }

@@ -28,9 +28,9 @@ struct CellOptions {
 
 /// What was found on one grid.
 struct CellLevel {
-  Vec<3> edges;                  ///< of a cell [length]
-  Index cells = 0;               ///< that are not void
-  int iterations = 0;            ///< 0 on the coarsest grid, which is solved directly
+  Vec<3> edges;     ///< of a cell [length]
+  Index cells = 0;  ///< that are not void
+  int iterations = 0;
   double strain_energy = 0.0;    ///< [force * length]
   double potential = 0.0;        ///< strain energy less the work of the loads
   double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left

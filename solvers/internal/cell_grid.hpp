@@ -27,7 +27,7 @@ struct CellGrid {
 
   std::array<Index, 3> cells{};
   Vec<3> edges = Vec<3>::Ones();  ///< of a cell [length]
-  std::array<float, 3> inverse_edges{};
+  std::array<double, 3> inverse_edges{};
   Index row = 0, pitch = 0;      ///< cells in a padded row, nodes in one
   std::vector<float> stiffness;  ///< by `lanes` cells: mu of their 8 parts and lambda of their 8 parts, times volume
   std::vector<char> empty;       ///< by `lanes` cells
@@ -60,7 +60,8 @@ struct CellGrid {
   std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
 
-/// Lame constants by cell from those by part: means of eight.
-std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells);
+/// Lame constants by part of a coarser grid, from those of a grid of so many cells: `ratio`, 1 or 2 along each axis.
+std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
+                          const std::array<int, 3>& ratio);
 
 }  // namespace efree::internal

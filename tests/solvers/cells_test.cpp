@@ -164,7 +164,7 @@ TEST(Cells, PorousBlockComesWithinTwoPercentOfItsSpheresAndSaysItsError) {
   const double error = std::sqrt(modulus / reference - 1.0);
   EXPECT_GT(solution.grid_error / error, 0.7);
   EXPECT_LT(solution.grid_error / error, 1.4);
-  for (const CellLevel& level : solution.levels) EXPECT_LE(level.iterations, 8);
+  for (const CellLevel& level : solution.levels) EXPECT_LE(level.iterations, 12);
 }
 
 TEST(Cells, NoiseIsSolvedWhereBodiesHangLooseAndBitwiseTheSameOnThreads) {
@@ -181,6 +181,63 @@ TEST(Cells, NoiseIsSolvedWhereBodiesHangLooseAndBitwiseTheSameOnThreads) {
   EXPECT_TRUE(solutions[0].displacement.allFinite());
   EXPECT_GT(solutions[0].finest().strain_energy, 0.0);
   EXPECT_LE(solutions[0].finest().iterations, 60);
+}
+
+TEST(Cells, WallsAndSlitsAVoxelThickKeepTheirStiffness) {
+  // Two blocks tied by a plate of one voxel, all pulled along it: stress and strain are uniform for nu = 0.
+  const auto plates =
+      image_of({16, 16, 16}, [](const Vec<3>& x) -> Label { return x[0] < 4.0 || (x[0] > 9.0 && x[0] < 10.0); });
+  const LinearElastic material{2.0, 0.0};
+  const CellSolution wall = solve_on_cells(plates, {{}, material}, stretched(0.16), {}, {.size = 2.0});
+  const double energy = 0.5 * 2.0 * 1e-4 * 5.0 * 16.0 * 16.0;
+  EXPECT_NEAR(wall.finest().strain_energy, energy, 1e-4 * energy);
+  // A slit of one voxel across the pull, three quarters of the way through: softer than the solid block by far.
+  const auto slit =
+      image_of({16, 16, 16}, [](const Vec<3>& x) -> Label { return x[2] < 8.0 || x[2] > 9.0 || x[0] < 4.0; });
+  const CellSolution open = solve_on_cells(slit, {{}, material}, stretched(0.16), {}, {.size = 1.0});
+  const double solid = 0.5 * 2.0 * 1e-4 * std::pow(16.0, 3);
+  EXPECT_LT(open.finest().strain_energy, 0.7 * solid);
+}
+
+TEST(Cells, SlenderBarsAreRightOnEveryGridAndThinSheetsHaveFewCells) {
+  const auto bar = image_of({2, 2, 400}, [](const Vec<3>&) -> Label { return 1; });
+  const CellSolution solution =
+      solve_on_cells(bar, {{}, {1.0, 0.0}}, {clamp<3>("bottom")},
+                     {.tractions = {tension<3>("top", 1.0)}, .body_force = {}}, {.size = 1.0, .tolerance = 1e-6});
+  for (const CellLevel& level : solution.levels) EXPECT_NEAR(level.strain_energy, 0.5 * 400.0 * 4.0, 0.01);
+  const auto sheet = image_of({1, 80, 80}, [](const Vec<3>&) -> Label { return 1; });
+  const CellSolution flat = solve_on_cells(sheet, {{}, {1.0, 0.3}}, stretched(0.8), {}, {.size = 2.0});
+  EXPECT_LE(flat.finest().cells, 4 * 48 * 48);
+  EXPECT_NEAR(flat.finest().strain_energy, 0.5 * 1e-4 * 6400.0, 1e-3);
+}
+
+TEST(Cells, RigidMotionsHaveNoEnergyAndNoError) {
+  const auto image = image_of({12, 12, 12}, [](const Vec<3>& x) -> Label { return x.norm() > 5.0; });
+  const auto turned = [](const Vec<3>& x) { return Vec<3>(-0.3 * x[1] + 1.0, 0.3 * x[0], 2.0); };
+  std::vector<DisplacementCondition<3>> held;
+  for (const std::string& side : all_sides) held.push_back(moved(side, turned));
+  const CellSolution solution = solve_on_cells(image, {{}, {1.0, 0.3}}, held, {}, {.size = 2.0, .half_voxel = true});
+  EXPECT_EQ(solution.finest().strain_energy, 0.0);
+  EXPECT_EQ(solution.grid_error, 0.0);
+  EXPECT_EQ(solution.half_voxel, 0.0);
+}
+
+TEST(Cells, UnitsDoNotMatter) {
+  auto image = image_of({12, 12, 12}, [](const Vec<3>& x) -> Label { return x.norm() > 5.0; });
+  const double energy = solve_on_cells(image, {{}, {1.0, 0.3}}, stretched(0.12), {}).finest().strain_energy;
+  for (const double E : {1e-40, 1e40})
+    for (const double length : {1e-12, 1e9}) {
+      image.spacing = Vec<3>::Constant(length);
+      const CellSolution scaled = solve_on_cells(image, {{}, {E, 0.3}}, stretched(0.12 * length), {});
+      EXPECT_NEAR(scaled.finest().strain_energy / (energy * E * std::pow(length, 3)), 1.0, 1e-5) << E << ' ' << length;
+    }
+}
+
+TEST(Cells, SidesThatContradictEachOtherAreRefused) {
+  const auto image = image_of({8, 8, 8}, [](const Vec<3>&) -> Label { return 1; });
+  EXPECT_THROW(solve_on_cells(image, {{}, {1.0, 0.3}},
+                              {clamp<3>("bottom"), moved("left", [](const Vec<3>&) { return Vec<3>(1, 0, 0); })}, {}),
+               InputError);
 }
 
 TEST(Cells, RefuseWhatTheyCannotDo) {

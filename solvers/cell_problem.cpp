@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/internal/cell_problem.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
+#include "efree/geometry/box_averages.hpp"
+
+#include <fmt/format.h>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <string_view>
+
+namespace efree {
+namespace {
+
+constexpr std::array<std::string_view, 6> sides{"left", "right", "front", "back", "bottom", "top"};
+
+}  // namespace
+
+bool is_side(const std::string& name) {
+  return std::ranges::find(sides, name) != sides.end();
+}
+
+namespace internal {
+namespace {
+
+using Triple = std::array<Index, 3>;
+
+Side side_named(const std::string& name) {
+  const auto found = std::ranges::find(sides, name);
+  if (found == sides.end())
+    throw InputError(
+        fmt::format("on cells conditions and loads are on sides of the image (left, right, front, back, bottom, top), "
+                    "not on \"{}\"",
+                    name));
+  const auto s = static_cast<int>(found - sides.begin());
+  return {s / 2, s % 2 == 1};
+}
+
+std::string text(const Vec<3>& x) {
+  return fmt::format("({:.6g}, {:.6g}, {:.6g})", x[0], x[1], x[2]);
+}
+
+std::vector<HeldSide> held_sides(const std::vector<DisplacementCondition<3>>& conditions) {
+  std::vector<HeldSide> held;
+  for (const auto& condition : conditions) {
+    const Side side = side_named(condition.on);
+    for (int c = 0; c < 3; ++c)
+      if (condition.components[c]) held.push_back({condition.on, side, c, condition.components[c]});
+    if (condition.normal)
+      held.push_back(
+          {condition.on, side, side.axis,
+           [value = condition.normal, sign = side.upper ? 1.0 : -1.0](const Vec<3>& x) { return sign * value(x); }});
+  }
+  return held;
+}
+
+/// Cells of the grids, from fine to coarse: edges of at most `size` on the finest, 6 to 12 cells along each axis on the
+/// last, or as many as keep it small; each axis is halved at least twice, as three grids tell the error.
+std::vector<Triple> grid_cells(const Vec<3>& lengths, double size) {
+  constexpr double few = 2500.0;  // points, which are solved directly
+  Triple n;
+  std::array<int, 3> halvings;
+  double points = 1.0;
+  for (int d = 0; d < 3; ++d) {
+    const double wanted = std::ceil(lengths[d] / size - 1e-9);
+    halvings[d] = std::max(2, static_cast<int>(std::floor(std::log2(std::max(wanted, 1.0) / 6.0))));
+    const double whole = std::ceil(wanted / std::pow(2.0, halvings[d])) * std::pow(2.0, halvings[d]);
+    points *= whole + 1.0 + (d == 0 ? 1.5 * CellGrid::lanes : 0.0);
+    n[d] = static_cast<Index>(std::min(whole, 1e9));
+  }
+  require_memory(cell_memory * points, fmt::format("a grid of {} x {} x {} cells", n[0], n[1], n[2]),
+                 "use larger cells (mesh_size)");
+  std::vector<Triple> cells{n};
+  const auto size_of = [](const Triple& c) { return (c[0] + 1.0) * (c[1] + 1.0) * (c[2] + 1.0); };
+  while (cells.size() < 3 || size_of(cells.back()) > few) {
+    bool any = false;
+    for (int d = 0; d < 3; ++d)
+      if (halvings[d]-- > 0) {
+        n[d] /= 2;
+        any = true;
+      }
+    if (!any) break;
+    cells.push_back(n);
+  }
+  return cells;
+}
+
+/// What all of a are of b, if it is the same; where b is 0 it does not count.
+std::optional<float> common_ratio(const std::vector<float>& a, const std::vector<float>& b) {
+  std::optional<float> ratio;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (b[i] == 0.0F) continue;
+    if (!ratio) ratio = a[i] / b[i];
+    if (std::abs(a[i] - *ratio * b[i]) > 1e-6F * std::abs(a[i])) return {};
+  }
+  return ratio;
+}
+
+/// Moduli of the labels in units of the largest mu.
+struct Moduli {
+  std::vector<float> mu, lambda, solid;  ///< by label
+  double unit = 0.0;                     ///< [stress]
+  float least_ratio = std::numeric_limits<float>::max(), most_ratio = std::numeric_limits<float>::lowest();
+
+  Moduli(const LabelImage<3>& image, const std::vector<LinearElastic>& materials)
+      : mu(materials.size(), 0.0F), lambda(mu), solid(mu) {
+    std::vector<Lame> lame(materials.size());
+    for (const LabelCount& count : count_labels(image)) {
+      if (count.label == 0) continue;
+      if (count.label >= materials.size())
+        throw InputError(fmt::format("the image has the label {}, which has no material", count.label));
+      lame[count.label] = solid_lame(materials[count.label]);
+      solid[count.label] = 1.0F;
+      unit = std::max(unit, lame[count.label].mu);
+    }
+    if (unit == 0.0) throw InputError("all of the image is void");
+    for (std::size_t l = 0; l < lame.size(); ++l) {
+      if (solid[l] == 0.0F) continue;
+      mu[l] = static_cast<float>(lame[l].mu / unit);
+      lambda[l] = static_cast<float>(lame[l].lambda / unit);
+      const auto ratio = static_cast<float>(lame[l].lambda / lame[l].mu);
+      least_ratio = std::min(least_ratio, ratio);
+      most_ratio = std::max(most_ratio, ratio);
+    }
+  }
+};
+
+/// Lame constants by part of a grid's cells.
+struct Parts {
+  std::vector<float> mu, lambda;
+};
+Parts parts_of(const LabelImage<3>& image, const Moduli& moduli, const Triple& cells, double grown) {
+  const Triple boxes{2 * cells[0], 2 * cells[1], 2 * cells[2]};
+  Parts parts{box_averages(image, moduli.mu, boxes, grown), {}};
+  if (const auto ratio = common_ratio(moduli.lambda, moduli.mu)) {
+    parts.lambda.resize(parts.mu.size());
+    for_all(parts.mu.size(), [&](std::size_t i) { parts.lambda[i] = *ratio * parts.mu[i]; });
+  } else {
+    parts.lambda = box_averages(image, moduli.lambda, boxes, grown);
+  }
+  return parts;
+}
+
+/// Nodes of a side that material reaches, from its parts in the side's rectangles.
+std::vector<char> reached_nodes(const CellProblem& problem, const Side& side, const std::vector<float>& parts) {
+  const Index a = problem.grid.cells[side.first()], b = problem.grid.cells[side.second()];
+  std::vector<char> reached(static_cast<std::size_t>(a + 1) * (b + 1), 0);
+  for (Index j = 0; j < 2 * b; ++j)
+    for (Index i = 0; i < 2 * a; ++i)
+      if (parts[i + static_cast<std::size_t>(2 * a) * j] > 0.0F)
+        for (int c = 0; c < 4; ++c) reached[i / 2 + (c & 1) + static_cast<std::size_t>(a + 1) * (j / 2 + (c >> 1))] = 1;
+  return reached;
+}
+
+/// Adds the work-equivalent forces of a traction, unscaled.
+void add_traction(CellProblem& problem, const Side& side, const TractionCondition<3>& traction,
+                  const std::vector<float>& parts) {
+  const int first = side.first(), second = side.second();
+  const Triple& n = problem.grid.cells;
+  const double area = 0.25 * problem.edges[first] * problem.edges[second];
+  const Vec<3> normal = (side.upper ? 1.0 : -1.0) * Vec<3>::Unit(side.axis);
+  Triple node{};
+  node[side.axis] = side.upper ? n[side.axis] : 0;
+  for (Index b = 0; b < 2 * n[second]; ++b)
+    for (Index a = 0; a < 2 * n[first]; ++a) {
+      const double share = parts[a + static_cast<std::size_t>(2 * n[first]) * b];
+      if (share == 0.0) continue;
+      Vec<3> at = problem.place(node);
+      at[first] = problem.origin[first] + 0.5 * (a + 0.5) * problem.edges[first];
+      at[second] = problem.origin[second] + 0.5 * (b + 0.5) * problem.edges[second];
+      const Vec<3> t = traction.traction(at, normal);
+      if (!t.allFinite())
+        throw InputError(
+            fmt::format("traction on \"{}\" is {} at {}, expected finite numbers", traction.on, text(t), text(at)));
+      for (int corner = 0; corner < 4; ++corner) {
+        Triple to = node;
+        to[first] = a / 2 + (corner & 1);
+        to[second] = b / 2 + (corner >> 1);
+        const double weight = ((corner & 1) == (a & 1) ? 0.75 : 0.25) * ((corner >> 1) == (b & 1) ? 0.75 : 0.25);
+        for (int c = 0; c < 3; ++c) problem.load[problem.dof(c, to)] += weight * area * share * t[c];
+      }
+    }
+}
+
+/// Throws InputError if two sides ask for different displacements of a node they share.
+void require_agreement(const CellProblem& problem) {
+  const std::vector<HeldSide>& held = *problem.held;
+  for (std::size_t a = 0; a < held.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) {
+      if (held[a].component != held[b].component) continue;
+      const Side& side = held[b].side;
+      if (side.axis == held[a].side.axis && side.upper != held[a].side.upper) continue;
+      const Index there = side.upper ? problem.grid.cells[side.axis] : 0;
+      problem.for_held(a, [&](const Triple& node) {
+        if (node[side.axis] != there) return;
+        const Vec<3> x = problem.place(node);
+        const double one = held[a].value(x), other = held[b].value(x);
+        if (std::abs(one - other) > 1e-9 * std::max(std::abs(one), std::abs(other)))
+          throw InputError(fmt::format("displacements prescribed on \"{}\" and \"{}\" contradict each other at {}",
+                                       held[b].on, held[a].on, text(x)));
+      });
+    }
+}
+
+/// Throws InputError naming the place of a body that is loaded, but not held against the motion its loads ask for.
+/// Bodies are cells with a point in common.
+void require_held_where_loaded(const CellProblem& problem) {
+  const CellGrid& grid = problem.grid;
+  const auto& n = grid.cells;
+  const auto index = [&](Index i, Index j, Index k) {
+    return i + static_cast<std::size_t>(n[0]) * (j + static_cast<std::size_t>(n[1]) * k);
+  };
+  const auto for_cells = [&](const std::array<Index, 3>& low, const std::array<Index, 3>& high, const auto& f) {
+    for (Index k = std::max(low[2], 0); k <= std::min(high[2], n[2] - 1); ++k)
+      for (Index j = std::max(low[1], 0); j <= std::min(high[1], n[1] - 1); ++j)
+        for (Index i = std::max(low[0], 0); i <= std::min(high[0], n[0] - 1); ++i) f(i, j, k);
+  };
+  std::vector<char> waiting(static_cast<std::size_t>(n[0]) * n[1] * n[2]), seen(grid.nodes(), 0);
+  for_cells({0, 0, 0}, n, [&](Index i, Index j, Index k) {
+    for (int q = 0; q < 8; ++q) waiting[index(i, j, k)] |= grid.weight(i, j, k, q) > 0.0F;
+  });
+  using Motion = Eigen::Matrix<double, 6, 1>;  // translations and rotations
+  const Vec<3> middle = problem.place({n[0] / 2, n[1] / 2, n[2] / 2});
+  const double length = problem.edges.cwiseProduct(Vec<3>(n[0], n[1], n[2])).norm();
+  std::vector<std::array<Index, 3>> front;
+  for_cells({0, 0, 0}, n, [&](Index i0, Index j0, Index k0) {
+    if (!waiting[index(i0, j0, k0)]) return;
+    Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
+    Motion load = Motion::Zero();
+    double forces = 0.0;
+    front.assign(1, {i0, j0, k0});
+    waiting[index(i0, j0, k0)] = 0;
+    while (!front.empty()) {
+      const auto [i, j, k] = front.back();
+      front.pop_back();
+      for (int a = 0; a < 8; ++a) {
+        const Index x = i + (a & 1), y = j + (a >> 1 & 1), z = k + (a >> 2);
+        const std::size_t node = grid.node(x, y, z);
+        if (seen[node]) continue;
+        seen[node] = 1;
+        const Vec<3> arm = (problem.place({x, y, z}) - middle) / length;
+        for (int c = 0; c < 3; ++c) {
+          Motion motion = Motion::Zero();
+          motion[c] = 1.0;
+          motion.tail<3>() = arm.cross(Vec<3>::Unit(c));
+          const std::size_t dof = c * grid.nodes() + node;
+          if (problem.inverse_diagonal[dof] == 0.0F)
+            held += motion * motion.transpose();
+          else
+            load += problem.load[dof] * motion;
+          forces += std::abs(problem.load[dof]);
+        }
+      }
+      for_cells({i - 1, j - 1, k - 1}, {i + 1, j + 1, k + 1}, [&](Index a, Index b, Index c) {
+        if (!waiting[index(a, b, c)]) return;
+        waiting[index(a, b, c)] = 0;
+        front.push_back({a, b, c});
+      });
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> motions(held);
+    for (int m = 0; m < 6; ++m)
+      if (motions.eigenvalues()[m] < 1e-9 * std::max(1.0, held.trace()) &&
+          std::abs(motions.eigenvectors().col(m).dot(load)) > 1e-6 * forces) {
+        const Vec<3> at = problem.place({i0, j0, k0});
+        throw InputError(fmt::format(
+            "the body at ({:.6g}, {:.6g}, {:.6g}) is loaded, but free to move: prescribe displacements that "
+            "hold it",
+            at[0], at[1], at[2]));
+      }
+  });
+}
+
+}  // namespace
+
+void CellProblem::set_held(Field& u) const {
+  for (std::size_t condition = 0; condition < held->size(); ++condition) {
+    const HeldSide& h = (*held)[condition];
+    for_held(condition, [&](const Triple& node) {
+      const double value = h.value(place(node));
+      if (!std::isfinite(value))
+        throw InputError(fmt::format("the displacement prescribed on \"{}\" is {} at {}, expected a finite number",
+                                     h.on, value, text(place(node))));
+      u[dof(h.component, node)] = value;
+    });
+  }
+}
+
+Index CellProblem::num_cells() const {
+  std::vector<Index> of_layer(grid.cells[2], 0);
+  parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k)
+      for (Index j = 0; j < grid.cells[1]; ++j)
+        for (Index i = 0; i < grid.cells[0]; ++i) {
+          bool some = false;
+          for (int q = 0; q < 8; ++q) some = some || grid.weight(i, j, k, q) > 0.0F;
+          of_layer[k] += some;
+        }
+  });
+  return std::accumulate(of_layer.begin(), of_layer.end(), Index(0));
+}
+
+CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+                                const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
+                                const CellOptions& options) {
+  check_image(image);
+  if (!(options.size >= 0.0)) throw InputError(fmt::format("the size of cells is {}, expected > 0", options.size));
+  if (loads.body_force) throw InputError("on cells there are no body forces");
+  Vec<3> lengths;
+  for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
+  const std::vector<Triple> cells =
+      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff());
+  const Moduli moduli(image, materials);
+  const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
+
+  CellProblems problems{held_sides(conditions), {}, moduli.unit * unit_length, {}};
+  Parts parts = parts_of(image, moduli, cells[0], 0.0);
+  CellEigenvalues eigenvalues{};
+  for (std::size_t l = 0; l < cells.size(); ++l) {
+    const Triple& n = cells[l];
+    std::array<int, 3> ratio{1, 1, 1};
+    if (l > 0) {
+      for (int d = 0; d < 3; ++d) ratio[d] = cells[l - 1][d] / n[d];
+      parts = {halved(parts.mu, cells[l - 1], ratio), halved(parts.lambda, cells[l - 1], ratio)};
+    }
+    const Vec<3> edges = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
+    if (l == 0 || ratio[0] != ratio[1] || ratio[1] != ratio[2])
+      eigenvalues = largest_eigenvalues(edges / unit_length, moduli.least_ratio, moduli.most_ratio);
+    if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
+      const Parts less = parts_of(image, moduli, n, -0.5);
+      problems.shrunk.emplace(n, edges / unit_length, less.mu, less.lambda);
+    }
+    problems.grids.push_back(
+        std::make_unique<CellProblem>(CellProblem{CellGrid(n, edges / unit_length, parts.mu, parts.lambda),
+                                                  image.origin,
+                                                  edges,
+                                                  ratio,
+                                                  &problems.held,
+                                                  {},
+                                                  {},
+                                                  {}}));
+    CellProblem& problem = *problems.grids.back();
+    const auto on_side = [&](const Side& side) {
+      return side_averages(image, moduli.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
+    };
+    for (const HeldSide& held : problems.held)
+      problem.reached.push_back(reached_nodes(problem, held.side, on_side(held.side)));
+    problem.inverse_diagonal = problem.grid.bound(eigenvalues);
+    for_all(problem.inverse_diagonal.size(), [&](std::size_t i) {
+      float& d = problem.inverse_diagonal[i];
+      d = d > 0.0F ? 1.0F / d : 0.0F;
+    });
+    for (std::size_t condition = 0; condition < problems.held.size(); ++condition)
+      problem.for_held(condition, [&](const Triple& node) {
+        problem.inverse_diagonal[problem.dof(problems.held[condition].component, node)] = 0.0F;
+      });
+    if (!loads.tractions.empty()) {
+      problem.load = zeros<double>(problem.grid.size());
+      for (const auto& traction : loads.tractions) {
+        const Side side = side_named(traction.on);
+        add_traction(problem, side, traction, on_side(side));
+      }
+      for_all(problem.load.size(), [&](std::size_t i) { problem.load[i] /= problems.unit; });
+    }
+    if (l > 0) continue;
+    require_agreement(problem);
+    if (!loads.tractions.empty()) require_held_where_loaded(problem);
+  }
+  return problems;
+}
+
+}  // namespace internal
+}  // namespace efree
