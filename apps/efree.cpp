@@ -40,8 +40,7 @@ template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
   if (result.cells)
     return fmt::format(
         "{} cells, {} iterations; error in the energy norm: about {:.2g} %; strain energy {:.6g}, extrapolated {:.6g}; "
-        "half "
-        "a voxel changes it by {:.2g} %",
+        "half a voxel changes it by {:.2g} %",
         result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
         result.cells->extrapolated_energy, 100.0 * result.cells->half_voxel);
   const std::string of_cloud =

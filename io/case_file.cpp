@@ -386,7 +386,7 @@ void require_estimates(const CaseSettings& analysis) {
   if (analysis.approximation.kind == BasisKind::mls && analysis.corrected) return;
   throw InputError(fmt::format(
       "{}: an accuracy can be asked for where the error is estimated and the answer corrected: with basis.kind = "
-      "\"mls\" and analysis.correction = \"auto\"",
+      "\"mls\" or \"cells\" and analysis.correction = \"auto\"",
       analysis.file.string()));
 }
 

@@ -183,6 +183,11 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
   if (different.size() < 2 || different.size() < options.spacings.size() || *different.begin() <= 0.0)
     throw InputError(fmt::format("spacings {}, expected at least two different positive numbers",
                                  fmt::join(options.spacings, ", ")));
+  if (analysis.cells == CaseSettings::Cells::always)
+    throw InputError(
+        fmt::format("{}: a convergence study is of clouds and finite elements; on cells (basis.kind = \"cells\") every "
+                    "answer has its study, the grids in result.json",
+                    analysis.file.string()));
   Study study{.dimension = Dim, .methods = methods_for<Dim>(analysis, options.compare)};
   struct Run {
     std::size_t method;

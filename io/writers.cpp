@@ -190,9 +190,12 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
   json["dimension"] = Dim;
   json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
                     {"fine_cells", result.mesh->num_cells()},
-                    {"regions", result.mesh->num_regions()},
-                    {"nodes", approximation.nodes.cols()},
-                    {"quadrature_points", approximation.quadrature.size()}};
+                    {"regions", result.mesh->num_regions()}};
+  if (result.cells)
+    json["counts"]["cells"] = result.cells->finest().cells;
+  else
+    json["counts"].update(
+        {{"nodes", approximation.nodes.cols()}, {"quadrature_points", approximation.quadrature.size()}});
   json["regions"] = result.mesh->region_names();
   json["boundaries"] = ordered_json::object();
   for (const auto& part : result.parts)
