@@ -5,7 +5,7 @@
 /// part.mha       a bar of 72 x 24 x 24 voxels as a scanner sees it: rough skin, some pores
 /// assembly.step  a plate with a pin through it, two bodies
 /// dirty.stl      an angle of two overlapping boxes, some of whose triangles are missing, doubled or turned over
-/// block.mha      a block of 96 x 96 x 96 voxels with overlapping balls cut out of it
+/// block.mha      a block of 64 x 64 x 64 voxels with overlapping balls cut out of it
 #include <cmath>
 #include <cstdio>
 #include <efree/efree.hpp>
@@ -118,7 +118,7 @@ int main(int argc, char** argv) try {
   fs::create_directories(folder);
   porous_image(folder / "porous.pgm");
   scanned_part(folder / "part.mha");
-  write_image(random_spheres<3>(96, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0}), (folder / "block.mha").string());
+  write_image(random_spheres<3>(64, {.porosity = 0.3, .r_min = 5.0, .r_max = 12.0}), (folder / "block.mha").string());
   assembly(folder / "assembly.step");
   dirty_surface(folder / "dirty.stl");
   for (const char* name :
