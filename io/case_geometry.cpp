@@ -146,6 +146,12 @@ template <int Dim> double size_or(const MeshSize& asked, double natural, MadeMes
   return made.size;
 }
 
+/// Of images and surfaces meshes lose what is thinner than their cells.
+MeshSize not_too_coarse(MeshSize size) {
+  size.coarsening = std::min(size.coarsening, 2.0);
+  return size;
+}
+
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
   refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
@@ -299,7 +305,7 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
     }
     ImageMeshOptions sized = meshing;
     // As fine as pixels in the plane, two voxels in space.
-    sized.size = size_or(size, (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
+    sized.size = size_or(not_too_coarse(size), (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
     if constexpr (Dim == 3)
       if (sized.mesher == Mesher::lattice) {
         LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
@@ -351,7 +357,7 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
     }
     SurfaceMeshOptions sized = meshing;
     const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
-    sized.size = size_or(size, (high - low).norm() / 40.0, made);
+    sized.size = size_or(not_too_coarse(size), (high - low).norm() / 40.0, made);
     try {
       made.mesh = mesh_surface(soup, sized);
     } catch (const InputError& error) {

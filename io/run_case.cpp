@@ -205,6 +205,11 @@ std::string not_reached(const CaseSettings& analysis, double error, const std::s
                      100.0 * analysis.accuracy, 100.0 * error, why);
 }
 
+/// Estimated error from which on nothing more is done: recovery overlooks up to a quarter of the error at corners.
+double aim(const CaseSettings& analysis) {
+  return analysis.accuracy > 0.0 ? 0.75 * analysis.accuracy : doubtful;
+}
+
 /// Doubts about an answer that is far from the truth, or, beyond what the case bears, a refusal.
 template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& result) {
   if (!result.estimates) return;
@@ -284,7 +289,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   if (cloud.averaged && !memory)
     return none("there is no memory for the quadratic elements that nearly incompressible materials need");
   CorrectionOptions options = analysis.correction;
-  const double bearable = bearable_error(analysis);
+  const double bearable = aim(analysis);
   options.tolerance = std::min(options.tolerance, 0.3 * bearable);  // a twentieth of the square is left to it
   // As many as the estimate takes. What a cloud with averaged dilatations is off is seen at the end only.
   if (!analysis.corrected) options.iterations = cloud.averaged ? -1 : 2;
@@ -510,17 +515,27 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
 
 namespace {
 
-/// Share of its size by which a mesh should be finer for an error to fall to `wanted`, if it falls like a power of the
-/// size: the one seen between the last two meshes of elements of that degree, or what is common.
-double refinement(const std::vector<Attempt>& attempts, double wanted) {
+/// Share of their size by which cells should be smaller for an error to fall to `wanted`, if it falls like a power of
+/// it: the one seen between the last two meshes of elements of that degree, or what is common. Not more than 24 times
+/// the cells at once; edges are halved until a rate is seen, so that the mesh to learn it from costs little.
+template <int Dim> double refinement(const std::vector<Attempt>& attempts, double wanted) {
   const Attempt& last = attempts.back();
-  double order = last.degree == 1 ? 0.8 : 1.2;  // corners and thin walls take it below 1 and 2
+  double order = 0.7, least = 0.5;  // where the first mesh does not do there are corners or thin walls
   if (attempts.size() > 1) {
     const Attempt& before = attempts[attempts.size() - 2];
-    if (before.degree == last.degree && before.size > last.size && before.error > last.error)
-      order = std::clamp(std::log(before.error / last.error) / std::log(before.size / last.size), 0.4, 2.0);
+    const double finer = std::pow(static_cast<double>(last.cells) / before.cells, 1.0 / Dim);
+    if (before.degree == last.degree && finer > 1.1 && before.error > last.error) {
+      // Beyond its degree it only falls until what is coarse is seen at all.
+      order = std::clamp(std::log(before.error / last.error) / std::log(finer), 0.4, static_cast<double>(last.degree));
+      least = std::pow(24.0, -1.0 / Dim);
+    }
   }
-  return std::clamp(std::pow(wanted / last.error, 1.0 / order), 0.35, 0.8);
+  return std::clamp(std::pow(wanted / last.error, 1.0 / order), least, 0.7);
+}
+
+/// Edges that the cells of a mesh have in the mean, of boxes cut into two triangles or six tetrahedra.
+template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
+  return std::pow((Dim == 2 ? 2.0 : 6.0) * mesh.volumes().sum() / mesh.num_cells(), 1.0 / Dim);
 }
 
 }  // namespace
@@ -535,7 +550,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
   };
   const bool fixed = analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0;
   Case<Dim> trial = analysis;
-  trial.geometry.coarsening = 2.0;  // quadratic cells may do there
+  trial.geometry.coarsening = 4.0;  // quadratic cells may do there
   std::optional<CaseResult<Dim>> best;
   std::vector<Attempt> attempts;
   std::string why;
@@ -556,12 +571,12 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
     tell(fmt::format("{} cells of degree {}: error {:.2g} % in the energy norm, {:.2g} s", attempts.back().cells,
                      attempts.back().degree, 100.0 * error, attempts.back().seconds));
     if (!best || error < best->estimates->total()) best = std::move(result);
-    if (error <= analysis.accuracy) break;
+    if (error <= aim(analysis)) break;
     if (fixed) {
       why = "the case says the size of its mesh: leave mesh_size out, so that it can be chosen";
       break;
     }
-    const double finer = refinement(attempts, 0.85 * analysis.accuracy), growth = std::pow(finer, -Dim);
+    const double finer = refinement<Dim>(attempts, 0.85 * aim(analysis)), growth = std::pow(finer, -Dim);
     if (seconds() + growth * attempts.back().seconds > analysis.time_limit) {
       why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s",
                         growth * attempts.back().seconds, analysis.time_limit);
@@ -572,10 +587,12 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
       why = "a finer mesh would take more memory than there is";
       break;
     }
-    trial.geometry.size = finer * mesh.size;
+    // A boundary of many details has cells smaller than asked for: then only meshes below their size differ.
+    trial.geometry.size = finer * std::min(mesh.size, 1.5 * mean_edge(*mesh.mesh));
   }
   best->attempts = std::move(attempts);
-  if (!why.empty()) best->warnings.push_back(not_reached(analysis, best->estimates->total(), why));
+  if (!why.empty() && best->estimates->total() > analysis.accuracy)
+    best->warnings.push_back(not_reached(analysis, best->estimates->total(), why));
   return std::move(*best);
 }
 

@@ -101,11 +101,12 @@ template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const P
   return solve_case(analysis, read_mesh(analysis, progress), progress);
 }
 
-/// Runs a case until its estimated error is within analysis.accuracy: corrections and, where linear cells do not do,
-/// quadratic ones on one mesh after the other, each as fine as the errors before ask for. A mesh whose size the case
-/// says is the only one. Ends with the best answer and a warning if a finer mesh would take more memory than there is
-/// or more time than analysis.time_limit leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and
-/// InputError without estimates (require_estimates).
+/// Runs a case until its estimated error is within three quarters of analysis.accuracy (at corners recovery overlooks
+/// up to a quarter of the error): corrections and, where linear cells do not do, quadratic ones on one mesh after the
+/// other, each as fine as the errors before ask for. A mesh whose size the case says is the only one. Ends with the
+/// best answer and a warning if a finer mesh would take more memory than there is or more time than analysis.time_limit
+/// leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and InputError without estimates
+/// (require_estimates).
 template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress = {},
                                                      const std::function<void(const std::string&)>& say = {});
 

@@ -118,7 +118,7 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
   const auto size = static_cast<Index>(coarsest_dofs_.size());
   SymmetricMatrix K(size, size);
   K.setFromTriplets(entries.begin(), entries.end());
-  coarsest_.emplace(K);
+  coarsest_.emplace(K, 1);
 }
 
 /// x += a polynomial of b - K x, chosen by Chebyshev for the upper part of the spectrum of D^-1 K, which ends at 1.
@@ -161,10 +161,10 @@ const SingleField& CellMultigrid::cycle(std::size_t l) {
   if (l + 1 == grids_.size()) {
     std::ranges::fill(w.x, 0.0F);
     if (!coarsest_) return w.x;
-    Matrix b(coarsest_dofs_.size(), 1);
-    for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) b(i, 0) = w.b[coarsest_dofs_[i]];
-    const Matrix x = coarsest_->solve(b);
-    for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) w.x[coarsest_dofs_[i]] = static_cast<float>(x(i, 0));
+    Vector b(coarsest_dofs_.size());
+    for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) b[i] = w.b[coarsest_dofs_[i]];
+    const Vector x = coarsest_->solve(b);
+    for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) w.x[coarsest_dofs_[i]] = static_cast<float>(x[i]);
     return w.x;
   }
   const CellProblem &fine = *grids_[l], &coarse = *grids_[l + 1];

@@ -2,8 +2,8 @@
 /// Geometric multigrid on grids of cells.
 #pragma once
 
-#include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/internal/cell_problem.hpp"
+#include "efree/solvers/internal/scaled_cholesky.hpp"
 
 namespace efree::internal {
 
@@ -33,7 +33,7 @@ class CellMultigrid {
   const std::vector<std::unique_ptr<CellProblem>>& grids_;
   std::vector<Work> work_;
   std::vector<std::size_t> coarsest_dofs_;
-  std::optional<Cholesky> coarsest_;
+  std::optional<ScaledCholesky> coarsest_;
 };
 
 }  // namespace efree::internal

@@ -96,9 +96,33 @@ TEST(Estimates, AreReachedWhenAnAccuracyIsAskedFor) {
   for (const double wanted : {0.05, 0.01, 0.003}) {
     const auto result = solved(plate + "[accuracy]\nenergy = " + std::to_string(wanted) + "\n");
     EXPECT_LE(result.estimates->total(), wanted);
-    EXPECT_LE(*result.errors->energy_norm, 1.3 * wanted);
+    EXPECT_LE(*result.errors->energy_norm, wanted);
     ASSERT_FALSE(result.attempts.empty());
     EXPECT_EQ(result.attempts.back().error, result.estimates->total());
+    EXPECT_TRUE(result.warnings.empty());
+  }
+}
+
+/// At the notch recovery overlooks a fifth of the error, and the error falls like the root of the edges.
+TEST(Accuracy, IsReachedAtANotchWithFewMeshes) {
+  const std::string text = R"([geometry]
+shape = "l_shape"
+parameters = { side = 1 }
+[analysis]
+plane = "stress"
+body_force = [0, -1]
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "top"
+displacement = [0, 0]
+)";
+  const double energy = 0.79354;  // quadratic elements, extrapolated: bench_accuracy truth L
+  for (const double wanted : {0.1, 0.05}) {
+    const auto result = solved(text + "[accuracy]\nenergy = " + std::to_string(wanted) + "\n");
+    EXPECT_LE(std::sqrt(1.0 - result.solution.strain_energy / energy), wanted);
+    EXPECT_LE(result.attempts.size(), 4u);
     EXPECT_TRUE(result.warnings.empty());
   }
 }

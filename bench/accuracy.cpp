@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Asked for an accuracy (solve_to_accuracy): what is said, what is true, what was tried, what it costs, and the
+/// cheapest fixed setting with the same true error.
+///
+///   bench_accuracy table [part of a case's name = all] [folder of the real files] [most seconds of a setting = 20]
+///   bench_accuracy fixed [...] [least error = 1.5 %]   the fixed settings one by one
+///   bench_accuracy truth [...]   strain energies that errors are measured against
+///
+/// Errors are relative, in the energy norm: against the closed form, or the root of the strain energy's relative error.
+/// Fixed settings are ladders of meshes, each 1.4 times finer than the last: finite elements (P1, P2), clouds alone and
+/// corrected, on linear and quadratic cells; of images in space, grids of cells. Costs in between are interpolated (as
+/// powers of the error). CPU seconds of the process, geometry to fields: run it on one thread. The real files are
+/// fetched by examples/real_files/run; without their folder elephant and assembly are left out.
+#include "cavity.hpp"
+#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/planar_domain.hpp"
+#include "efree/io/run_case.hpp"
+#include "inclusion.hpp"
+#include "kirsch.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <numbers>
+#include <string>
+
+using namespace efree;
+using namespace efree::bench;
+
+namespace {
+
+constexpr double asked[] = {0.1, 0.05, 0.02};
+
+/// A case that says no sizes, the natural one of its geometry, and the strain energy that is true (0: it has an exact
+/// solution). Quadratic elements of `truth_size`, twice and four times as fine lead to it; of images cells of that
+/// size.
+template <int Dim> struct Trial {
+  Case<Dim> analysis;
+  double natural, truth_size, energy;
+};
+
+double cpu_seconds() {
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+}
+
+/// What `work` returns, and the CPU seconds it takes: the least of five times where that is little.
+template <class Work> auto timed(const Work& work) {
+  double least = INFINITY;
+  for (int k = 0;; ++k) {
+    const double start = cpu_seconds();
+    auto result = work();
+    least = std::min(least, cpu_seconds() - start);
+    if (k == 4 || least > 0.1) return std::pair(std::move(result), least);
+  }
+}
+
+template <int Dim> double true_error(const Trial<Dim>& trial, const CaseResult<Dim>& result) {
+  if (result.errors) return *result.errors->energy_norm;
+  return std::sqrt(std::abs(result.solution.strain_energy / trial.energy - 1.0));
+}
+
+struct Setting {
+  const char* name;
+  BasisKind kind;
+  int degree;
+  bool corrected, cells;
+};
+constexpr Setting settings[] = {{"P2", BasisKind::p2, 0, false, false},
+                                {"corrected, quadratic", BasisKind::mls, 2, true, false},
+                                {"corrected, linear", BasisKind::mls, 1, true, false},
+                                {"P1", BasisKind::p1, 0, false, false},
+                                {"cloud, linear", BasisKind::mls, 1, false, false},
+                                {"cloud, quadratic", BasisKind::mls, 2, false, false},
+                                {"cells", BasisKind::mls, 0, true, true}};
+
+struct Rung {
+  double size, error, seconds;
+};
+
+template <int Dim>
+Case<Dim> fixed_case(const Trial<Dim>& trial, const Setting& setting, double size, double tolerance) {
+  Case<Dim> analysis = trial.analysis;
+  analysis.geometry.size = size;
+  analysis.approximation.kind = setting.kind;
+  analysis.approximation.interpolation = setting.degree;
+  analysis.estimated = analysis.corrected = setting.corrected;
+  analysis.correction.tolerance = tolerance;
+  analysis.cells = setting.cells ? CaseSettings::Cells::always : CaseSettings::Cells::never;
+  impose(analysis, setting.kind == BasisKind::mls ? Essential::nitsche : Essential::strong);
+  return analysis;
+}
+
+/// From far too coarse to `finest`, or until a rung takes `most_seconds`.
+template <int Dim>
+std::vector<Rung> ladder(const Trial<Dim>& trial, const Setting& setting, double finest, double most_seconds) {
+  std::vector<Rung> rungs;
+  for (double size = 4.0 * trial.natural;; size /= 1.4) {
+    try {
+      const auto [result, seconds] =
+          timed([&] { return solve_case(fixed_case(trial, setting, size, std::min(0.01, 0.3 * finest))); });
+      rungs.push_back({size, true_error(trial, result), seconds});
+    } catch (const std::exception& error) {  // some meshes are too coarse for the geometry
+      std::fprintf(stderr, "%s, size %g: %s\n", setting.name, size, error.what());
+      if (size < 0.1 * trial.natural) return rungs;
+      continue;
+    }
+    if (rungs.back().error < finest || rungs.back().seconds > most_seconds) return rungs;
+  }
+}
+
+/// CPU seconds for this error, infinite if it is not reached; size of the mesh.
+Rung cost(const std::vector<Rung>& rungs, double error) {
+  for (std::size_t k = 0; k < rungs.size(); ++k) {
+    const Rung& fine = rungs[k];
+    if (fine.error > error) continue;
+    if (k == 0) return fine;
+    const Rung& coarse = rungs[k - 1];
+    const double t = std::log(coarse.error / error) / std::log(coarse.error / fine.error);
+    const auto between = [t](double a, double b) { return a * std::pow(b / a, t); };
+    return {between(coarse.size, fine.size), error, between(coarse.seconds, fine.seconds)};
+  }
+  return {0.0, error, INFINITY};
+}
+
+template <int Dim> void tabulate(const std::string& name, const Trial<Dim>& trial, double most_seconds) {
+  struct Row {
+    double wanted, said, truth, seconds;
+    std::string chosen;
+  };
+  std::vector<Row> rows;
+  double finest = INFINITY;
+  for (const double wanted : asked) {
+    Case<Dim> analysis = trial.analysis;
+    analysis.accuracy = wanted;
+    analysis.time_limit = 5.0 * most_seconds;
+    const auto [result, seconds] = timed([&] { return solve_to_accuracy(analysis); });
+    std::string chosen;
+    for (const Attempt& attempt : result.attempts) {
+      char text[100];
+      std::snprintf(text, sizeof text, "%s%s %.3g: %.2g %%", chosen.empty() ? "" : ", ",
+                    result.cells          ? "cells"
+                    : attempt.degree == 1 ? "linear"
+                                          : "quadratic",
+                    attempt.size, 100.0 * attempt.error);
+      chosen += text;
+    }
+    std::fprintf(stderr, "%s, %g: %s; %g s\n", name.c_str(), wanted, chosen.c_str(), seconds);
+    rows.push_back({wanted, result.estimates->total(), true_error(trial, result), seconds, chosen});
+    finest = std::min(finest, rows.back().truth);
+  }
+  std::vector<std::vector<Rung>> ladders;
+  double most = most_seconds;  // no need to climb on where another ladder is at the top for less
+  for (const Setting& setting : settings) {
+    bool fits = true;  // on images in space elements have another body than cells
+    if constexpr (Dim == 3) fits = setting.cells == (trial.analysis.cells == CaseSettings::Cells::always);
+    if (Dim == 2) fits = !setting.cells;
+    // The energy of a cloud alone is not that of a Galerkin solution and says nothing about its error.
+    if (setting.kind == BasisKind::mls && !setting.corrected) fits = fits && trial.analysis.has_exact();
+    ladders.push_back(fits ? ladder(trial, setting, finest, most) : std::vector<Rung>{});
+    if (fits && !ladders.back().empty() && ladders.back().back().error <= finest)
+      most = std::min(most, ladders.back().back().seconds);
+  }
+  for (const Row& row : rows) {
+    Rung cheapest{0.0, row.truth, INFINITY};
+    std::string setting = "none";
+    for (std::size_t k = 0; k < ladders.size(); ++k) {
+      const Rung here = cost(ladders[k], row.truth);
+      if (here.seconds < cheapest.seconds) cheapest = here, setting = settings[k].name;
+    }
+    std::printf("| %s | %g | %.2g | %.2g | %s | %.3g | %s %.3g | %.3g | %.2f |\n", name.c_str(), 100.0 * row.wanted,
+                100.0 * row.said, 100.0 * row.truth, row.chosen.c_str(), row.seconds, setting.c_str(), cheapest.size,
+                cheapest.seconds, row.seconds / cheapest.seconds);
+  }
+  std::fflush(stdout);
+}
+
+template <int Dim>
+void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_seconds, double finest) {
+  for (const Setting& setting : settings) {
+    if (setting.cells != (trial.analysis.cells == CaseSettings::Cells::always)) continue;
+    for (const Rung& rung : ladder(trial, setting, finest, most_seconds))
+      std::printf("| %s | %s | %.3g | %.2g | %.3g |\n", name.c_str(), setting.name, rung.size, 100.0 * rung.error,
+                  rung.seconds);
+    std::fflush(stdout);
+  }
+}
+
+template <int Dim> void find_truth(const std::string& name, const Trial<Dim>& trial) {
+  if (trial.analysis.has_exact()) return;
+  const bool on_cells = trial.analysis.cells == CaseSettings::Cells::always;
+  double energies[3];
+  for (int k = 0; k < 3; ++k) {
+    const Case<Dim> analysis = fixed_case(trial, settings[on_cells ? 6 : 1], trial.truth_size / (1 << k), 1e-3);
+    const double start = cpu_seconds();
+    const auto result = solve_case(analysis);
+    energies[k] = result.solution.strain_energy;
+    std::printf("%s, size %g: %.10g, %g s\n", name.c_str(), analysis.geometry.size, energies[k], cpu_seconds() - start);
+    std::fflush(stdout);
+    if (on_cells) {
+      std::printf("%s, extrapolated: %.10g\n", name.c_str(), result.cells->extrapolated_energy);
+      return;
+    }
+  }
+  const double last = energies[2] - energies[1], share = std::clamp(last / (energies[1] - energies[0]), 0.05, 0.6);
+  std::printf("%s, extrapolated: %.10g, halving keeps %.2f\n", name.c_str(), energies[2] + last * share / (1.0 - share),
+              share);
+}
+
+/// What a case file says without sizes; the first mesh is at most `coarsest` times the natural size.
+template <int Dim> Case<Dim> said(std::function<MeshData<Dim>(double size)> mesh, double natural,
+                                  const ElasticModel& model, std::vector<DisplacementCondition<Dim>> supports,
+                                  Loads<Dim> loads, double coarsest = 4.0) {
+  Case<Dim> analysis;
+  analysis.file = "bench_accuracy";
+  analysis.geometry.mesh = [mesh = std::move(mesh), natural, coarsest](const MeshSize& size) {
+    const double length = size.length > 0.0 ? size.length : std::min(size.coarsening, coarsest) * natural;
+    return MadeMesh<Dim>{.mesh = mesh(length), .size = length};
+  };
+  analysis.model = model;
+  analysis.materials.push_back({"", model.material, ""});
+  analysis.supports = std::move(supports);
+  analysis.loads = std::move(loads);
+  analysis.largest_error = 1e9;
+  return analysis;
+}
+std::function<MeshData<2>(double)> filling(const PlanarDomain& domain) {
+  return [domain](double size) { return triangulate_data(domain, {.size = size}); };
+}
+
+ElasticModel plane_stress() {
+  return {.material = {1.0, 0.3}, .plane = Plane::stress};
+}
+DisplacementCondition<2> moved(const char* on, double x, double y) {
+  return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
+}
+
+/// Sheet around the gyroid of period 32 voxels, walls of about four.
+LabelImage<3> gyroid(Index voxels) {
+  LabelImage<3> image{.size = {voxels, voxels, voxels}};
+  const double k = 2.0 * std::numbers::pi / 32.0;
+  for (Index z = 0; z < voxels; ++z)
+    for (Index y = 0; y < voxels; ++y)
+      for (Index x = 0; x < voxels; ++x) {
+        const double X = k * (x + 0.5), Y = k * (y + 0.5), Z = k * (z + 0.5);
+        const double value = std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X);
+        image.labels.push_back(std::abs(value) < 0.4);
+      }
+  return image;
+}
+
+/// A cube of an image between sliding planes, its top moved by one per cent.
+Case<3> pulled(const LabelImage<3>& image) {
+  const double height = image.size[2];
+  Case<3> analysis = said<3>({}, 2.0, {.material = {1.0, 0.3}},
+                             {symmetry_plane<3>("left"),
+                              symmetry_plane<3>("front"),
+                              symmetry_plane<3>("bottom"),
+                              {"top", {}, [=](const Vec<3>&) { return 0.01 * height; }}},
+                             {});
+  analysis.geometry.mesh = [image](const MeshSize& size) {
+    MadeMesh<3> made;
+    made.size = size.length > 0.0 ? size.length : 4.0;
+    LatticeMesh on_lattice = mesh_on_lattice(image, {.size = made.size});
+    made.mesh = std::move(on_lattice.mesh);
+    made.image = std::make_shared<const LabelImage<3>>(image);
+    made.region_of_label[1] = "1";
+    return made;
+  };
+  analysis.cells = CaseSettings::Cells::always;
+  return analysis;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string mode = argc > 1 ? argv[1] : "", part = argc > 2 ? argv[2] : "all";
+  const std::filesystem::path folder = argc > 3 ? argv[3] : "";
+  const double most_seconds = argc > 4 ? std::atof(argv[4]) : 20.0;
+  const double finest = argc > 5 ? 0.01 * std::atof(argv[5]) : 0.015;
+  if (mode == "table")
+    std::printf(
+        "| case | asked [%%] | said [%%] | true [%%] | meshes tried | CPU [s] | cheapest fixed setting, size | CPU [s] "
+        "| "
+        "ratio |\n|---|--:|--:|--:|---|--:|---|--:|--:|\n");
+  else if (mode == "fixed")
+    std::printf("| case | setting | size | true error [%%] | CPU [s] |\n|---|---|--:|--:|--:|\n");
+  else if (mode != "truth")
+    return std::fprintf(stderr, "bench_accuracy table | fixed | truth [case] [folder] [seconds]\n"), 1;
+  const auto run = [&]<int Dim>(const std::string& name, Case<Dim> analysis, double natural, double truth_size,
+                                double energy) {
+    if (part != "all" && name.find(part) == std::string::npos) return;
+    const Trial<Dim> trial{std::move(analysis), natural, truth_size, energy};
+    if (mode == "table")
+      tabulate(name, trial, most_seconds);
+    else if (mode == "fixed")
+      list_fixed(name, trial, most_seconds, finest);
+    else
+      find_truth(name, trial);
+  };
+  const std::vector<DisplacementCondition<2>> quarter{symmetry_plane<2>("left"), symmetry_plane<2>("bottom")};
+  {
+    auto plate = said<2>(
+        [](double size) {
+          return triangulate_data(shapes::quarter_plate_with_hole(1.0, Kirsch::half_width, size), {.size = size});
+        },
+        0.2, {.material = Kirsch::material, .plane = Plane::stress}, quarter, Kirsch::loads());
+    plate.exact = {Kirsch::displacement, Kirsch::stress};
+    run("plate", plate, 0.2, 0.0, 0.0);
+  }
+  {
+    PlanarDomain domain = shapes::rectangle(-1.0, -1.0, 1.0, 1.0);
+    domain.slits.push_back({"slit", {{-0.4, 0.0}, {0.4, 0.1}}});
+    run("slit", said<2>(filling(domain), 0.1, plane_stress(), {clamp<2>("bottom")}, {{tension<2>("top", 1.0)}, {}}),
+        0.1, 0.02, 2.58208);
+  }
+  run("L",
+      said<2>(filling(shapes::l_shape(1.0)), 0.05, plane_stress(), {clamp<2>("top")},
+              {{},
+               [](const Vec<2>&) -> Vec<2> {
+                 return {0.0, -1.0};
+               }}),
+      0.05, 0.01, 0.79354);
+  run("Cook",
+      said<2>(filling(shapes::cook()), 3.0, {.material = {1.0, 1.0 / 3.0}, .plane = Plane::strain}, {clamp<2>("left")},
+              {{{"right",
+                 [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
+                   return {0.0, 1.0};
+                 }}},
+               {}}),
+      3.0, 0.8, 2763.59);
+  // Chords of 0.05 whatever the mesh: what they cost is not what is asked for.
+  run("160 holes",
+      said<2>(filling(shapes::plate_with_random_holes(10.0, 160, 0.04, 0.4, 0.03, 1, 0.05)), 0.5, plane_stress(),
+              quarter, {{tension<2>("right", 1.0)}, {}}),
+      0.5, 0.08, 125.182);
+  static const Inclusion stiff(1.0, 0.6, 1000.0), soft(1.0, 0.6, 0.001);
+  for (const Inclusion* inclusion : {&stiff, &soft}) {
+    auto analysis = said<2>([=](double size) { return inclusion->mesh(size); }, 0.15,
+                            inclusion->model(Essential::nitsche), quarter, inclusion->loads());
+    analysis.materials.clear();
+    const MeshData<2> mesh = inclusion->mesh(0.5);
+    for (std::size_t r = 0; r < mesh.region_names.size(); ++r)
+      analysis.materials.push_back({mesh.region_names[r], analysis.model.regions[r], ""});
+    analysis.exact = inclusion->exact();
+    run(inclusion == &stiff ? "inclusion 1000 : 1" : "inclusion 1 : 1000", analysis, 0.15, 0.0, 0.0);
+  }
+  {
+    const auto image = keep_largest(random_spheres<2>(128, {.porosity = 0.35, .r_min = 3.0, .r_max = 12.0})).image;
+    run("porous image",
+        said<2>([=](double size) { return mesh_image<2>(image, {.size = size}); }, 1.0, plane_stress(),
+                {moved("left", 0.0, 0.0), moved("right", 1.0, 0.0)}, {}, 2.0),
+        1.0, 0.5, 0.10277);
+  }
+  {
+    auto cavity =
+        said<3>([](double size) { return solids::spherical_cavity(1.0, Cavity::half_width, size); }, 0.1,
+                {.material = Cavity::material},
+                {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")}, Cavity::loads());
+    cavity.exact = {Cavity::displacement, Cavity::stress};
+    run("cavity", cavity, 0.1, 0.0, 0.0);
+  }
+  run("block", pulled(keep_largest(random_spheres<3>(64, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image), 2.0,
+      0.5, 5.9140);
+  run("gyroid", pulled(gyroid(64)), 2.0, 0.5, 1.0976);
+  if (folder.empty()) return std::fprintf(stderr, "the real files are left out: no folder of theirs\n"), 0;
+  run("elephant", std::get<Case<3>>(read_case(folder / "elephant.toml")), 0.03, 0.03, 0.0);
+  run("assembly", std::get<Case<3>>(read_case(folder / "assembly.toml")), 6.0, 6.0, 0.0);
+}
