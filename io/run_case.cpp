@@ -371,8 +371,14 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
   std::string why = fixed ? "the case says the size of its mesh: leave mesh_size out, so that it can be chosen" : "";
   for (double size = mesh.size;; size *= 0.5) {
     const double begin = seconds();
-    result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
-                                  {.size = size, .half_voxel = true}, &result.times, progress);
+    try {
+      result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
+                                    {.size = size, .half_voxel = true}, &result.times, progress);
+    } catch (const NumericalError& failure) {
+      if (!result.cells) throw;
+      why = fmt::format("a finer grid fails: {}", failure.what());
+      break;
+    }
     const CellLevel& finest = result.cells->finest();
     const double error = std::hypot(finest.iteration_error, result.cells->grid_error), spent = seconds() - begin;
     result.attempts.push_back({size, finest.cells, 1, error, spent});
@@ -560,7 +566,14 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
     if (is_on_cells(analysis, mesh)) return solve_case(analysis, read_mesh(analysis, progress), progress);
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
-    CaseResult<Dim> result = solve_case(trial, mesh, progress);
+    CaseResult<Dim> result;
+    try {
+      result = solve_case(trial, mesh, progress);
+    } catch (const NumericalError& failure) {
+      if (!best) throw;
+      why = fmt::format("a finer mesh fails: {}", failure.what());
+      break;
+    }
     if (!result.estimates) {
       why = result.warnings.front();
       if (!best) throw InputError(fmt::format("{}: {}", analysis.file.string(), why));
