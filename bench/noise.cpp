@@ -125,7 +125,7 @@ void study_defaults(const std::string& name, Index n, int degree) {
     std::printf(
         "| image | voxels | cells of | number | energy | off [%%] | extrapolated off [%%] | said [%%] | true [%%] | "
         "ratio | iterations | half a voxel [%%] | CPU [s] |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
-    line("2 (default)", *result.cells, result.cpu_seconds);
+    line("default", *result.cells, result.cpu_seconds);
     line("1", fine, 0.0);
     line("1/2", finest, 0.0);
     std::printf("default: %.0f MiB, warnings: %zu\n", peak, result.warnings.size());
