@@ -15,6 +15,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/io/run_case.hpp"
+#include "gyroid.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"
 
@@ -236,20 +237,6 @@ DisplacementCondition<2> moved(const char* on, double x, double y) {
   return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
 }
 
-/// Sheet around the gyroid of period 32 voxels, walls of about four.
-LabelImage<3> gyroid(Index voxels) {
-  LabelImage<3> image{.size = {voxels, voxels, voxels}};
-  const double k = 2.0 * std::numbers::pi / 32.0;
-  for (Index z = 0; z < voxels; ++z)
-    for (Index y = 0; y < voxels; ++y)
-      for (Index x = 0; x < voxels; ++x) {
-        const double X = k * (x + 0.5), Y = k * (y + 0.5), Z = k * (z + 0.5);
-        const double value = std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X);
-        image.labels.push_back(std::abs(value) < 0.4);
-      }
-  return image;
-}
-
 /// A cube of an image between sliding planes, its top moved by one per cent.
 Case<3> pulled(const LabelImage<3>& image) {
   const double height = image.size[2];
@@ -363,7 +350,7 @@ int main(int argc, char** argv) {
   }
   run("block", pulled(keep_largest(random_spheres<3>(64, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image), 2.0,
       0.5, 5.9140);
-  run("gyroid", pulled(gyroid(64)), 2.0, 0.5, 1.0976);
+  run("gyroid", pulled(gyroid_labels(64)), 2.0, 0.5, 1.0976);
   if (folder.empty()) return std::fprintf(stderr, "the real files are left out: no folder of theirs\n"), 0;
   run("elephant", std::get<Case<3>>(read_case(folder / "elephant.toml")), 0.03, 0.03, 0.0);
   run("assembly", std::get<Case<3>>(read_case(folder / "assembly.toml")), 6.0, 6.0, 0.0);

@@ -16,6 +16,7 @@
 #include "efree/io/run_case.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
+#include "gyroid.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"
 
@@ -235,20 +236,6 @@ Problem<3> pulled(const LabelImage<3>& image, double size, double h) {
           {}};
 }
 
-/// Sheet around the gyroid of period 32 voxels, walls of about four.
-LabelImage<3> gyroid(Index voxels) {
-  LabelImage<3> image{.size = {voxels, voxels, voxels}};
-  const double k = 2.0 * std::numbers::pi / 32.0;
-  for (Index z = 0; z < voxels; ++z)
-    for (Index y = 0; y < voxels; ++y)
-      for (Index x = 0; x < voxels; ++x) {
-        const double X = k * (x + 0.5), Y = k * (y + 0.5), Z = k * (z + 0.5);
-        const double value = std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X);
-        image.labels.push_back(std::abs(value) < 0.4);
-      }
-  return image;
-}
-
 /// A case file of examples/real_files on a mesh of this size, 0: its own.
 Problem<3> real_file(const std::filesystem::path& file, double size) {
   auto analysis = std::get<Case<3>>(read_case(file));
@@ -380,7 +367,7 @@ int main(int argc, char** argv) {
         random_spheres<3>(mode == "iterations" ? 64 : 32, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0});
     return pulled(keep_largest(spheres).image, lattice, 1.3 * lattice);
   });
-  run("gyroid", [&] { return pulled(gyroid(mode == "iterations" ? 64 : 32), lattice, 1.3 * lattice); });
+  run("gyroid", [&] { return pulled(gyroid_labels(mode == "iterations" ? 64 : 32), lattice, 1.3 * lattice); });
   if (folder.empty()) std::fprintf(stderr, "the real files are left out: no folder of theirs\n");
   const std::map<std::string, double> sizes{
       {"elephant", 0.02}, {"assembly", 6.0}, {"holder", 0.0}, {"lever", 0.0}, {"turbine", 0.0}};

@@ -5,6 +5,8 @@
 ///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
+#include "gyroid.hpp"
+
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
@@ -39,32 +41,13 @@ double peak_mib() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
-/// The sheet abs(sin X cos Y + sin Y cos Z + sin Z cos X) < 0.4, X = 2 pi x / 32, sampled at the middles of voxels.
-LabelImage<3> gyroid() {
-  LabelImage<3> image;
-  image.size = {96, 96, 96};
-  const auto at = [](Index i) { return 2.0 * std::numbers::pi * (i + 0.5) / 32.0; };
-  for (Index k = 0; k < 96; ++k)
-    for (Index j = 0; j < 96; ++j)
-      for (Index i = 0; i < 96; ++i) {
-        const double X = at(i), Y = at(j), Z = at(k);
-        const double value =
-            0.4 - std::abs(std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X));
-        image.labels.push_back(value > 0.0);
-        image.grey.push_back(static_cast<float>(value));
-      }
-  return image;
-}
-
 struct Body {
   LabelImage<3> image;
   double reference;
 };
 Body body_named(const std::string& name) {
   if (name == "block") return {random_spheres<3>(128, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0}), 0.4653};
-  Body body{gyroid(), 0.0868};
-  if (name == "gyroid_labels") body.image.grey.clear();
-  return body;
+  return {name == "gyroid_labels" ? bench::gyroid_labels(96) : bench::gyroid_sheet(96), 0.0868};
 }
 
 std::vector<DisplacementCondition<3>> pulled(double shift) {
@@ -111,8 +94,7 @@ int main(int argc, char** argv) {
   const int degree = argc > 3 ? std::atoi(argv[3]) : 1;
   const double tolerance = argc > 4 ? std::atof(argv[4]) : 0.01;
   const Index voxels = name == "block" ? 128 : 96;
-  const double reference = body_named(name).reference;
-  auto image = body_named(name).image;
+  auto [image, reference] = body_named(name);
   const double start = cpu_seconds();
   image = keep_largest(image).image;
   double before = start;

@@ -4,6 +4,8 @@
 ///
 ///   bench_image_mesh [voxels a side = 128] [cube of the lattice in voxels = 2.5] [lattice | delaunay]
 ///   bench_image_mesh gyroid
+#include "gyroid.hpp"
+
 #include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/lattice_mesh.hpp"
@@ -22,19 +24,6 @@ namespace {
 
 double cpu_seconds() {
   return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
-LabelImage<3> gyroid_sheet(Index n, double period, double thickness) {
-  LabelImage<3> image{.size = {n, n, n}};
-  for (Index k = 0; k < n; ++k)
-    for (Index j = 0; j < n; ++j)
-      for (Index i = 0; i < n; ++i) {
-        const Vec<3> x = 2.0 * std::numbers::pi / period * Vec<3>(i + 0.5, j + 0.5, k + 0.5);
-        const double level =
-            std::sin(x[0]) * std::cos(x[1]) + std::sin(x[1]) * std::cos(x[2]) + std::sin(x[2]) * std::cos(x[0]);
-        image.labels.push_back(std::abs(level) < thickness);
-      }
-  return image;
 }
 
 void row(const LabelImage<3>& image, const ImageMeshOptions& options) {
@@ -68,7 +57,7 @@ int main(int argc, char** argv) {
       "lost parts | lost pieces | largest [voxels] | broken off |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   if (argc > 1 && std::string_view(argv[1]) == "gyroid") {
-    const auto image = gyroid_sheet(96, 32.0, 0.4);
+    const auto image = bench::gyroid_labels(96);
     for (const double size : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0}) row(image, {.size = size});
     return 0;
   }

@@ -11,6 +11,7 @@
 /// solved by corrections to 1e-7 in the energy norm.
 #include "noise.hpp"
 #include "efree/core/error.hpp"
+#include "gyroid.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -57,18 +58,6 @@ void study(const char* name, Case<3> analysis, double tolerance, bool elements) 
   std::fflush(stdout);
 }
 
-/// The sheet abs(sin X cos Y + sin Y cos Z + sin Z cos X) < 0.4, X = 2 pi x / 32: walls of 4 voxels.
-std::vector<float> gyroid_sheet(Index n) {
-  std::vector<float> values;
-  const auto at = [](Index i) { return 2.0 * std::numbers::pi * (i + 0.5) / 32.0; };
-  for (Index p = 0; p < n * n * n; ++p) {
-    const double X = at(p % n), Y = at(p / n % n), Z = at(p / n / n);
-    values.push_back(static_cast<float>(
-        0.4 - std::abs(std::sin(X) * std::cos(Y) + std::sin(Y) * std::cos(Z) + std::sin(Z) * std::cos(X))));
-  }
-  return values;
-}
-
 /// A case file with an image beside it, all else as chosen: held on the left, pulled by a hundredth on the right.
 std::filesystem::path write_case(const std::string& name, Index n, int degree) {
   const auto folder = std::filesystem::temp_directory_path() / "efree_bench_noise";
@@ -82,7 +71,7 @@ std::filesystem::path write_case(const std::string& name, Index n, int degree) {
   if (labels)
     write(noise_of_three_labels(n, n / 12, 1).labels);
   else
-    write(name == "grey" ? noise(2, 0.5, 1, n).grey : gyroid_sheet(n));
+    write(name == "grey" ? noise(2, 0.5, 1, n).grey : gyroid_sheet(n).grey);
   const auto file = folder / (name + ".toml");
   std::ofstream text(file);
   text << "[geometry]\nfile = \"" << name << ".raw\"\n[geometry.image]\n"

@@ -200,6 +200,23 @@ double bearable_error(const CaseSettings& analysis) {
   return analysis.accuracy > 0.0 ? analysis.accuracy : doubtful;
 }
 
+/// Wall-clock seconds since it was made.
+class Stopwatch {
+ public:
+  double operator()() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Whether the case leaves no choice of its mesh.
+template <int Dim> bool says_its_mesh(const Case<Dim>& analysis) {
+  return analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0;
+}
+constexpr const char* mesh_is_said =
+    "the case says the size of its mesh: leave mesh_size out, so that it can be chosen";
+
+/// The warning that an accuracy is not reached.
 std::string not_reached(const CaseSettings& analysis, double error, const std::string& why) {
   return fmt::format("an error of {:.2g} % in the energy norm was asked for, {:.2g} % is reached: {}",
                      100.0 * analysis.accuracy, 100.0 * error, why);
@@ -365,10 +382,9 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
       throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"", analysis.materials.back().where, name));
     of_label[label] = material->elastic;
   }
-  const auto start = std::chrono::steady_clock::now();
-  const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
-  const bool fixed = analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0, asked = analysis.accuracy > 0.0;
-  std::string why = fixed ? "the case says the size of its mesh: leave mesh_size out, so that it can be chosen" : "";
+  const Stopwatch seconds;
+  const bool fixed = says_its_mesh(analysis), asked = analysis.accuracy > 0.0;
+  std::string why = fixed ? mesh_is_said : "";
   for (double size = mesh.size;; size *= 0.5) {
     const double begin = seconds();
     try {
@@ -549,12 +565,11 @@ template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
 template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress,
                                                      const std::function<void(const std::string&)>& say) {
   require_estimates(analysis);
-  const auto start = std::chrono::steady_clock::now();
-  const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
+  const Stopwatch seconds;
   const auto tell = [&](const std::string& message) {
     if (say) say(message);
   };
-  const bool fixed = analysis.geometry.size > 0.0 || analysis.geometry.ratio > 0.0;
+  const bool fixed = says_its_mesh(analysis);
   Case<Dim> trial = analysis;
   trial.geometry.coarsening = 4.0;  // quadratic cells may do there
   std::optional<CaseResult<Dim>> best;
@@ -586,7 +601,7 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
     if (!best || error < best->estimates->total()) best = std::move(result);
     if (error <= aim(analysis)) break;
     if (fixed) {
-      why = "the case says the size of its mesh: leave mesh_size out, so that it can be chosen";
+      why = mesh_is_said;
       break;
     }
     const double finer = refinement<Dim>(attempts, 0.85 * aim(analysis)), growth = std::pow(finer, -Dim);

@@ -51,6 +51,13 @@ struct Ball : Workspace {
   Case<3> read() const { return std::get<Case<3>>(read_case(*this / "case.toml")); }
 };
 
+double energy_of_quadratic_elements(Case<3> analysis) {
+  analysis.cells = CaseSettings::Cells::never;
+  analysis.approximation.kind = BasisKind::p2;
+  impose(analysis, Essential::strong);
+  return solve_case(analysis).solution.strain_energy;
+}
+
 TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
   const Ball work(ball_case);
   const auto run = work.efree({"solve", "case.toml", "--out", "out"});
@@ -69,11 +76,7 @@ TEST(CellsCase, EnergyIsThatOfQuadraticElementsWithinTheErrorsSaid) {
   const Ball work(ball_case);
   const CaseResult<3> cells = solve_case(work.read());
   ASSERT_TRUE(cells.cells);
-  auto by_elements = work.read();
-  by_elements.cells = CaseSettings::Cells::never;
-  by_elements.approximation.kind = BasisKind::p2;
-  impose(by_elements, Essential::strong);
-  const double energy = solve_case(by_elements).solution.strain_energy;
+  const double energy = energy_of_quadratic_elements(work.read());
   // The boundaries of the two differ: half a voxel would change the energy by more than a per cent.
   EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.005 * energy);
   EXPECT_NEAR(cells.solution.strain_energy, energy, std::pow(cells.estimates->total(), 2) * energy + 0.005 * energy);
@@ -86,11 +89,7 @@ TEST(CellsCase, InclusionsHaveTheirMaterialsByName) {
   const Ball work(two, 2);
   const CaseResult<3> cells = solve_case(work.read());
   ASSERT_TRUE(cells.cells);
-  auto by_elements = work.read();
-  by_elements.cells = CaseSettings::Cells::never;
-  by_elements.approximation.kind = BasisKind::p2;
-  impose(by_elements, Essential::strong);
-  const double energy = solve_case(by_elements).solution.strain_energy;
+  const double energy = energy_of_quadratic_elements(work.read());
   EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.01 * energy);
 }
 
