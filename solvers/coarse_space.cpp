@@ -12,8 +12,8 @@ namespace {
 /// Extents of where a function acts, least over largest, squared, under which its node turns: half a ball, as at the
 /// face of a thick body, has 0.3.
 constexpr double slim = 0.25;
-/// Turning nodes, squared, that are worth their factor, over what an iteration costs: nodes of the elements times reach
-/// of the smoother. In space factors grow with the square.
+/// Turning nodes, squared, that are worth their factor, over what an iteration costs: nodes of the elements times
+/// reach of the smoother. In space factors grow with the square.
 constexpr double too_many = 10.0;
 
 /// Displacement at x for rotations about the origin, one in each column; in the plane there is only one.
@@ -50,12 +50,22 @@ double slimness(const ShapeTable<Dim>& shape, std::span<const Place> rows, const
 
 }  // namespace
 
+template <int Dim> std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, double apart) {
+  const auto rows_at =
+      places_of_nodes(shape.num_nodes(), shape.num_points(), [&](Index v) { return shape.row(v).nodes; });
+  std::vector<char> thin(shape.num_nodes());
+  parallel_for(shape.num_nodes(), [&](Index I) { thin[I] = slimness<Dim>(shape, rows_at[I], places) < slim; });
+  const auto count = static_cast<double>(std::ranges::count(thin, 1));
+  if (count * count > too_many * static_cast<double>(places.cols()) * apart) std::ranges::fill(thin, 0);
+  return thin;
+}
+
 template <int Dim>
-CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places,
-                              const Points<Dim>& nodes, const std::function<Mat<Dim>(Index)>& free, double reach)
+CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, Points<Dim> nodes,
+                              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free)
     : shape_(std::move(shape)),
       places_(std::move(places)),
-      nodes_(nodes),
+      nodes_(std::move(nodes)),
       rows_at_(places_of_nodes(shape_.num_nodes(), shape_.num_points(), [&](Index v) { return shape_.row(v).nodes; })),
       held_at_(K.size(), -1) {
   for (Index v = 0; v < K.size(); ++v)
@@ -64,12 +74,8 @@ CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, 
       held_.emplace_back(v, open);
     }
   const Index n = shape_.num_nodes();
-  std::vector<char> turns(n);
-  parallel_for(n, [&](Index I) { turns[I] = slimness<Dim>(shape_, rows_at_[I], places_) < slim; });
-  const auto turning = static_cast<double>(std::ranges::count(turns, 1));
-  if (turning * turning > too_many * K.size() * reach) std::ranges::fill(turns, 0);
   first_.assign(n + 1, 0);
-  for (Index I = 0; I < n; ++I) first_[I + 1] = first_[I] + (turns[I] ? 2 : 1);
+  for (Index I = 0; I < n; ++I) first_[I + 1] = first_[I] + (turning[I] ? 2 : 1);
   factor_ = std::make_unique<ScaledCholesky>(stiffness(K), Dim);
 }
 
@@ -151,6 +157,8 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
   return z;
 }
 
+template std::vector<char> thin_nodes<2>(const ShapeTable<2>&, const Points<2>&, double);
+template std::vector<char> thin_nodes<3>(const ShapeTable<3>&, const Points<3>&, double);
 template class CoarseSpace<2>;
 template class CoarseSpace<3>;
 

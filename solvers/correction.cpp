@@ -8,6 +8,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/coarse_space.hpp"
 #include "efree/solvers/internal/condensation.hpp"
+#include "efree/solvers/internal/hats.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 
@@ -15,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -26,7 +28,11 @@ namespace {
 /// any, what is said to be left was 0.48 to 1.60 times the truth, with one 0.71 to 1.35. Where dilatations are averaged
 /// it takes more: the nearer to nu = 1/2, the more convergence slows down after the first ones.
 constexpr int least_iterations = 2, least_iterations_averaged = 4, delay = 1;
-/// Iterations after which elements few enough for it are solved directly: the cloud is too coarse to help.
+/// Iterations after which it is asked whether the cloud is too coarse to help, and what the set-up of hats costs in
+/// iterations; they take a tenth of the squared error and less in each (docs/method.md, "Iterations").
+constexpr int probation = 5;
+constexpr double cost_of_hats = 15.0;
+/// Iterations after which elements few enough for it are solved directly: no coarse space helps.
 constexpr int patience = 20;
 template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
 /// Squared error, relative, that is rounding.
@@ -34,6 +40,8 @@ constexpr double rounding = 1e-20;
 /// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
 /// moves as a whole has no more.
 constexpr double no_energy = 1e-24, no_step = 1e-28;
+/// Share of an energy beside a coarse space that is rounding.
+constexpr double dependent = 1e-12;
 
 /// Sum of a . b over all columns, in an order that does not depend on the threads.
 template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
@@ -86,20 +94,32 @@ template <int Dim> struct Supports {
   }
 };
 
-/// Squared error left after iterations that took these squares off (Hestenes & Stiefel 1952): those to come, as a
-/// geometric series with a ratio between the mean one of the last three and the slowest mean up to there. After a
-/// single iteration, Radau's rule for nine tenths of the one Ritz value there is (Meurant & Tichy 2013). All chosen on
-/// the cases of bench_correction.
-double error_left(std::span<const double> taken) {
+/// What each further iteration takes off, over the one before, after at least two that took these squares off: between
+/// the mean ratio of the last three and the slowest mean up to there.
+double convergence(std::span<const double> taken) {
   const auto n = taken.size();
-  if (n < 2) return n == 0 ? std::numeric_limits<double>::infinity() : taken[0] / 9.0;
   double slowest = 0.0, mean = 0.0;
   for (std::size_t back = 1; back <= std::min<std::size_t>(3, n - 1); ++back) {
     mean = std::pow(taken[n - 1] / taken[n - 1 - back], 1.0 / static_cast<double>(back));
     slowest = std::max(slowest, mean);
   }
-  const double ratio = std::min(std::sqrt(slowest * mean), 0.9);
+  return std::min(std::sqrt(slowest * mean), 0.9);
+}
+
+/// Squared error left after iterations that took these squares off (Hestenes & Stiefel 1952): those to come, as a
+/// geometric series. After a single iteration, Radau's rule for nine tenths of the one Ritz value there is (Meurant &
+/// Tichy 2013). All chosen on the cases of bench_correction.
+double error_left(std::span<const double> taken) {
+  const auto n = taken.size();
+  if (n < 2) return n == 0 ? std::numeric_limits<double>::infinity() : taken[0] / 9.0;
+  const double ratio = convergence(taken);
   return taken[n - 1] * ratio / (1.0 - ratio);
+}
+
+/// Whether hats would end it sooner, set-up included, with this squared error to be reached.
+bool hats_are_faster(std::span<const double> taken, double aim) {
+  const double decades = std::log10(error_left(taken) / aim);
+  return decades / -std::log10(convergence(taken)) > decades + cost_of_hats;
 }
 
 /// What Nitsche adds to the system: right-hand side at the element nodes, matrix at the degrees of freedom of the space
@@ -191,6 +211,20 @@ double steps_apart(const BlockMatrix<Dim>& K, const std::vector<Index>& cloud, c
   return 2.0 * degree * sum / static_cast<double>(front.size());
 }
 
+/// Where the nodes of the elements are.
+template <int Dim> Points<Dim> element_places(const FineSpace<Dim>& space, const ElementNodes& nodes) {
+  Points<Dim> places(Dim, nodes.count);
+  for (Index dof = 0; dof < space.size(); ++dof) places.col(nodes.at[dof]) = space.points().col(dof);
+  return places;
+}
+
+/// What takes off the smooth part of an error, and the degree of the smoother that takes the rest.
+template <int Dim> struct Level {
+  CoarseSpace<Dim> coarse;
+  bool condensed;  ///< whether it is one of the Schur complement
+  int degree;
+};
+
 }  // namespace
 
 template <int Dim> struct Corrector<Dim>::Impl {
@@ -200,9 +234,11 @@ template <int Dim> struct Corrector<Dim>::Impl {
   BlockMatrix<Dim> K;
   Supports<Dim> supports;
   WeakConditions<Dim> weak;
-  CoarseSpace<Dim> coarse;
+  Level<Dim> cloud;
   std::optional<Condensation<Dim>> condensation;  ///< if there are flat cells
   Smoother<Dim> smoother;                         ///< of what it leaves
+  mutable std::once_flag has_hats{};
+  mutable std::optional<Level<Dim>> hats_{};
 
   /// The displacement at the element nodes of one at the degrees of freedom of the space.
   Points<Dim> at_nodes(const Points<Dim>& u) const {
@@ -212,11 +248,32 @@ template <int Dim> struct Corrector<Dim>::Impl {
         result.col(node) += members.shares[m] * u.col(members.dofs.items[m]);
     return result;
   }
+  /// For errors that the cloud cannot see: made when they are first asked for.
+  const Level<Dim>& hats() const {
+    std::call_once(has_hats, [&] {
+      Points<Dim> places = element_places(approximation.space, nodes);
+      if (condensation) places = Points<Dim>(places(Eigen::all, condensation->kept()));
+      const BlockMatrix<Dim>& left = condensation ? condensation->matrix() : K;
+      Hats<Dim> hats = make_hats(left, places);
+      const int degree = smoothing_degree(approximation.space.degree() * hats.apart);
+      const std::vector<char> all(hats.shape.num_nodes(), 1);
+      hats_.emplace(
+          CoarseSpace<Dim>(left, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
+                           [&](Index kept) { return supports.free(condensation ? condensation->kept()[kept] : kept); }),
+          condensation.has_value(), degree);
+    });
+    return *hats_;
+  }
+  /// The displacement that forces lead to in the coarse space of a level.
+  Points<Dim> solve_coarsely(const Level<Dim>& level, const Points<Dim>& r) const {
+    if (!level.condensed) return level.coarse.solve(r);
+    return condensation->extend(level.coarse.solve(condensation->restrict(r)), Points<Dim>::Zero(Dim, nodes.count));
+  }
   /// z = M r, smoothed.
-  void smooth(const Points<Dim>& r, Points<Dim>& z) const {
-    if (!condensation) return smoother.apply(K, r, z);
+  void smooth(const Level<Dim>& level, const Points<Dim>& r, Points<Dim>& z) const {
+    if (!condensation) return smoother.apply(K, level.degree, r, z);
     Points<Dim> smoothed;
-    smoother.apply(condensation->matrix(), condensation->restrict(r), smoothed);
+    smoother.apply(condensation->matrix(), level.degree, condensation->restrict(r), smoothed);
     z = condensation->extend(smoothed, r);
   }
   /// Twice the sum over the nodes of the energy if they alone had their displacement.
@@ -300,20 +357,21 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   auto weak = hold_weakly(space, nodes, lame, restrained, mean_dilatation, K);
   const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
   Members<Dim> dofs_of = members(space, nodes, lame);
-  Points<Dim> places(Dim, nodes.count);
-  for (Index dof = 0; dof < space.size(); ++dof) places.col(nodes.at[dof]) = space.points().col(dof);
+  Points<Dim> places = element_places(space, nodes);
   const double nodes_apart = steps_apart(K, approximation.node_dofs, nodes, space.degree());
-  CoarseSpace<Dim> coarse(
-      K, shape_at_nodes(approximation.shape, dofs_of), std::move(places), approximation.nodes,
-      [&](Index node) { return supports.free(node); }, nodes_apart);
+  ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
+  const auto turning = thin_nodes(shape, places, nodes_apart);
+  Level<Dim> cloud{CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning,
+                                    [&](Index node) { return supports.free(node); }),
+                   false, smoothing_degree(nodes_apart)};
   const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
   std::optional<Condensation<Dim>> condensation;
   if (!groups.empty()) condensation.emplace(K, groups);
   const auto node_of = [&](Index kept) { return condensation ? condensation->kept()[kept] : kept; };
-  Smoother<Dim> smoother(
-      condensation ? condensation->matrix() : K, [&](Index kept) { return supports.free(node_of(kept)); }, nodes_apart);
+  Smoother<Dim> smoother(condensation ? condensation->matrix() : K,
+                         [&](Index kept) { return supports.free(node_of(kept)); });
   impl_.reset(new Impl{approximation, std::move(nodes), std::move(dofs_of), std::move(K), supports, std::move(weak),
-                       std::move(coarse), std::move(condensation), std::move(smoother)});
+                       std::move(cloud), std::move(condensation), std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -332,12 +390,40 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     r = f - r;
     problem.supports.release(r);
   };
+  // The answer that there was before a coarse space other than the cloud's, beside that space: all later iterates stay
+  // the best ones with it, too, so that their energy is off by the square of their error only.
+  Points<Dim> own, pull;
+  double own_stiffness = 0.0;
+  const auto keep_own = [&](const Level<Dim>& level) {
+    own = u;
+    problem.supports.release(own);
+    K.multiply(own, q);
+    problem.supports.release(q);
+    const double energy = dot<Dim>(own, q);
+    own -= problem.solve_coarsely(level, q);
+    K.multiply(own, pull);
+    problem.supports.release(pull);
+    own_stiffness = dot<Dim>(own, pull);
+    if (!(own_stiffness > dependent * energy)) own_stiffness = 0.0;
+  };
+  /// Makes u the best answer in the space of a level around it. Returns the squared error that takes off.
+  const auto best_in = [&](const Level<Dim>& level) {
+    residual();
+    z = problem.solve_coarsely(level, r);
+    double square = dot<Dim>(r, z);
+    u += z;
+    residual();
+    if (own_stiffness > 0.0) {
+      const double factor = dot<Dim>(own, r) / own_stiffness;
+      add<Dim>(u, factor, own);
+      square += factor * factor * own_stiffness;
+      residual();
+    }
+    return square;
+  };
   Correction<Dim> result;
-  residual();
-  z = problem.coarse.solve(r);
-  result.taken.push_back(dot<Dim>(r, z));
-  u += z;
-  residual();
+  const Level<Dim>* level = &problem.cloud;
+  result.taken.push_back(best_in(*level));
   const double one_by_one = problem.energy_one_by_one(u);
   const auto energy = [&](const Points<Dim>& of) {
     K.multiply(of, q);
@@ -349,17 +435,19 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   const bool open = options.iterations < 0;
   const int least = problem.approximation.averaged ? least_iterations_averaged : least_iterations;
   const int wanted = open ? options.most : options.iterations, last = std::max(wanted + delay, least);
-  std::vector<double> taken;  // by the iterations
-  bool solved = false;        // exactly
+  std::vector<double> taken, recent;  // by the iterations; by those of the present level, without entering it
+  double entering = 0.0;
+  bool solved = false;  // exactly
   Points<Dim> answer;
   if (wanted == 0) answer = u;
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
-    problem.smooth(r, z);
+    problem.smooth(*level, r, z);
     K.multiply(z, q);
     q = r - q;
     problem.supports.release(q);
-    z += problem.coarse.solve(q);
+    z += problem.solve_coarsely(*level, q);
+    if (own_stiffness > 0.0) add<Dim>(z, -dot<Dim>(pull, z) / own_stiffness, own);
     const double next = dot<Dim>(r, z);
     // The first iterate that is exact up to rounding: nothing is left to be taken off.
     if (const double nothing = std::max(rounding * scale, no_step * one_by_one); !(next > nothing)) {
@@ -367,7 +455,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       solved = true;
       break;
     }
-    if (k == 1)
+    if (recent.empty())
       p = z;
     else
       p = z + (next / rz) * p;
@@ -378,13 +466,15 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
     add<Dim>(u, alpha, p);
     add<Dim>(r, -alpha, q);
-    taken.push_back(alpha * rz);
+    recent.push_back(alpha * rz);
+    taken.push_back(entering + recent.back());
+    entering = 0.0;
     if (k == wanted) answer = u;
     if (k <= wanted) result.iterations = k;
     const auto is_good = [&] {  // the iterate before this one
-      return taken.back() + error_left(taken) < options.tolerance * options.tolerance * scale;
+      return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale;
     };
-    if (open && k >= least && is_good()) {
+    if (open && std::ssize(recent) >= least && is_good()) {
       scale = std::max(energy(u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) {
         result.iterations = k - delay;
@@ -402,8 +492,15 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       solved = true;
       break;
     }
+    if (open && k >= probation && level == &problem.cloud &&
+        hats_are_faster(recent, options.tolerance * options.tolerance * scale)) {
+      level = &problem.hats();
+      keep_own(*level);
+      entering = best_in(*level);
+      recent.clear();
+    }
   }
-  const double beyond = taken.empty() || solved ? 0.0 : std::max(0.0, error_left(taken));
+  const double beyond = recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
   if (answer.size() == 0) answer = u;
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];

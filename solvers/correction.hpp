@@ -36,10 +36,11 @@ template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approxim
 /// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud, and
 /// rotations of its nodes in thin walls and limbs, are the coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009,
 /// A-DEF2), a Chebyshev polynomial of symmetric Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro
-/// 2003). The finite element problem is that of BasisKind::p1 (p2 if approximation.space is of degree 2; with
+/// 2003). Where the cloud turns out to be too coarse to help, functions of the fine mesh replace it as coarse space.
+/// The finite element problem is that of BasisKind::p1 (p2 if approximation.space is of degree 2; with
 /// ApproximationOptions::dilatation where takes_mean_dilatation) with conditions set strongly, wherever nodal values
-/// can hold them, and regions that share their nodes. Where the cloud is too coarse to help and the elements are few,
-/// they are solved directly after some iterations. Errors come from what the iterations take off (Hestenes & Stiefel
+/// can hold them, and regions that share their nodes. Where iterations hardly help and the elements are few, they are
+/// solved directly after some of them. Errors come from what the iterations take off (Hestenes & Stiefel
 /// 1952), one beyond the answer among them (Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:

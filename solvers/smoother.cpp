@@ -34,9 +34,11 @@ double noise(std::uint64_t i) {
 
 }  // namespace
 
-template <int Dim>
-Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, double reach)
-    : degree_(std::clamp(static_cast<int>(std::ceil(0.9 * reach)), 3, 32)) {
+int smoothing_degree(double reach) {
+  return std::clamp(static_cast<int>(std::ceil(0.9 * reach)), 3, 32);
+}
+
+template <int Dim> Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free) {
   const Index n = K.size();
   inverse_diagonal_.resize(n);
   Points<Dim> r(Dim, n), z, p, q;
@@ -97,15 +99,16 @@ template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Po
   });
 }
 
-template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
-  const double lower = lower_share(degree_);
+template <int Dim>
+void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const {
+  const double lower = lower_share(degree);
   const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
   Points<Dim> step, rest, swept;
   sweep(K, r, step);
   step /= middle;
   z = step;
   double rho = half / middle;
-  for (int k = 1; k < degree_; ++k) {
+  for (int k = 1; k < degree; ++k) {
     K.multiply(z, rest);
     rest = r - rest;
     sweep(K, rest, swept);  // held directions of `rest` do not matter: the inverse diagonal knows nothing of them

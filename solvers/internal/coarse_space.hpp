@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What is smooth in an error goes: the cloud as coarse space of the finite elements.
+/// What is smooth in an error goes: a few functions as coarse space of the finite elements.
 #pragma once
 
 #include "efree/assembly/block_matrix.hpp"
@@ -12,17 +12,16 @@
 
 namespace efree {
 
-/// The functions of the cloud, one for each direction, and, where the body is thin, those functions times rotations
-/// about their nodes, unless that makes too many. A wall or limb that bends turns from node to node; functions that
-/// only move it have to shear it, and are too stiff by the square of spacing over thickness. Turning nodes bend it
-/// without shear, as nodes of plates and rods do (partition of unity: Melenk & Babuska 1996).
+/// Some functions, one for each direction, and those that turn times rotations about their nodes (partition of unity:
+/// Melenk & Babuska 1996). A wall or limb that bends turns from node to node; functions that only move it have to shear
+/// it, and are too stiff by the square of spacing over thickness. Turning nodes bend it without shear, as nodes of
+/// plates and rods do.
 template <int Dim> class CoarseSpace {
  public:
-  /// `shape`: the functions at the nodes of K, which are at `places`; `nodes`: those of the cloud (Dim x
-  /// shape.num_nodes()); free(node): projector onto the directions that are not held; `reach`: as for Smoother. Factors
-  /// the stiffness.
-  CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, const Points<Dim>& nodes,
-              const std::function<Mat<Dim>(Index)>& free, double reach);
+  /// `shape`: the functions at the nodes of K, which are at `places`; `nodes`: theirs (Dim x shape.num_nodes()), which
+  /// of them turn; free(node): projector onto the directions that are not held. Factors the stiffness.
+  CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, Points<Dim> nodes,
+              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free);
 
   /// The displacement that forces r without a part on what is held (Dim x K.size()) lead to in this space.
   Points<Dim> solve(const Points<Dim>& r) const;
@@ -33,11 +32,16 @@ template <int Dim> class CoarseSpace {
 
   ShapeTable<Dim> shape_;
   Points<Dim> places_, nodes_;
-  Ragged<Place> rows_at_;                         ///< rows of the table, by node of the cloud
+  Ragged<Place> rows_at_;                         ///< rows of the table, by node
   std::vector<std::pair<Index, Mat<Dim>>> held_;  ///< nodes of K, ascending, with what is free there
   std::vector<Index> held_at_;                    ///< by node of K: index into held_, -1 if it is free
-  std::vector<Index> first_;                      ///< by node of the cloud: its motion; if it turns, the next is that
+  std::vector<Index> first_;                      ///< by node: its motion; if it turns, the next is that
   std::unique_ptr<ScaledCholesky> factor_;
 };
+
+/// Nodes of the cloud that had better turn: those whose functions act on something thin, unless they are so many that
+/// their factor costs more than it saves. `shape`, `places`: as for CoarseSpace; `apart`: how far the nodes are from
+/// each other, in `places`.
+template <int Dim> std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, double apart);
 
 }  // namespace efree

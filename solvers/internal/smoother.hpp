@@ -13,18 +13,19 @@ namespace efree {
 /// Tuminaro 2003). Symmetric and positive definite on what is free.
 template <int Dim> class Smoother {
  public:
-  /// free(node): projector onto the directions that are not held. `reach`: distance, in nodes of K, of what takes over
-  /// from the smoother; its degree follows from it. Estimates the largest eigenvalue of B K.
-  Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, double reach);
-  /// z = M r, both Dim x K.size().
-  void apply(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const;
+  /// free(node): projector onto the directions that are not held. Estimates the largest eigenvalue of B K.
+  Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free);
+  /// z = M r, both Dim x K.size(), by a polynomial of this degree.
+  void apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const;
 
  private:
   void sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const;
 
   std::vector<Mat<Dim>> inverse_diagonal_;  ///< on what is free
   double largest_ = 1.0;                    ///< eigenvalue of B K, at least
-  int degree_;                              ///< sweeps
 };
+
+/// Degree of a smoother's polynomial for a coarse space that takes over at this distance, in nodes of the matrix.
+int smoothing_degree(double reach);
 
 }  // namespace efree
