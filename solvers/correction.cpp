@@ -229,6 +229,7 @@ template <int Dim> struct Level {
 
 template <int Dim> struct Corrector<Dim>::Impl {
   const Approximation<Dim>& approximation;
+  bool mean_dilatation;
   ElementNodes nodes;
   Members<Dim> members;
   BlockMatrix<Dim> K;
@@ -370,8 +371,8 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   const auto node_of = [&](Index kept) { return condensation ? condensation->kept()[kept] : kept; };
   Smoother<Dim> smoother(condensation ? condensation->matrix() : K,
                          [&](Index kept) { return supports.free(node_of(kept)); });
-  impl_.reset(new Impl{approximation, std::move(nodes), std::move(dofs_of), std::move(K), supports, std::move(weak),
-                       std::move(cloud), std::move(condensation), std::move(smoother)});
+  impl_.reset(new Impl{approximation, mean_dilatation, std::move(nodes), std::move(dofs_of), std::move(K), supports,
+                       std::move(weak), std::move(cloud), std::move(condensation), std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -492,7 +493,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       solved = true;
       break;
     }
-    if (open && k >= probation && level == &problem.cloud &&
+    // Where dilatations are averaged hats lock as the cloud does.
+    if (open && k >= probation && level == &problem.cloud && !problem.mean_dilatation &&
         hats_are_faster(recent, options.tolerance * options.tolerance * scale)) {
       level = &problem.hats();
       keep_own(*level);
