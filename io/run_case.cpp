@@ -364,8 +364,8 @@ template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const
 }
 
 /// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where the case does
-/// not say how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, or as far
-/// as an accuracy that is asked for takes it.
+/// not say how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, to half of
+/// them if the answer were refused else, or as far as an accuracy that is asked for takes it.
 void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResult<3>& result,
                      const Progress& progress) {
   const FineSpace<3> space(*mesh.mesh, 1);
@@ -402,7 +402,9 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
       why.clear();
       break;
     }
-    if (fixed || (!asked && size < 1.99 * mesh.image->spacing.minCoeff())) break;
+    // Below its voxels an image says no more: only an answer that would be none is worth the time.
+    const double least = (error < analysis.largest_error ? 1.0 : 0.5) * mesh.image->spacing.minCoeff();
+    if (fixed || (!asked && size < 1.99 * least)) break;
     double points = 8.0;
     for (const Index n : result.cells->grid.cubes) points *= n + 1.0;
     if (cell_memory * points > 0.5 * available_memory()) {
