@@ -17,6 +17,7 @@
 #include <ctime>
 #include <numbers>
 #include <string_view>
+#include <utility>
 
 using namespace efree;
 
@@ -37,7 +38,7 @@ void row(const LabelImage<3>& image, const ImageMeshOptions& options) {
   else
     made.mesh = mesh_image<3>(image, options);
   const double meshed = cpu_seconds();
-  const FineMesh<3> mesh(made.mesh);
+  const FineMesh<3> mesh(std::move(made.mesh));
   const double done = cpu_seconds();
   double flattest = 1.0;
   for (Index c = 0; c < mesh.num_cells(); ++c)

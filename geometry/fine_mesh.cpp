@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/internal/bodies.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -27,7 +28,11 @@ template <int Dim> Key<Dim> facet_opposite(const Cells<Dim>& cells, Index c, Ind
 }
 
 template <int Dim> Key<Dim> sorted(Key<Dim> key) {
-  std::sort(key.begin(), key.end());
+  if constexpr (Dim == 3)
+    if (key[2] < key[0]) std::swap(key[0], key[2]);
+  if (key[1] < key[0]) std::swap(key[0], key[1]);
+  if constexpr (Dim == 3)
+    if (key[2] < key[1]) std::swap(key[1], key[2]);
   return key;
 }
 
@@ -60,74 +65,90 @@ template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Di
   return sides;
 }
 
-/// Cells across the facets, -1 on the boundary. Linear: sides that share their first vertex (the smallest) are few, and
-/// are compared one by one.
-template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
+/// Rows of a bipartite incidence, by counting sort: row r lists the items that were given with r, in order.
+template <class ForEach> Ragged<Index> incidence(Index rows, const ForEach& for_each_pair) {
+  Ragged<Index> out;
+  // Two ahead: where a row ends is moved there while it is filled, from where it begins.
+  out.offsets.assign(static_cast<std::size_t>(rows) + 2, 0);
+  for_each_pair([&](Index row, Index) { ++out.offsets[row + 2]; });
+  std::partial_sum(out.offsets.begin(), out.offsets.end(), out.offsets.begin());
+  out.items.resize(out.offsets.back());
+  for_each_pair([&](Index row, Index item) { out.items[out.offsets[row + 1]++] = item; });
+  out.offsets.pop_back();
+  return out;
+}
+
+/// Cells around each vertex, ascending.
+template <int Dim> Ragged<Index> cells_around(const Cells<Dim>& cells, Index vertices) {
+  return incidence(vertices, [&](auto&& emit) {
+    for (Index c = 0; c < cells.cols(); ++c)
+      for (int i = 0; i <= Dim; ++i) emit(cells(i, c), c);
+  });
+}
+
+/// Cells across the facets, -1 on the boundary. Linear: the facets around a vertex of which it is the smallest are few,
+/// and are compared one by one.
+template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells, const Ragged<Index>& around) {
   struct Side {
-    std::uint64_t rest;  // of the sorted vertices, in one number
     Index cell;
-    Index opposite;  // -1: matched already
+    Index opposite;
+    bool is_matched;
   };
-  const Index vertices = cells.maxCoeff() + 1;
-  std::vector<std::size_t> begin(static_cast<std::size_t>(vertices) + 1, 0);
-  // A cell's smallest vertex is that of all its sides but one, which has the second smallest.
-  const auto for_each_side = [&](Index c, const auto& body) {
-    Key<Dim + 1> v;
-    std::array<Index, Dim + 1> at;
-    for (int i = 0; i <= Dim; ++i) {
-      int k = i;
-      for (; k > 0 && v[k - 1] > cells(i, c); --k) v[k] = v[k - 1], at[k] = at[k - 1];
-      v[k] = cells(i, c), at[k] = i;
-    }
-    for (int i = 0; i <= Dim; ++i) body(v, i, at[i]);
-  };
-  for (Index c = 0; c < cells.cols(); ++c) {
-    Index first = cells(0, c), second = cells(1, c);
-    if (second < first) std::swap(first, second);
-    for (int i = 2; i <= Dim; ++i)
-      if (const Index v = cells(i, c); v < first)
-        second = first, first = v;
-      else if (v < second)
-        second = v;
-    begin[first + 1] += Dim;
-    ++begin[second + 1];
-  }
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<Side> sides(begin.back());
-  std::vector<std::size_t> cursor(begin.begin(), begin.end() - 1);
-  for (Index c = 0; c < cells.cols(); ++c)
-    for_each_side(c, [&](const Key<Dim + 1>& v, int without, Index opposite) {
-      Side& side = sides[cursor[v[without == 0 ? 1 : 0]]++];
-      side.rest = 0;
-      for (int n = without == 0 ? 2 : 1; n <= Dim; ++n)
-        if (n != without) side.rest = side.rest << 32 | static_cast<std::uint32_t>(v[n]);
-      side.cell = c;
-      side.opposite = opposite;
-    });
   Cells<Dim> neighbours = Cells<Dim>::Constant(Dim + 1, cells.cols(), -1);
-  parallel_chunks(vertices, 20000, [&](Index from, Index to) {
+  parallel_chunks(around.rows(), 20000, [&](Index from, Index to) {
+    std::vector<std::uint64_t> rests;  // of the sorted vertices of a side, in one number
+    std::vector<Side> sides;
     for (Index first = from; first < to; ++first) {
       Key<Dim> crowded{};
       bool is_crowded = false;
-      for (std::size_t s = begin[first]; s < begin[first + 1]; ++s) {
-        Side& a = sides[s];
-        if (a.opposite < 0) continue;
-        int others = 0;
-        for (std::size_t t = s + 1; t < begin[first + 1]; ++t) {
-          Side& b = sides[t];
-          if (b.rest != a.rest || b.opposite < 0) continue;
-          if (++others == 1) {
-            neighbours(a.opposite, a.cell) = b.cell;
-            neighbours(b.opposite, b.cell) = a.cell;
-            b.opposite = -1;
-          }
+      rests.clear();
+      sides.clear();
+      const auto add = [&](std::uint64_t rest, Index cell, Index opposite) {
+        const auto found = std::find(rests.begin(), rests.end(), rest);
+        if (found == rests.end()) {
+          rests.push_back(rest);
+          sides.push_back({cell, opposite, false});
+          return;
         }
-        if (others > 1) {
+        Side& other = sides[found - rests.begin()];
+        if (other.is_matched) {
           Key<Dim> key{first};
-          for (int k = Dim - 1; k > 0; --k) key[k] = static_cast<Index>(a.rest >> 32 * (Dim - 1 - k) & 0xffffffff);
+          for (int k = Dim - 1; k > 0; --k) key[k] = static_cast<Index>(rest >> 32 * (Dim - 1 - k) & 0xffffffff);
           crowded = is_crowded ? std::min(crowded, key) : key;
           is_crowded = true;
+          return;
         }
+        other.is_matched = true;
+        neighbours(opposite, cell) = other.cell;
+        neighbours(other.opposite, other.cell) = cell;
+      };
+      for (const Index c : around[first]) {
+        // A cell's smallest vertex is that of all its sides but one, which has the second smallest.
+        const auto cell = cells.col(c);
+        int smaller = 0;
+        for (int i = 0; i <= Dim; ++i) smaller += cell[i] < first;
+        if (smaller > 1) continue;
+        Key<Dim> rest;  // its other vertices without the one smaller, ascending, and where they are
+        Key<Dim> at;
+        int count = 0;
+        Index least = 0;
+        for (int i = 0; i <= Dim; ++i) {
+          if (cell[i] < first) least = i;
+          if (cell[i] <= first) continue;
+          int k = count++;
+          for (; k > 0 && rest[k - 1] > cell[i]; --k) rest[k] = rest[k - 1], at[k] = at[k - 1];
+          rest[k] = cell[i], at[k] = i;
+        }
+        const auto without = [&](int left_out) {
+          std::uint64_t packed = 0;
+          for (int k = 0; k < count; ++k)
+            if (k != left_out) packed = packed << 32 | static_cast<std::uint32_t>(rest[k]);
+          return packed;
+        };
+        if (smaller == 1)
+          add(without(-1), c, least);
+        else
+          for (int k = 0; k < count; ++k) add(without(k), c, at[k]);
       }
       if (is_crowded)
         throw InputError(
@@ -136,17 +157,8 @@ template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
   });
   return neighbours;
 }
-
-/// Rows of a bipartite incidence, by counting sort: row r lists the items that were given with r, in order.
-template <class ForEach> Ragged<Index> incidence(Index rows, const ForEach& for_each_pair) {
-  Ragged<Index> out;
-  out.offsets.assign(rows + 1, 0);
-  for_each_pair([&](Index row, Index) { ++out.offsets[row + 1]; });
-  std::partial_sum(out.offsets.begin(), out.offsets.end(), out.offsets.begin());
-  out.items.resize(out.offsets.back());
-  std::vector<Index> cursor(out.offsets.begin(), out.offsets.end() - 1);
-  for_each_pair([&](Index row, Index item) { out.items[cursor[row]++] = item; });
-  return out;
+template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
+  return neighbours_of<Dim>(cells, cells_around<Dim>(cells, cells.maxCoeff() + 1));
 }
 
 template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& cells, Index c) {
@@ -156,9 +168,10 @@ template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& 
 }
 
 template <int Dim> void check_indices(const MeshData<Dim>& data) {
-  for (const Index v : data.cells.reshaped())
-    if (v < 0 || v >= data.vertices.cols())
-      throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}", v, data.vertices.cols() - 1));
+  const Index vertices = static_cast<Index>(data.vertices.cols()), *const cells = data.cells.data();
+  for (Eigen::Index k = 0; k < data.cells.size(); ++k)
+    if (cells[k] < 0 || cells[k] >= vertices)
+      throw InputError(fmt::format("mesh: a cell names vertex {}, expected 0 to {}", cells[k], vertices - 1));
 }
 
 template <int Dim> void check_regions(const MeshData<Dim>& data) {
@@ -183,49 +196,54 @@ std::string quoted(const std::vector<std::string>& names, std::string_view none)
 
 }  // namespace
 
-template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
+template <int Dim> FineMesh<Dim>::FineMesh(MeshData<Dim> data) {
   const Index given_vertices = static_cast<Index>(data.vertices.cols());
   if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
   check_indices(data);
   if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
   check_regions(data);
-  regions_ = data.regions;
-  region_names_ = data.region_names.empty() ? std::vector<std::string>{""} : data.region_names;
+  regions_ = std::move(data.regions);
+  region_names_ = data.region_names.empty() ? std::vector<std::string>{""} : std::move(data.region_names);
 
   // Keep the vertices that some cell uses, in their order.
   std::vector<Index> renumbered(given_vertices, -1);
-  for (Index c = 0; c < data.cells.cols(); ++c)
-    for (int i = 0; i <= Dim; ++i) renumbered[data.cells(i, c)] = 0;
+  for (Eigen::Index k = 0; k < data.cells.size(); ++k) renumbered[data.cells.data()[k]] = 0;
   Index used = 0;
   for (Index& v : renumbered)
     if (v == 0) v = used++;
-  vertices_.resize(Dim, used);
-  for (Index v = 0; v < given_vertices; ++v)
-    if (renumbered[v] >= 0) vertices_.col(renumbered[v]) = data.vertices.col(v);
-  cells_ = data.cells.unaryExpr([&](Index v) { return renumbered[v]; });
+  vertices_ = std::move(data.vertices);
+  cells_ = std::move(data.cells);
+  if (used < given_vertices) {
+    for (Index v = 0; v < given_vertices; ++v)
+      if (renumbered[v] >= 0) vertices_.col(renumbered[v]) = vertices_.col(v).eval();
+    vertices_.conservativeResize(Dim, used);
+    for (Eigen::Index k = 0; k < cells_.size(); ++k) cells_.data()[k] = renumbered[cells_.data()[k]];
+  }
 
   volumes_.resize(cells_.cols());
-  double square = 0.0;
-  for (Index c = 0; c < num_cells(); ++c) {
-    double volume = signed_volume<Dim>(vertices_, cells_, c);
-    if (volume < 0.0) {
-      std::swap(cells_(Dim - 1, c), cells_(Dim, c));
-      volume = -volume;
+  constexpr Index cells_per_chunk = 100000;
+  std::vector<double> squares((num_cells() - 1) / cells_per_chunk + 1, 0.0);
+  parallel_chunks(num_cells(), cells_per_chunk, [&](Index begin, Index end) {
+    double square = 0.0;
+    for (Index c = begin; c < end; ++c) {
+      double volume = signed_volume<Dim>(vertices_, cells_, c);
+      if (volume < 0.0) {
+        std::swap(cells_(Dim - 1, c), cells_(Dim, c));
+        volume = -volume;
+      }
+      if (!(volume > 0.0))
+        throw InputError(fmt::format("mesh: cell {} at ({}) has no volume", c, fmt::join(centroid(c), ", ")));
+      volumes_[c] = volume;
+      for (int i = 0; i <= Dim; ++i)
+        for (int j = 0; j < i; ++j)
+          square = std::max(square, (vertex(cells_(i, c)) - vertex(cells_(j, c))).squaredNorm());
     }
-    if (!(volume > 0.0))
-      throw InputError(fmt::format("mesh: cell {} at ({}) has no volume", c, fmt::join(centroid(c), ", ")));
-    volumes_[c] = volume;
-    for (int i = 0; i <= Dim; ++i)
-      for (int j = 0; j < i; ++j)
-        square = std::max(square, (vertex(cells_(i, c)) - vertex(cells_(j, c))).squaredNorm());
-  }
-  size_ = std::sqrt(square);
-
-  neighbours_ = neighbours_of<Dim>(cells_);
-  vertex_cells_ = incidence(num_vertices(), [&](auto&& emit) {
-    for (Index c = 0; c < num_cells(); ++c)
-      for (int i = 0; i <= Dim; ++i) emit(cells_(i, c), c);
+    squares[begin / cells_per_chunk] = square;
   });
+  size_ = std::sqrt(*std::ranges::max_element(squares));
+
+  vertex_cells_ = cells_around<Dim>(cells_, num_vertices());
+  neighbours_ = neighbours_of<Dim>(cells_, vertex_cells_);
 
   const Index facet_count = static_cast<Index>((neighbours_.array() < 0).count());
   facets_.resize(Dim, facet_count);
@@ -243,10 +261,11 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   });
 
   const auto find_facet = [&](const Key<Dim>& wanted) -> Index {
+    const Key<Dim> sought = sorted<Dim>(wanted);
     for (Index f : facets_of(wanted[0])) {
       Key<Dim> key;
       for (int k = 0; k < Dim; ++k) key[k] = facets_(k, f);
-      if (sorted<Dim>(key) == sorted<Dim>(wanted)) return f;
+      if (sorted<Dim>(key) == sought) return f;
     }
     return -1;
   };
@@ -261,6 +280,7 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
   };
   for (const auto& group : data.groups) {
     Group resolved{group.name, {}};
+    resolved.facets.reserve(group.facets.size());
     for (auto facet : group.facets) {
       for (Index& v : facet) {
         if (v < 0 || v >= given_vertices || renumbered[v] < 0)
@@ -278,21 +298,7 @@ template <int Dim> FineMesh<Dim>::FineMesh(const MeshData<Dim>& data) {
     if (!resolved.facets.empty()) groups_.push_back(std::move(resolved));
   }
 
-  // Trees of vertices, each with its smallest as root.
-  components_.resize(num_vertices());
-  std::iota(components_.begin(), components_.end(), 0);
-  const auto root = [&](Index v) {
-    while (components_[v] != v) v = components_[v] = components_[components_[v]];
-    return v;
-  };
-  for (Index c = 0; c < num_cells(); ++c) {
-    Index a = root(cells_(0, c));
-    for (int i = 1; i <= Dim; ++i) {
-      const Index b = root(cells_(i, c));
-      components_[std::max(a, b)] = std::min(a, b);
-      a = std::min(a, b);
-    }
-  }
+  components_ = internal::first_of_body<Dim>(cells_, num_vertices());
   for (Index v = 0; v < num_vertices(); ++v)
     components_[v] = components_[v] == v ? num_components_++ : components_[components_[v]];
 }

@@ -53,7 +53,7 @@ template <int Dim> class FineMesh {
   /// (facets inside the mesh are left out, and so are groups without any facet on the boundary). Throws InputError for
   /// an index out of range, a cell of zero volume, a facet shared by more than two cells, a group facet that is no
   /// facet of the mesh, a region without a name or with the name of another, or no cell.
-  explicit FineMesh(const MeshData<Dim>& data);
+  explicit FineMesh(MeshData<Dim> data);
 
   Index num_vertices() const { return static_cast<Index>(vertices_.cols()); }
   Index num_cells() const { return static_cast<Index>(cells_.cols()); }

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/internal/bodies.hpp"
 #include "efree/geometry/internal/image_field.hpp"
 #include "efree/geometry/internal/image_regions.hpp"
 #include "efree/geometry/internal/kuhn.hpp"
@@ -924,31 +925,17 @@ class LatticeMesher {
   // --- what hangs together in the image, but not in the mesh ---------------------------------------------------------
 
   void find_broken(LatticeMesh& out) const {
-    // Trees of vertices, each with its smallest as root.
-    std::vector<Index> parent(num_vertices_);
-    std::iota(parent.begin(), parent.end(), 0);
-    const auto root = [&](Index v) {
-      while (parent[v] != v) v = parent[v] = parent[parent[v]];
-      return v;
-    };
     const Cells<3>& cells = out.mesh.cells;
-    for (Index c = 0; c < cells.cols(); ++c) {
-      Index a = root(cells(0, c));
-      for (int i = 1; i < 4; ++i) {
-        const Index b = root(cells(i, c));
-        parent[std::max(a, b)] = std::min(a, b);
-        a = std::min(a, b);
-      }
-    }
+    const std::vector<Index> first = internal::first_of_body<3>(cells, static_cast<Index>(num_vertices_));
     struct Body {
       double volume = 0.0;
       Vec<3> moment = Vec<3>::Zero();
       Index part = -1;  // of the image
     };
-    std::vector<Index> number(parent.size(), -1);  // of the body, by root
+    std::vector<Index> number(first.size(), -1);  // of the body, by its first vertex
     std::vector<Body> bodies;
-    for (std::size_t v = 0; v < parent.size(); ++v)
-      if (parent[v] == static_cast<Index>(v)) {
+    for (std::size_t v = 0; v < first.size(); ++v)
+      if (first[v] == static_cast<Index>(v)) {
         number[v] = static_cast<Index>(bodies.size());
         bodies.emplace_back();
       }
@@ -958,12 +945,12 @@ class LatticeMesher {
     for (Label& label : material.labels) label = label != 0;
     const ConnectedPixels parts = connected_pixels(material);
     for (Index c = 0; c < cells.cols(); ++c) {
-      Body& body = bodies[number[root(cells(0, c))]];
-      const Vec<3> first = out.mesh.vertices.col(cells(0, c));
+      Body& body = bodies[number[first[cells(0, c)]]];
+      const Vec<3> corner = out.mesh.vertices.col(cells(0, c));
       Mat<3> edges;
-      for (int i = 1; i < 4; ++i) edges.col(i - 1) = out.mesh.vertices.col(cells(i, c)) - first;
+      for (int i = 1; i < 4; ++i) edges.col(i - 1) = out.mesh.vertices.col(cells(i, c)) - corner;
       const double volume = edges.determinant() / 6.0;
-      const Vec<3> centre = first + 0.25 * edges.rowwise().sum();
+      const Vec<3> centre = corner + 0.25 * edges.rowwise().sum();
       body.volume += volume;
       body.moment += volume * centre;
       if (body.part >= 0) continue;

@@ -13,10 +13,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
 SpatialMarching::SpatialMarching(const SpatialSight& sight)
-    : sight_(sight),
-      states_(sight.mesh().num_vertices(), unreached),
-      panorama_(sight),
-      in_front_(sight.mesh().num_vertices(), 0) {}
+    : sight_(sight), states_(sight.mesh().num_vertices(), unreached), panorama_(sight) {}
 
 void SpatialMarching::clear(double radius) {
   for (const Index v : reached_) states_[v] = unreached;
@@ -33,28 +30,34 @@ void SpatialMarching::march(Index source, double radius) {
   const Vec<3> centre = mesh.vertex(source);
   const Index body = mesh.component()[source];
   panorama_.look(source_, radius);
-  sight_.vertex_tree().for_each_near(centre, radius, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k) {
-      const Index v = sight_.vertex_tree().order()[k];
-      const Vec<3> line = mesh.vertex(v) - centre;
-      const double distance = line.norm();
-      if (distance >= radius || mesh.component()[v] != body) continue;
-      if (v == source_ || panorama_.shows(v, line, distance))
-        reach(v, distance, source_);
-      else
-        hidden_.push_back(v);
-    }
+  sight_.for_each_vertex_near(centre, radius, [&](const SpatialSight::PlacedVertex& at) {
+    const Vec<3> line = at.x - centre;
+    const double distance = line.norm();
+    if (distance >= radius || at.body != body) return;
+    if (at.vertex == source_ || panorama_.shows(at.vertex, line, distance))
+      reach(at.vertex, distance, source_);
+    else
+      hidden_.push_back(at.vertex);
   });
-  // The march begins where what is in sight ends.
-  for (const Index v : hidden_)
-    for (const auto& [w, cell] : sight_.neighbours(v))
-      if (states_[w].origin == source_ && !in_front_[w]) {
-        in_front_[w] = 1;
-        front_.push_back({states_[w].distance, w});
-      }
-  for (const Front& start : front_) in_front_[start.vertex] = 0;
-  std::make_heap(front_.begin(), front_.end());
+  for (const Index v : hidden_) offer_from_sight(v);
   spread();
+}
+
+/// The march begins where what is in sight ends: paths bend at the boundary there, or else at the nearest vertex.
+void SpatialMarching::offer_from_sight(Index v) {
+  const FineMesh<3>& mesh = sight_.mesh();
+  const Vec<3> x = mesh.vertex(v);
+  Front first{infinity, -1}, best{infinity, -1};
+  for (const auto& [w, cell] : sight_.neighbours(v)) {
+    if (states_[w].origin != source_) continue;
+    const Front at{states_[w].distance, w};
+    if (first < at) first = at;
+    if (!mesh.on_boundary(w)) continue;
+    if (const Front bent{at.distance + (x - mesh.vertex(w)).norm(), w}; best < bent) best = bent;
+  }
+  if (first.vertex < 0) return;
+  if (const Front bent{first.distance + (x - mesh.vertex(first.vertex)).norm(), first.vertex}; best < bent) best = bent;
+  offer(v, best.distance, best.vertex);
 }
 
 void SpatialMarching::march(std::span<const Index> sources, double radius) {
@@ -94,7 +97,17 @@ void SpatialMarching::spread() {
 
 bool SpatialMarching::sees(const SpatialSight::Neighbour& near, Index origin) {
   if (origin == source_ || states_[near.vertex].unseen == origin) return false;
-  const bool seen = sight_.sees(near, origin, [&](Index w) { return states_[w].origin == origin; });
+  const Vec<3> from = sight_.mesh().vertex(origin);
+  const double before = states_[origin].distance - sight_.tolerance();
+  const bool seen = sight_.sees(near, origin, [&](Index w) {
+    const State& state = states_[w];
+    if (state.origin == origin) return SpatialSight::in_time;
+    // Whose place is nearest is a question of sight alone.
+    if (source_ < 0 || state.distance == infinity) return SpatialSight::not_yet;
+    const double after = state.distance - before;
+    const bool in_time = after <= 0.0 || after * after <= (sight_.mesh().vertex(w) - from).squaredNorm();
+    return in_time ? SpatialSight::in_time : SpatialSight::late;
+  });
   if (!seen) states_[near.vertex].unseen = origin;
   return seen;
 }

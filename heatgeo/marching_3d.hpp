@@ -33,6 +33,7 @@ class SpatialMarching {
  private:
   void clear(double radius);
   void reach(Index v, double distance, Index origin);
+  void offer_from_sight(Index v);
   void spread();
   bool sees(const SpatialSight::Neighbour& near, Index origin);
   void offer(Index v, double distance, Index origin);
@@ -51,7 +52,6 @@ class SpatialMarching {
   std::vector<Front> front_;
   Panorama panorama_;
   std::vector<Index> hidden_;
-  std::vector<char> in_front_;
 };
 
 }  // namespace efree

@@ -80,7 +80,7 @@ Index Panorama::corner(Index v) {
   if (at < 0) {
     at = static_cast<Index>(corners_.size());
     const Vec<3> x = sight_.mesh().vertex(v) - sight_.mesh().vertex(source_);
-    corners_.push_back({v, x, x.norm(), OnCube(x)});
+    corners_.push_back({v, x, x.norm(), OnCube(x), 0});
   }
   return at;
 }
@@ -95,33 +95,30 @@ void Panorama::look(Index source, double radius) {
   const Vec<3> centre = sight_.mesh().vertex(source);
   const FineMesh<3>& mesh = sight_.mesh();
   const Index body = mesh.component()[source];
-  sight_.facet_tree().for_each_near(centre, radius, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k) {
-      const Index f = sight_.facet_tree().order()[k];
-      const SpatialSight::Facet& facet = sight_.facet(f);
-      const auto corners = mesh.facets().col(f);
-      if (mesh.component()[corners[0]] != body) continue;
-      const SpatialSight::Side side = sight_.side(facet, centre - mesh.vertex(corners[0]));
-      if (side == SpatialSight::edge_on)
-        for (const Index v : corners)
-          on_slit_ = on_slit_ || (v != source && (mesh.vertex(v) - centre).norm() <= sight_.tolerance());
-      if (side != SpatialSight::outer) continue;
-      const std::array<Index, 3> at{corner(corners[0]), corner(corners[1]), corner(corners[2])};
-      const Corner &a = corners_[at[0]], &b = corners_[at[1]], &c = corners_[at[2]];
-      const double nearest = (1.0 - 1e-9) * std::max(-facet.normal.dot(a.x),
-                                                     std::min({a.distance, b.distance, c.distance}) - facet.longest);
-      if (nearest >= radius) continue;
-      const double reach = std::max({a.distance, b.distance, c.distance}), rounding = 8.0 * sight_.tolerance();
-      Screen& screen = screens_.emplace_back();
-      screen_corners_.push_back(at);
-      // From outside the corners turn to the left: changed in order, the normals point inwards.
-      screen.edges.row(0) = b.x.cross(a.x);
-      screen.edges.row(1) = c.x.cross(b.x);
-      screen.edges.row(2) = a.x.cross(c.x);
-      screen.depth = a.x.dot(c.x.cross(b.x)) + rounding * facet.longest * (facet.longest + reach);
-      screen.nearest = nearest;
-      screen.rim = rounding * reach;
-    }
+  sight_.for_each_facet_near(centre, radius, [&](const SpatialSight::PlacedFacet& placed) {
+    if (placed.body != body) return;
+    const SpatialSight::Facet& facet = placed.facet;
+    const SpatialSight::Side side = sight_.side(facet, centre - placed.corner);
+    if (side == SpatialSight::edge_on)
+      for (const Index v : placed.corners)
+        on_slit_ = on_slit_ || (v != source && (mesh.vertex(v) - centre).norm() <= sight_.tolerance());
+    if (side != SpatialSight::outer) return;
+    const std::array<Index, 3> at{corner(placed.corners[0]), corner(placed.corners[1]), corner(placed.corners[2])};
+    for (const Index k : at) ++corners_[k].outer_facets;
+    const Corner &a = corners_[at[0]], &b = corners_[at[1]], &c = corners_[at[2]];
+    const double nearest =
+        (1.0 - 1e-9) * std::max(-facet.normal.dot(a.x), std::min({a.distance, b.distance, c.distance}) - facet.longest);
+    if (nearest >= radius) return;
+    const double reach = std::max({a.distance, b.distance, c.distance}), rounding = 8.0 * sight_.tolerance();
+    Screen& screen = screens_.emplace_back();
+    screen_corners_.push_back(at);
+    // From outside the corners turn to the left: changed in order, the normals point inwards.
+    screen.edges.row(0) = b.x.cross(a.x);
+    screen.edges.row(1) = c.x.cross(b.x);
+    screen.edges.row(2) = a.x.cross(c.x);
+    screen.depth = a.x.dot(c.x.cross(b.x)) + rounding * facet.longest * (facet.longest + reach);
+    screen.nearest = nearest;
+    screen.rim = rounding * reach;
   });
   sort_by_direction();
 }
@@ -197,8 +194,11 @@ bool Panorama::shows(Index v, const Vec<3>& line, double distance) const {
   const Cut found = screens_.empty() ? Cut::none : cut(line, distance);
   if (found == Cut::inside) return false;
   if (found == Cut::rim || on_slit_) return sight_.sees(v, source_);
-  // The line arrives from inside where no facet at v turns its outer side to it.
-  return corner_at_[v] < 0 || sight_.begins_inside(v, sight_.mesh().vertex(source_));
+  // The line arrives from inside where no facet at v turns its outer side to it, and from outside where all do.
+  if (corner_at_[v] < 0) return true;
+  const FineMesh<3>& mesh = sight_.mesh();
+  return corners_[corner_at_[v]].outer_facets < static_cast<Index>(mesh.facets_of(v).size()) &&
+         sight_.begins_inside(v, mesh.vertex(source_));
 }
 
 }  // namespace efree

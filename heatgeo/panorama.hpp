@@ -33,6 +33,7 @@ class Panorama {
     Vec<3> x;  ///< from the source
     double distance;
     OnCube on_cube;
+    Index outer_facets;  ///< how many there are
   };
   /// A facet that may hide what is behind it. The line to x crosses it if edges x >= 0, and the sum of that is how far
   /// it goes, `depth` at the facet.

@@ -55,10 +55,17 @@ SpatialSight::SpatialSight(const FineMesh<3>& mesh, Search search) : mesh_(mesh)
   if (search == Search::none) return;
   vertex_tree_ = BoxTree(vertex_boxes(mesh));
   facet_tree_ = BoxTree(facet_boxes(mesh));
+  placed_vertices_.reserve(vertex_tree_.order().size());
+  for (const Index v : vertex_tree_.order()) placed_vertices_.push_back({mesh.vertex(v), v, mesh.component()[v]});
+  placed_facets_.reserve(facet_tree_.order().size());
+  for (const Index f : facet_tree_.order()) {
+    const auto corners = mesh.facets().col(f);
+    placed_facets_.push_back(
+        {facets_[f], mesh.vertex(corners[0]), {corners[0], corners[1], corners[2]}, mesh.component()[corners[0]]});
+  }
 }
 
 bool SpatialSight::begins_inside(Index v, const Vec<3>& x) const {
-  if (shows_only_outer_sides(v, x)) return false;
   const Answer answer = begins_inside_from(v, x - mesh_.vertex(v), mesh_.cells_of(v).front());
   return answer == Answer::unsure ? start(v, x).cell >= 0 : answer == Answer::yes;
 }

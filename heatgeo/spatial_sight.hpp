@@ -18,6 +18,17 @@ class SpatialSight {
     double longest;  ///< of its sides
     double slack;    ///< rounding of heights over the facet's plane, for each unit of length around
   };
+  /// What a search finds, with what decides at once whether it matters.
+  struct PlacedVertex {
+    Vec<3> x;
+    Index vertex, body;
+  };
+  struct PlacedFacet {
+    Facet facet;
+    Vec<3> corner;  ///< the first of `corners`
+    std::array<Index, 3> corners;
+    Index body;
+  };
   struct Neighbour {
     Index vertex;
     Index cell;  ///< one of those that hold both ends of the edge
@@ -35,26 +46,41 @@ class SpatialSight {
   double tolerance() const { return tolerance_; }
   std::span<const Neighbour> neighbours(Index v) const { return neighbours_[v]; }
   const Facet& facet(Index f) const { return facets_[f]; }
-  /// Empty without search.
-  const BoxTree& vertex_tree() const { return vertex_tree_; }
-  const BoxTree& facet_tree() const { return facet_tree_; }
+  /// Calls body(PlacedVertex) for every vertex in the open ball, and some around it; needs Search::patches.
+  template <class Body> void for_each_vertex_near(const Vec<3>& centre, double radius, const Body& body) const {
+    vertex_tree_.for_each_near(centre, radius, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) body(placed_vertices_[k]);
+    });
+  }
+  /// The same for the boundary's facets that meet the ball.
+  template <class Body> void for_each_facet_near(const Vec<3>& centre, double radius, const Body& body) const {
+    facet_tree_.for_each_near(centre, radius, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) body(placed_facets_[k]);
+    });
+  }
 
   /// `arm` leads to the point from a corner of the facet.
   Side side(const Facet& facet, const Vec<3>& arm) const {
     const double height = facet.normal.dot(arm), rounding = facet.slack * (facet.longest + arm.cwiseAbs().sum());
     return height > rounding ? outer : height < -rounding ? inner : edge_on;
   }
-  /// Whether the straight line from v to x begins inside the body or on its boundary. x is another place than v's.
+  /// Whether the straight line from v to x begins inside the body or on its boundary, if not all facets at v show x
+  /// their outer sides. x is another place than v's.
   bool begins_inside(Index v, const Vec<3>& x) const;
   /// Whether the straight line from v to `target` stays inside the body. Lines along the boundary are inside.
   bool sees(Index v, Index target) const;
 
-  /// The same for v in `near`, with a shortcut: where all corners of a facet that the line crosses are `sighted` from
-  /// the target, the rest of the line is taken to be free: only a spike thinner than that facet could be in the way.
-  template <class Sighted> bool sees(const Neighbour& near, Index target, const Sighted& sighted) const {
+  /// How a vertex has been reached by a march, measured by the straight line from the target of a line of sight.
+  enum Reach : unsigned char { not_yet = 0, in_time = 1, late = 2 };
+
+  /// The same for v in `near`, with a shortcut: `reach` tells of a vertex what is above. Where all corners of a facet
+  /// that the line crosses have been reached in time, so is what lies behind it, whatever the line goes through
+  /// farther on; where all are late, the line comes out of a shadow. Only a spike thinner than that facet could make a
+  /// difference.
+  template <class ReachOf> bool sees(const Neighbour& near, Index target, const ReachOf& reach) const {
     const Index v = near.vertex;
     if (mesh_.on_boundary(v) && shows_only_outer_sides(v, mesh_.vertex(target))) return false;
-    const Answer answer = walk(near, target, sighted);
+    const Answer answer = walk(near, target, reach);
     return answer == Answer::unsure ? sees(v, target) : answer == Answer::yes;
   }
 
@@ -78,18 +104,20 @@ class SpatialSight {
     return true;
   }
   Answer begins_inside_from(Index v, const Vec<3>& line, Index c) const;
-  template <class Sighted> Answer walk(const Neighbour& near, Index target, const Sighted& sighted) const;
+  template <class ReachOf> Answer walk(const Neighbour& near, Index target, const ReachOf& reach) const;
 
   const FineMesh<3>& mesh_;
   double tolerance_;
   Ragged<Neighbour> neighbours_;
   std::vector<Facet> facets_;
   BoxTree vertex_tree_, facet_tree_;
+  std::vector<PlacedVertex> placed_vertices_;  ///< in the order of the tree
+  std::vector<PlacedFacet> placed_facets_;
 };
 
 /// In the projection along the line, where it is the origin: it crosses the facet whose corners go around that.
-template <class Sighted>
-SpatialSight::Answer SpatialSight::walk(const Neighbour& near, Index target, const Sighted& sighted) const {
+template <class ReachOf>
+SpatialSight::Answer SpatialSight::walk(const Neighbour& near, Index target, const ReachOf& reach) const {
   // Corners opposite corner k, so that they turn to the left seen from it.
   constexpr std::array<std::array<int, 3>, 4> opposite{{{1, 2, 3}, {3, 2, 0}, {3, 0, 1}, {1, 0, 2}}};
   constexpr int steps_around_vertex = 24, steps = 1000;
@@ -144,13 +172,13 @@ SpatialSight::Answer SpatialSight::walk(const Neighbour& near, Index target, con
     std::swap(left, right);
   }
 
-  std::array<bool, 3> in_sight{};
+  std::array<Reach, 3> reached{};
   for (int k = 0; k < 3; ++k) {
     if (crossed[k].vertex == target) return Answer::yes;
-    in_sight[k] = sighted(crossed[k].vertex);
+    reached[k] = reach(crossed[k].vertex);
   }
   for (int step = 0; step < steps; ++step) {
-    if (in_sight[0] && in_sight[1] && in_sight[2]) return Answer::yes;
+    if (const int all = reached[0] & reached[1] & reached[2]) return all == in_time ? Answer::yes : Answer::no;
     if (c < 0) {
       const double ab = turn(crossed[0], crossed[1]), bd = turn(crossed[1], crossed[2]),
                    da = turn(crossed[2], crossed[0]);
@@ -167,7 +195,7 @@ SpatialSight::Answer SpatialSight::walk(const Neighbour& near, Index target, con
     const int replaced = left_of_0 && !left_of_1 ? 2 : left_of_1 && !left_of_2 ? 0 : 1;
     c = across_from(crossed[replaced].vertex);
     crossed[replaced] = e;
-    in_sight[replaced] = sighted(ahead);
+    reached[replaced] = reach(ahead);
   }
   return Answer::unsure;
 }
