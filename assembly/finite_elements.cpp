@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
 
 namespace efree {
@@ -38,6 +39,56 @@ template <int Dim> Mat<Dim> coupling(const Lame& lame, const NodalStrain<Dim>& a
   block(0, 0) += 2.0 * lame.mu * a.h * b.h;
   return block;
 }
+
+/// A product of the gradients g_i, g_j of a cell's hats in the product of those of two of its functions, integrated
+/// over the cell.
+struct Share {
+  std::size_t pair;  ///< of functions, as pair_of
+  int i, j;
+  double volumes;  ///< of the cell
+};
+constexpr std::size_t pair_of(std::size_t k, std::size_t l) {
+  return l * (l + 1) / 2 + k;  // k <= l
+}
+
+/// Gradients on straight cells are those of the hats times the derivatives by barycentric coordinates, which know
+/// nothing of the cell: all integrals are sums over pairs of hats.
+template <int Dim> class HatShares {
+ public:
+  explicit HatShares(const FineSpace<Dim>& space) {
+    const auto corners = static_cast<Index>(space.cell(0).size());
+    const auto& rule = space.cell_rule();
+    const std::size_t functions = corners, hats = Dim + 1;
+    means_ = Matrix::Zero(Dim + 1, corners);
+    std::vector<Matrix> sums(pair_of(0, functions), Matrix::Zero(Dim + 1, Dim + 1));
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      Matrix derivatives = Matrix::Zero(Dim + 1, corners);
+      const auto at = rule.points.col(q);
+      for (int i = 0, edge = Dim + 1; i <= Dim; ++i) {
+        derivatives(i, i) = space.degree() == 1 ? 1.0 : 4.0 * at[i] - 1.0;
+        if (space.degree() == 2)
+          for (int j = i + 1; j <= Dim; ++j, ++edge)
+            derivatives(i, edge) = 4.0 * at[j], derivatives(j, edge) = 4.0 * at[i];
+      }
+      means_ += rule.weights[q] * derivatives;
+      for (std::size_t l = 0; l < functions; ++l)
+        for (std::size_t k = 0; k <= l; ++k)
+          sums[pair_of(k, l)] += rule.weights[q] * derivatives.col(k) * derivatives.col(l).transpose();
+    }
+    for (std::size_t pair = 0; pair < sums.size(); ++pair)
+      for (std::size_t i = 0; i < hats; ++i)
+        for (std::size_t j = 0; j < hats; ++j)
+          if (std::abs(sums[pair](i, j)) > 1e-12)
+            products_.push_back({pair, static_cast<int>(i), static_cast<int>(j), sums[pair](i, j)});
+  }
+  const std::vector<Share>& products() const { return products_; }
+  /// Means of the derivatives: hats by functions.
+  const Matrix& means() const { return means_; }
+
+ private:
+  std::vector<Share> products_;
+  Matrix means_;
+};
 
 /// The strains of a cell's nodes at its quadrature points, with their weights.
 template <int Dim> class CellStrains {
@@ -112,75 +163,110 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
   const auto nodes_of = [&](Index c) { return std::span(cell_nodes).subspan(c * corners, corners); };
   const Ragged<Place> cells_at = places_of_nodes(nodes.count, mesh.num_cells(), nodes_of);
 
-  // Every chunk of rows goes through the cells that touch it once.
+  const HatShares<Dim> shares(space);
+  // Every chunk of rows goes through the cells that touch it once, then gathers its rows from them.
   constexpr Index chunk = 4096;
   struct Part {
     std::vector<Index> sizes, columns;
-    std::vector<Mat<Dim>> blocks;
+    std::vector<Index> cells;
+    std::vector<Index> entries;  ///< row by row, cell by cell: where the cell's nodes are among the columns
   };
   std::vector<Part> parts((nodes.count + chunk - 1) / chunk);
   parallel_chunks(nodes.count, chunk, [&](Index begin, Index end) {
     Part& part = parts[begin / chunk];
-    std::vector<Index> cells, around, offsets{0};
+    std::vector<std::pair<Index, Index>> around;  // columns of a row, with where in `entries`
     for (Index i = begin; i < end; ++i) {
       around.clear();
       for (const Place& place : cells_at[i]) {
-        const auto of_cell = nodes_of(place.row);
-        around.insert(around.end(), of_cell.begin(), of_cell.end());
-        cells.push_back(place.row);
+        for (const Index j : nodes_of(place.row)) around.emplace_back(j, part.entries.size() + around.size());
+        part.cells.push_back(place.row);
       }
+      part.entries.resize(part.entries.size() + around.size());
       std::ranges::sort(around);
-      part.columns.insert(part.columns.end(), around.begin(), std::unique(around.begin(), around.end()));
-      offsets.push_back(static_cast<Index>(part.columns.size()));
+      const std::size_t first = part.columns.size();
+      for (const auto& [j, at] : around) {
+        if (part.columns.size() == first || part.columns.back() != j) part.columns.push_back(j);
+        part.entries[at] = static_cast<Index>(part.columns.size()) - 1;
+      }
+      part.sizes.push_back(static_cast<Index>(part.columns.size() - first));
     }
-    std::ranges::sort(cells);
-    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
-    part.blocks.assign(part.columns.size(), Mat<Dim>::Zero());
-    const auto block = [&](Index i, Index j) -> Mat<Dim>& {
-      const auto first = part.columns.begin() + offsets[i - begin],
-                 last = part.columns.begin() + offsets[i - begin + 1];
-      return part.blocks[std::lower_bound(first, last, j) - part.columns.begin()];
-    };
-    CellStrains<Dim> strains(space);
+    std::ranges::sort(part.cells);
+    part.cells.erase(std::unique(part.cells.begin(), part.cells.end()), part.cells.end());
+  });
+
+  BlockMatrix<Dim> K;
+  std::size_t total = 0;
+  for (const Part& part : parts) total += part.columns.size();
+  K.offsets.reserve(nodes.count + 1);
+  K.columns.reserve(total);
+  for (Part& part : parts) {
+    for (const Index size : part.sizes) K.offsets.push_back(K.offsets.back() + size);
+    K.columns.insert(K.columns.end(), part.columns.begin(), part.columns.end());
+    part.columns = {};
+  }
+  K.blocks.assign(total, Mat<Dim>::Zero());
+
+  parallel_chunks(nodes.count, chunk, [&](Index begin, Index end) {
+    Part& part = parts[begin / chunk];
+    const std::vector<Index>& cells = part.cells;
+    CellStrains<Dim> strains(space);       // only on a radius do gradients not do
     Points<Dim> dilatation(Dim, corners);  // integral over a cell, by node
-    for (const Index c : cells) {
-      const auto of_cell = nodes_of(c);
-      const auto add = [&](const auto& stiffness) {
-        for (std::size_t k = 0; k < corners; ++k) {
-          if (of_cell[k] < begin || of_cell[k] >= end) continue;
-          for (std::size_t l = 0; l < corners; ++l) block(of_cell[k], of_cell[l]) += stiffness(k, l);
-        }
+    const std::size_t pairs = pair_of(0, corners);
+    std::vector<Mat<Dim>> stiffness(cells.size() * pairs, Mat<Dim>::Zero());  // of nodes k <= l of each cell
+    for (std::size_t n = 0; n < cells.size(); ++n) {
+      const Index c = cells[n];
+      const auto add = [&](const auto& coupled) {
+        Mat<Dim>* pair = stiffness.data() + n * pairs;
+        for (std::size_t l = 0; l < corners; ++l)
+          for (std::size_t k = 0; k <= l; ++k) *pair++ += coupled(k, l);
       };
       double volume = 0.0;
-      dilatation.setZero();
-      strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
-        const Lame& one = at_points[mesh.region(c)];
-        const Lame weighted{weight * one.lambda, weight * one.mu};
-        add([&](std::size_t k, std::size_t l) { return coupling(weighted, B[k], B[l]); });
-        volume += weight;
-        for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * B[k].d();
-      });
+      const Lame& one = at_points[mesh.region(c)];
+      if (space.axisymmetric()) {
+        dilatation.setZero();
+        strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
+          const Lame weighted{weight * one.lambda, weight * one.mu};
+          add([&](std::size_t k, std::size_t l) { return coupling(weighted, B[k], B[l]); });
+          volume += weight;
+          for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * B[k].d();
+        });
+      } else {
+        volume = mesh.volume(c);
+        const auto hats = mesh.hat_gradients(c);
+        const Lame weighted{volume * one.lambda, volume * one.mu};
+        std::array<Mat<Dim>, (Dim + 1) * (Dim + 1)> of_hats;
+        for (int i = 0; i <= Dim; ++i)
+          for (int j = 0; j <= Dim; ++j)
+            of_hats[i * (Dim + 1) + j] = coupling<Dim>(weighted, {hats.col(i)}, {hats.col(j)});
+        for (const Share& share : shares.products())
+          stiffness[n * pairs + share.pair] += share.volumes * of_hats[share.i * (Dim + 1) + share.j];
+        if (mean_dilatation) dilatation = volume * hats * shares.means();
+      }
       if (!mean_dilatation) continue;
       const double stiff = bulk[mesh.region(c)] / volume;
       add([&](std::size_t k, std::size_t l) -> Mat<Dim> {
         return (stiff * dilatation.col(k)) * dilatation.col(l).transpose();
       });
     }
-    for (Index i = begin; i < end; ++i) part.sizes.push_back(offsets[i - begin + 1] - offsets[i - begin]);
+
+    const Index* entry = part.entries.data();
+    Mat<Dim>* blocks = K.blocks.data() + K.offsets[begin];
+    for (Index i = begin; i < end; ++i)
+      for (const Place& place : cells_at[i]) {
+        const auto n = std::ranges::lower_bound(cells, place.row) - cells.begin();
+        const Mat<Dim>* of_cell = stiffness.data() + n * pairs;
+        const auto k = static_cast<std::size_t>(place.position);
+        for (std::size_t l = 0; l < corners; ++l) {
+          Mat<Dim>& block = blocks[*entry++];
+          if (k <= l)
+            block += of_cell[pair_of(k, l)];
+          else
+            block += of_cell[pair_of(l, k)].transpose();
+        }
+      }
+    part = {};
   });
 
-  BlockMatrix<Dim> K;
-  std::size_t entries = 0;
-  for (const Part& part : parts) entries += part.columns.size();
-  K.offsets.reserve(nodes.count + 1);
-  K.columns.reserve(entries);
-  K.blocks.reserve(entries);
-  for (Part& part : parts) {
-    for (const Index size : part.sizes) K.offsets.push_back(K.offsets.back() + size);
-    K.columns.insert(K.columns.end(), part.columns.begin(), part.columns.end());
-    K.blocks.insert(K.blocks.end(), part.blocks.begin(), part.blocks.end());
-    part = {};
-  }
   K.diagonal.resize(nodes.count);
   for (Index i = 0; i < nodes.count; ++i)
     K.diagonal[i] =

@@ -38,4 +38,16 @@ void parallel_chunks(Index n, Index chunk, const std::function<void(Index, Index
   if (failure) std::rethrow_exception(failure);
 }
 
+void on_one_thread(const std::function<void()>& work) {
+  const int levels = omp_get_max_active_levels();
+  omp_set_max_active_levels(0);
+  try {
+    work();
+  } catch (...) {
+    omp_set_max_active_levels(levels);
+    throw;
+  }
+  omp_set_max_active_levels(levels);
+}
+
 }  // namespace efree

@@ -18,6 +18,10 @@ int num_threads();
 /// The first exception (in range order) is rethrown. Put scratch memory inside body: one allocation per chunk.
 void parallel_chunks(Index n, Index chunk, const std::function<void(Index begin, Index end)>& body);
 
+/// Calls work() with the threads of libraries that it calls held back: CHOLMOD asks for four of them at every small
+/// block of a factor, however many there are to be, and they only wait for each other.
+void on_one_thread(const std::function<void()>& work);
+
 /// Calls body(i) for all i in [0, n), concurrently in chunks of 256.
 template <class Body> void parallel_for(Index n, const Body& body) {
   parallel_chunks(n, 256, [&](Index begin, Index end) {

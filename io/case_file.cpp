@@ -299,16 +299,14 @@ void read_correction(const Section& analysis, CaseSettings& result) {
   result.corrected = analysis.choice<bool>("correction", {{"auto", true}, {"off", false}}, std::nullopt);
 }
 
-/// Cells have no cloud: what the file says of one decides against them, or contradicts it.
+/// Cells have no cloud: what the file says of one decides against them, or contradicts it. In the plane the same
+/// decides for a cloud where elements would do without.
 template <int Dim>
 void read_cells(const Section& root, const Section& basis, const Section& analysis, CaseSettings& result) {
   using Cells = CaseSettings::Cells;
   if (result.cells == Cells::never) return;
-  if (Dim == 2) {
-    if (result.cells == Cells::always) basis.fail("kind", "cells are for images in space; this geometry is planar");
-    result.cells = Cells::never;
-    return;
-  }
+  if (Dim == 2 && result.cells == Cells::always)
+    basis.fail("kind", "cells are for images in space; this geometry is planar");
   std::vector<std::string> said;
   for (const char* key : {"cloud", "quadrature"})
     if (root.has(key)) said.push_back(fmt::format("[{}]", key));

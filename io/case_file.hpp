@@ -33,7 +33,7 @@ struct CaseSettings {
   std::string title;
   std::filesystem::path file;  ///< the case file itself
   ApproximationOptions approximation;
-  Cells cells = Cells::automatic;  ///< automatic: where it can be; said nowhere else
+  Cells cells = Cells::automatic;  ///< automatic: where it can be, nothing is said of a cloud
   bool estimated = true;           ///< say how far the answer is from the finite elements of the fine mesh
   bool corrected = true;           ///< hand out the corrected answer, not that of the cloud
   CorrectionOptions correction;    ///< towards the finite elements of the fine mesh

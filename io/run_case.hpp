@@ -46,8 +46,8 @@ struct Attempt {
 /// Relative errors in the energy norm.
 struct Estimates {
   double cloud;        ///< of the answer, against the finite elements of the fine mesh; on cells, of the iterations
-  double uncorrected;  ///< of the cloud's own answer, against them (where dilatations are averaged: mixed_distance); on
-                       ///< cells the same as `cloud`
+  double uncorrected;  ///< of the cloud's own answer, against them (averaged dilatations: mixed_distance); on cells the
+                       ///< same as `cloud`; without a cloud of linear elements
   double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
   int corrections;     ///< iterations that led to the answer
   double total() const { return std::hypot(cloud, mesh); }
@@ -102,11 +102,11 @@ template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const P
 }
 
 /// Runs a case until its estimated error is within three quarters of analysis.accuracy (at corners recovery overlooks
-/// up to a quarter of the error): corrections and, where linear cells do not do, quadratic ones on one mesh after the
-/// other, each as fine as the errors before ask for. A mesh whose size the case says is the only one. Ends with the
-/// best answer and a warning if a finer mesh would take more memory than there is or more time than analysis.time_limit
-/// leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and InputError without estimates
-/// (require_estimates).
+/// up to a quarter of the error): corrections (in the plane of linear elements, no cloud is built if none is said) and,
+/// where linear cells do not do, quadratic ones, mesh after mesh, as fine as the errors before ask for. A mesh whose
+/// size the case says is the only one. Ends with the best answer and a warning if a finer mesh would take more memory
+/// than there is or more time than analysis.time_limit leaves. `say` hears of every mesh. Throws like read_mesh and
+/// solve_case, and InputError without estimates (require_estimates).
 template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress = {},
                                                      const std::function<void(const std::string&)>& say = {});
 

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <cholmod.h>
 #include <fmt/format.h>
@@ -119,7 +120,7 @@ Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_
   impl_->check(unknowns);
   require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", lower.rows()),
                  "use a wider cloud spacing or a coarser mesh");
-  cholmod_factorize(&view, impl_->factor, &impl_->common);
+  on_one_thread([&] { cholmod_factorize(&view, impl_->factor, &impl_->common); });
   impl_->check(unknowns);
   if (impl_->common.status == CHOLMOD_NOT_POSDEF || impl_->factor->minor < impl_->factor->n) {
     const auto* permutation = static_cast<const int*>(impl_->factor->Perm);

@@ -9,6 +9,7 @@
 #include "efree/solvers/internal/coarse_space.hpp"
 #include "efree/solvers/internal/condensation.hpp"
 #include "efree/solvers/internal/hats.hpp"
+#include "efree/solvers/internal/linear_elements.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 
@@ -20,6 +21,7 @@
 #include <numeric>
 #include <optional>
 #include <span>
+#include <variant>
 
 namespace efree {
 namespace {
@@ -220,9 +222,11 @@ template <int Dim> Points<Dim> element_places(const FineSpace<Dim>& space, const
 
 /// What takes off the smooth part of an error, and the degree of the smoother that takes the rest.
 template <int Dim> struct Level {
-  CoarseSpace<Dim> coarse;
+  std::variant<CoarseSpace<Dim>, LinearElements<Dim>> space;
   bool condensed;  ///< whether it is one of the Schur complement
   int degree;
+
+  bool is_of_elements() const { return std::holds_alternative<LinearElements<Dim>>(space); }
 };
 
 }  // namespace
@@ -235,7 +239,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   BlockMatrix<Dim> K;
   Supports<Dim> supports;
   WeakConditions<Dim> weak;
-  Level<Dim> cloud;
+  Level<Dim> first;
   std::optional<Condensation<Dim>> condensation;  ///< if there are flat cells
   Smoother<Dim> smoother;                         ///< of what it leaves
   mutable std::once_flag has_hats{};
@@ -267,8 +271,11 @@ template <int Dim> struct Corrector<Dim>::Impl {
   }
   /// The displacement that forces lead to in the coarse space of a level.
   Points<Dim> solve_coarsely(const Level<Dim>& level, const Points<Dim>& r) const {
-    if (!level.condensed) return level.coarse.solve(r);
-    return condensation->extend(level.coarse.solve(condensation->restrict(r)), Points<Dim>::Zero(Dim, nodes.count));
+    const auto solve = [&](const Points<Dim>& forces) {
+      return std::visit([&](const auto& space) { return space.solve(forces); }, level.space);
+    };
+    if (!level.condensed) return solve(r);
+    return condensation->extend(solve(condensation->restrict(r)), Points<Dim>::Zero(Dim, nodes.count));
   }
   /// z = M r, smoothed.
   void smooth(const Level<Dim>& level, const Points<Dim>& r, Points<Dim>& z) const {
@@ -358,21 +365,27 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   auto weak = hold_weakly(space, nodes, lame, restrained, mean_dilatation, K);
   const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
   Members<Dim> dofs_of = members(space, nodes, lame);
-  Points<Dim> places = element_places(space, nodes);
-  const double nodes_apart = steps_apart(K, approximation.node_dofs, nodes, space.degree());
-  ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
-  const auto turning = thin_nodes(shape, places, nodes_apart);
-  Level<Dim> cloud{CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning,
-                                    [&](Index node) { return supports.free(node); }),
-                   false, smoothing_degree(nodes_apart)};
+  const auto free = [&](Index node) { return supports.free(node); };
+  const auto first = [&]() -> Level<Dim> {
+    if (Dim == 2 && space.degree() == 2 && !approximation.averaged)
+      return {LinearElements<Dim>(K, space, nodes, free), false, 1};
+    Points<Dim> places = element_places(space, nodes);
+    const double nodes_apart = steps_apart(K, approximation.node_dofs, nodes, space.degree());
+    ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
+    const auto turning = thin_nodes(shape, places, nodes_apart);
+    return {CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free), false,
+            smoothing_degree(nodes_apart)};
+  };
+  Level<Dim> level = first();
   const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
   std::optional<Condensation<Dim>> condensation;
   if (!groups.empty()) condensation.emplace(K, groups);
   const auto node_of = [&](Index kept) { return condensation ? condensation->kept()[kept] : kept; };
-  Smoother<Dim> smoother(condensation ? condensation->matrix() : K,
-                         [&](Index kept) { return supports.free(node_of(kept)); });
+  Smoother<Dim> smoother(
+      condensation ? condensation->matrix() : K, [&](Index kept) { return free(node_of(kept)); },
+      level.is_of_elements() ? 1 : highest_degree);
   impl_.reset(new Impl{approximation, mean_dilatation, std::move(nodes), std::move(dofs_of), std::move(K), supports,
-                       std::move(weak), std::move(cloud), std::move(condensation), std::move(smoother)});
+                       std::move(weak), std::move(level), std::move(condensation), std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -384,7 +397,10 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   const BlockMatrix<Dim>& K = problem.K;
   const Points<Dim> f = problem.loads(loads);
   const Points<Dim> start = problem.at_nodes(given);
-  Points<Dim> u = start, r, z, q, p;
+  // Linear elements do not hold the cloud's answer and are nearer than it: begun at nothing all iterates are in the
+  // spaces they are the best of, so that their energy is off by the square of their error.
+  Points<Dim> u = problem.first.is_of_elements() ? Points<Dim>(Points<Dim>::Zero(Dim, K.size())) : start;
+  Points<Dim> r, z, q, p;
   problem.supports.impose(u);
   const auto residual = [&] {
     K.multiply(u, r);
@@ -423,7 +439,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     return square;
   };
   Correction<Dim> result;
-  const Level<Dim>* level = &problem.cloud;
+  const Level<Dim>* level = &problem.first;
   result.taken.push_back(best_in(*level));
   const double one_by_one = problem.energy_one_by_one(u);
   const auto energy = [&](const Points<Dim>& of) {
@@ -494,7 +510,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       break;
     }
     // Where dilatations are averaged hats lock as the cloud does.
-    if (open && k >= probation && level == &problem.cloud && !problem.mean_dilatation &&
+    if (open && k >= probation && level == &problem.first && !level->is_of_elements() && !problem.mean_dilatation &&
         hats_are_faster(recent, options.tolerance * options.tolerance * scale)) {
       level = &problem.hats();
       keep_own(*level);

@@ -33,15 +33,15 @@ template <int Dim> struct Correction {
 /// they are, and on smooth solutions they are several times as accurate.
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model);
 
-/// Two-level conjugate gradients on the finite element problem of the fine mesh: the functions of the cloud, and
-/// rotations of its nodes in thin walls and limbs, are the coarse space (deflation; Tang, Nabben, Vuik & Erlangga 2009,
-/// A-DEF2), a Chebyshev polynomial of symmetric Gauss-Seidel sweeps is the smoother (Adams, Brezina, Hu & Tuminaro
-/// 2003). Where the cloud turns out to be too coarse to help, functions of the fine mesh replace it as coarse space.
-/// The finite element problem is that of BasisKind::p1 (p2 if approximation.space is of degree 2; with
-/// ApproximationOptions::dilatation where takes_mean_dilatation) with conditions set strongly, wherever nodal values
-/// can hold them, and regions that share their nodes. Where iterations hardly help and the elements are few, they are
-/// solved directly after some of them. Errors come from what the iterations take off (Hestenes & Stiefel
-/// 1952), one beyond the answer among them (Strakos & Tichy 2002).
+/// Two-level conjugate gradients on the finite element problem of the fine mesh (deflation; Tang, Nabben, Vuik &
+/// Erlangga 2009, A-DEF2). Coarse space: the functions of the cloud, with rotations of its nodes in thin walls, and
+/// where these turn out to be too coarse functions of the fine mesh; on quadratic cells in the plane linear elements
+/// (of the approximation only the space counts), unless dilatations are averaged. Smoother: a Chebyshev polynomial of
+/// symmetric Gauss-Seidel sweeps (Adams, Brezina, Hu & Tuminaro 2003), or one sweep. The problem is that of
+/// BasisKind::p1 or p2 (as the space; ApproximationOptions::dilatation where takes_mean_dilatation), conditions set
+/// strongly where nodal values can hold them, regions sharing their nodes. Few elements that iterations hardly help are
+/// solved directly after some of them. Errors come from what iterations take off (Hestenes & Stiefel 1952), one beyond
+/// the answer among them (Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:
   /// Assembles, and factors the coarse problem. Keeps references to the approximation. Throws like ElasticSolver, and

@@ -35,10 +35,11 @@ double noise(std::uint64_t i) {
 }  // namespace
 
 int smoothing_degree(double reach) {
-  return std::clamp(static_cast<int>(std::ceil(0.9 * reach)), 3, 32);
+  return std::clamp(static_cast<int>(std::ceil(0.9 * reach)), 3, highest_degree);
 }
 
-template <int Dim> Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free) {
+template <int Dim>
+Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, int highest) {
   const Index n = K.size();
   inverse_diagonal_.resize(n);
   Points<Dim> r(Dim, n), z, p, q;
@@ -49,6 +50,7 @@ template <int Dim> Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std:
     for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
   });
+  if (highest == 1) return;  // no polynomial to scale
   std::vector<std::pair<Index, Mat<Dim>>> held;
   for (Index i = 0; i < n; ++i)
     if (const Mat<Dim> open = free(i); open != Mat<Dim>::Identity()) held.emplace_back(i, open);

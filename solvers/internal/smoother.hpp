@@ -13,8 +13,9 @@ namespace efree {
 /// Tuminaro 2003). Symmetric and positive definite on what is free.
 template <int Dim> class Smoother {
  public:
-  /// free(node): projector onto the directions that are not held. Estimates the largest eigenvalue of B K.
-  Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free);
+  /// free(node): projector onto the directions that are not held. Estimates the largest eigenvalue of B K, unless the
+  /// highest degree that is to be applied is 1, which needs none.
+  Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, int highest);
   /// z = M r, both Dim x K.size(), by a polynomial of this degree.
   void apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const;
 
@@ -25,7 +26,10 @@ template <int Dim> class Smoother {
   double largest_ = 1.0;                    ///< eigenvalue of B K, at least
 };
 
-/// Degree of a smoother's polynomial for a coarse space that takes over at this distance, in nodes of the matrix.
+constexpr int highest_degree = 32;
+
+/// Degree, at most `highest_degree`, of a smoother's polynomial for a coarse space that takes over at this distance, in
+/// nodes of the matrix.
 int smoothing_degree(double reach);
 
 }  // namespace efree
