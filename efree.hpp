@@ -63,4 +63,5 @@
 #include "efree/solvers/cell_solver.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/correction.hpp"
+#include "efree/solvers/functional.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -11,6 +11,7 @@
 #include "on_interrupt.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
@@ -53,13 +54,36 @@ template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
+/// Probes, reactions and extremes with their errors, a line each.
+template <int Dim> std::vector<std::string> numbers_text(const CaseResult<Dim>& result) {
+  std::vector<std::string> lines;
+  const auto say = [&](const std::string& what, const Vec<Dim>& value, const Vec<Dim>* error) {
+    lines.push_back(fmt::format("{} ({:.6g})", what, fmt::join(value, ", ")));
+    if (error)
+      lines.back() +=
+          fmt::format(" +- ({:.2g}), {:.2g} %", fmt::join(*error, ", "), 100.0 * relative_error<Dim>(value, *error));
+  };
+  for (const auto& [name, values] : result.probes) {
+    const auto error = result.probe_errors.find(name);
+    say(fmt::format("probe \"{}\": displacement", name), values.displacement,
+        error == result.probe_errors.end() ? nullptr : &error->second);
+  }
+  for (const auto& reaction : result.reactions)
+    say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
+  for (const auto& extreme : result.extremes)
+    lines.push_back(fmt::format(
+        "largest {} {:.6g} at ({:.6g}){}", extreme.of == "displacement" ? "displacement" : "von Mises stress",
+        extreme.value, fmt::join(extreme.at, ", "), extreme.error ? fmt::format(" +- {:.2g}", *extreme.error) : ""));
+  return lines;
+}
+
 /// Exit status.
 template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
   try {
     const Progress progress = display.stages(
-        {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "output"});
+        {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "duals", "output"});
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
     };
@@ -68,8 +92,9 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       for (const std::string& remark : mesh.remarks) say(remark);
       return solve_case(analysis, mesh, progress);
     };
-    CaseResult<Dim> result = analysis.accuracy > 0.0 ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
+    CaseResult<Dim> result = analysis.asks_for_accuracy() ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
     if (result.estimates) say(estimates_text(result));
+    for (const std::string& line : numbers_text(result)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", result.times, progress);

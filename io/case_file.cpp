@@ -286,6 +286,52 @@ template <int Dim> void read_probes(const std::vector<Section>& sections, Case<D
   }
 }
 
+template <int Dim>
+void read_reactions(const std::vector<Section>& sections, PlaceReader<Dim>& places, Case<Dim>& result) {
+  for (const Section& section : sections) {
+    const std::string name = section.text("name"), on = places.name(section);
+    if (std::ranges::find(result.reactions, name, &Case<Dim>::Reaction::name) != result.reactions.end())
+      section.fail("name", fmt::format("there already is a reaction named \"{}\"", name));
+    if (std::ranges::find(result.supports, on, &DisplacementCondition<Dim>::on) == result.supports.end())
+      section.fail("on", fmt::format("no displacement is prescribed on \"{}\": it has no reaction", on));
+    result.reactions.push_back({name, on, section.where("on")});
+  }
+}
+
+/// The largest of what is to be reported.
+void read_extremes(const Section& analysis, CaseSettings& result) {
+  if (!analysis.has("extremes")) return;
+  for (const std::string& what : analysis.texts("extremes")) {
+    if (what == "displacement")
+      result.largest_displacement = true;
+    else if (what == "von_mises")
+      result.largest_stress = true;
+    else
+      analysis.fail("extremes", fmt::format("extremes has \"{}\", expected \"displacement\" or \"von_mises\"", what));
+  }
+}
+
+/// An error in the energy norm, and those of probes and reactions by name.
+template <int Dim> void read_accuracy(const Section& accuracy, Case<Dim>& result) {
+  const Interval range{1e-6, 1.0, true, false};
+  const auto read = [&](const char* key, CaseSettings::Goal::Of of, const auto& named) {
+    if (!accuracy.has(key)) return;
+    std::vector<std::string_view> names;
+    for (const auto& one : named) names.push_back(one.name);
+    if (names.empty()) accuracy.fail(key, fmt::format("the case has no {}", key));
+    const Section errors = accuracy.section(key, names);
+    for (const auto& entry : errors.table()) {
+      const std::string name(entry.first.str());
+      result.goals.push_back({of, name, errors.number(name, range)});
+    }
+  };
+  read("probes", CaseSettings::Goal::Of::probe, result.probes);
+  read("reactions", CaseSettings::Goal::Of::reaction, result.reactions);
+  if (result.goals.empty() || accuracy.has("energy")) result.accuracy = accuracy.number("energy", range);
+  result.time_limit = accuracy.number("time_limit", positive, result.time_limit);
+  require_estimates(result);
+}
+
 /// "auto", "off" or a number of iterations.
 void read_correction(const Section& analysis, CaseSettings& result) {
   result.largest_error = analysis.number("largest_error", positive, result.largest_error);
@@ -333,12 +379,13 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
                                                "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
-  const Section::Keys analysis_keys{"plane", "essential", "body_force", "correction", "largest_error"};
+  const Section::Keys analysis_keys{"plane", "essential", "body_force", "correction", "largest_error", "extremes"};
   const Section analysis =
       Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
   const auto boundaries =
       root.sections("boundary", {"on", "displacement", "normal_displacement", "traction", "pressure"});
   const auto probes = root.sections("probe", {"name", "at"});
+  const auto reactions = root.sections("reaction", {"name", "on"});
 
   Case<Dim> result;
   result.file = file;
@@ -359,6 +406,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
   PlaceReader<Dim> places(result);
   BoundaryReader<Dim>(expressions, places, result).read(boundaries);
+  read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
   const bool nodal = result.approximation.kind != BasisKind::mls;
   impose(result,
@@ -367,14 +415,11 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);
-  if (root.has("accuracy")) {
-    const Section accuracy = root.section("accuracy", {"energy", "time_limit"});
-    result.accuracy = accuracy.number("energy", {1e-6, 1.0, true, false});
-    result.time_limit = accuracy.number("time_limit", positive, result.time_limit);
-    require_estimates(result);
-  }
+  read_extremes(analysis, result);
   if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
   read_probes(probes, result);
+  if (root.has("accuracy"))
+    read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
   return result;
 }
 
@@ -406,7 +451,7 @@ AnyCase read_case(const std::filesystem::path& file) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
-                      "boundary", "exact", "probe", "accuracy"});
+                      "boundary", "exact", "probe", "reaction", "accuracy"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane) == 2) return read<2>(file, root, geometry);

@@ -30,6 +30,13 @@ struct CaseSettings {
     std::string where;
   };
 
+  /// A probe or a reaction and the error it may have, relative to its size.
+  struct Goal {
+    enum class Of { probe, reaction } of;
+    std::string name;
+    double error;
+  };
+
   std::string title;
   std::filesystem::path file;  ///< the case file itself
   ApproximationOptions approximation;
@@ -38,12 +45,16 @@ struct CaseSettings {
   bool corrected = true;           ///< hand out the corrected answer, not that of the cloud
   CorrectionOptions correction;    ///< towards the finite elements of the fine mesh
   double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
+  std::vector<Goal> goals;         ///< wanted errors of probes and reactions
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
+  bool largest_displacement = false, largest_stress = false;    ///< extremes to report
   double largest_error = 0.5;       ///< relative, in the energy norm, beyond which the answer is no answer
   ElasticModel model;               ///< without the materials of regions, which the mesh must be known for
   std::vector<Material> materials;  ///< one for everything, or one for each region
   std::vector<Mention> groups;      ///< every boundary that supports, loads and spacings name, once
   std::vector<Mention> graded;      ///< regions with a spacing of their own
+
+  bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
 };
 
 /// A static analysis in the plane or in space, as read from a case file and before anything is computed.
@@ -52,6 +63,10 @@ template <int Dim> struct Case : CaseSettings {
     std::string name;
     Vec<Dim> at;
     std::string where;
+  };
+  /// What holds a part of the boundary.
+  struct Reaction {
+    std::string name, on, where;
   };
   /// A part of the boundary that the case selects and names itself ("box 1").
   struct Selected {
@@ -66,6 +81,7 @@ template <int Dim> struct Case : CaseSettings {
   Loads<Dim> loads;
   ExactSolution<Dim> exact;  ///< both fields empty if there is none
   std::vector<Probe> probes;
+  std::vector<Reaction> reactions;
 
   bool has_exact() const { return exact.displacement || exact.stress; }
 };

@@ -41,6 +41,29 @@ struct Attempt {
   int degree;      ///< of its elements
   double error;    ///< relative, in the energy norm, in all
   double seconds;  ///< wall clock
+  /// Error over what was asked for, the largest of all that was: as a root for probes and reactions, whose errors
+  /// behave like squares of those in the energy norm. 1 or less: reached. 0 without an accuracy.
+  double excess = 0.0;
+};
+
+/// The size of an error relative to that of the value; 0 without an error.
+template <int Dim> double relative_error(const Vec<Dim>& value, const Vec<Dim>& error) {
+  return error.norm() > 0.0 ? error.norm() / value.norm() : 0.0;
+}
+
+/// The force by which what is prescribed on a part holds the body [force; in the plane per thickness].
+template <int Dim> struct ReactionResult {
+  std::string name;
+  Vec<Dim> force, error;  ///< error: of each component, absolute
+};
+
+/// The largest value of a field.
+template <int Dim> struct Extreme {
+  std::string of;  ///< "displacement" or "von_mises"
+  double value;
+  Vec<Dim> at;
+  Index dof;                    ///< of the space of the fields
+  std::optional<double> error;  ///< absolute, where it is known
 };
 
 /// Relative errors in the energy norm.
@@ -69,8 +92,15 @@ template <int Dim> struct CaseResult {
 
   std::optional<Errors> errors;                                  ///< if the case knows an exact solution
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the case
-  std::vector<typename CaseMesh<Dim>::Part> parts;               ///< of the boundary
-  std::vector<std::pair<std::string, Reported>> reports;         ///< of the geometry
+  /// Absolute errors of the components of the probes' displacements, by name, where they are known.
+  std::map<std::string, Vec<Dim>> probe_errors;
+  std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the case, where the finite elements are known
+  std::vector<Extreme<Dim>> extremes;          ///< that the case asks for
+  /// By cell of the mesh: what recovered stresses are off those of the displacement, in the energy norm, relative to
+  /// the mean energy density of the body. The root of its mean square over the volume is the error of the body in all.
+  Vector error_density;
+  std::vector<typename CaseMesh<Dim>::Part> parts;        ///< of the boundary
+  std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
 
   /// If an accuracy was asked for, and on cells: in order. The answer is that of the smallest error, on cells the last.
   std::vector<Attempt> attempts;
@@ -78,8 +108,8 @@ template <int Dim> struct CaseResult {
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one
 
-  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, output (recovery,
-  /// errors, probes, files).
+  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, duals (errors of
+  /// probes, reactions, extremes), output (recovery, errors, probes, files).
   StageTimes times;
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };
@@ -102,11 +132,12 @@ template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const P
 }
 
 /// Runs a case until its estimated error is within three quarters of analysis.accuracy (at corners recovery overlooks
-/// up to a quarter of the error): corrections (in the plane of linear elements, no cloud is built if none is said) and,
-/// where linear cells do not do, quadratic ones, mesh after mesh, as fine as the errors before ask for. A mesh whose
-/// size the case says is the only one. Ends with the best answer and a warning if a finer mesh would take more memory
-/// than there is or more time than analysis.time_limit leaves. `say` hears of every mesh. Throws like read_mesh and
-/// solve_case, and InputError without estimates (require_estimates).
+/// up to a quarter of the error), and those of probes and reactions within their goals: corrections (in the plane of
+/// linear elements, no cloud is built if none is said) and, where linear cells do not do, quadratic ones, mesh after
+/// mesh, as fine as the errors before ask for. A mesh whose size the case says is the only one. Ends with the best
+/// answer and a warning if a finer mesh would take more memory than there is or more time than analysis.time_limit
+/// leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and InputError without estimates
+/// (require_estimates).
 template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress = {},
                                                      const std::function<void(const std::string&)>& say = {});
 

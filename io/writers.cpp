@@ -166,6 +166,7 @@ void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, 
   grid->GetPointData()->AddArray(
       array_of<vtkUnsignedCharArray>("loaded", marked(space, analysis.loads.tractions), {""}));
   grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
+  grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
 }
 
@@ -228,6 +229,21 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
     json["probes"][name] = {{"displacement", array(values.displacement)},
                             {"strain", array(values.strain)},
                             {"stress", array(values.stress)}};
+  for (const auto& [name, values] : result.probes)
+    if (const auto error = result.probe_errors.find(name); error != result.probe_errors.end()) {
+      json["probes"][name]["error"] = array(error->second);
+      json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
+    }
+  for (const auto& reaction : result.reactions) {
+    json["reactions"][reaction.name] = {{"force", array(reaction.force)}, {"error", array(reaction.error)}};
+    json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
+  }
+  for (const auto& extreme : result.extremes) {
+    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
+    if (!extreme.error) continue;
+    json["extremes"][extreme.of]["error"] = *extreme.error;
+    json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
+  }
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},

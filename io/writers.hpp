@@ -18,8 +18,9 @@ template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result);
 
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
-/// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0).
-/// Quadratic spaces become quadratic cells. Throws InputError if the file cannot be written, as all writers do.
+/// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0)
+/// and error (CaseResult::error_density). Quadratic spaces become quadratic cells. Throws InputError if the file cannot
+/// be written, as all writers do.
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
 

@@ -5,6 +5,7 @@
 #include "efree/solvers/cell_solver.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -40,6 +41,22 @@ Place place_of(const Lattice& grid, const Vec<3>& x) {
     place.t[d] = u - place.cell[d];
   }
   return place;
+}
+
+/// Gradient of a displacement on the grid, du_c / dx_d.
+Mat<3> slope_at(const GridPoints& points, const Points<3>& displacement, const Place& place) {
+  Mat<3> slope = Mat<3>::Zero();
+  for (int a = 0; a < 8; ++a) {
+    const auto u =
+        displacement.col(points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2)));
+    for (int d = 0; d < 3; ++d) {
+      double w = (a >> d & 1 ? 1.0 : -1.0) / points.grid.spacing[d];
+      for (int e = 0; e < 3; ++e)
+        if (e != d) w *= a >> e & 1 ? place.t[e] : 1.0 - place.t[e];
+      slope.col(d) += w * u;
+    }
+  }
+  return slope;
 }
 
 /// Strains at the eight points of the cells of a layer (6 x 8 cells), each cell's points together.
@@ -113,6 +130,43 @@ Matrix nodal_strains(const CellSolution& solution, const std::vector<float>& par
 }
 
 }  // namespace
+
+Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x) {
+  Lattice grid = solution.grid;
+  for (int d = 0; d < 3; ++d)
+    grid.cubes[d] =
+        static_cast<Index>(std::lround(grid.cubes[d] * solution.grid.spacing[d] / solution.levels[level].edges[d]));
+  grid.spacing = solution.levels[level].edges;
+  const Points<3>& displacement = level == 0 ? solution.displacement : solution.levels[level].displacement;
+  const GridPoints points{grid};
+  const Place place = place_of(grid, x);
+  Vec<3> u = Vec<3>::Zero();
+  for (int a = 0; a < 8; ++a)
+    u += place.weight(a) *
+         displacement.col(points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2)));
+  return u;
+}
+
+Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
+                       const std::vector<LinearElastic>& materials) {
+  const GridPoints points{solution.grid};
+  std::vector<VoigtMatrix<3>> stiffnesses, compliances;
+  for (const auto& material : materials) {
+    stiffnesses.push_back(stiffness<3>(solid_lame(material)));
+    compliances.push_back(stiffnesses.back().inverse());
+  }
+  Vector errors(mesh.num_cells());
+  parallel_for(mesh.num_cells(), [&](Index c) {
+    const Mat<3> slope = slope_at(points, solution.displacement, place_of(solution.grid, mesh.centroid(c)));
+    Voigt<3> strain;
+    strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
+        slope(0, 1) + slope(1, 0);
+    Voigt<3> difference = -stiffnesses[mesh.region(c)] * strain;
+    for (int a = 0; a < 4; ++a) difference += 0.25 * fields.stress.col(mesh.cells()(a, c));
+    errors[c] = mesh.volume(c) * difference.dot(compliances[mesh.region(c)] * difference);
+  });
+  return errors;
+}
 
 Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
                          const std::vector<Index>& region_of_label, const std::vector<LinearElastic>& materials) {

@@ -12,7 +12,8 @@ namespace efree {
 namespace {
 
 using internal::CellGrid, internal::CellMultigrid, internal::CellProblem, internal::CellProblems;
-using internal::Field, internal::SingleField, internal::for_all, internal::summed, internal::zeros, internal::dot;
+using internal::Field, internal::HeldSide, internal::SingleField, internal::for_all, internal::summed, internal::zeros,
+    internal::dot;
 
 /// Energy of a displacement that is none but for rounding, as part of that of its unknowns one by one.
 constexpr double rounding = 1e-18;
@@ -65,10 +66,32 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
     if (loaded) energy = energy_of();  // loads make it grow on the way
   }
   energy = energy_of();
+  for (std::size_t condition = 0; condition < problem.held->size(); ++condition) {
+    const HeldSide& one = (*problem.held)[condition];
+    const int c = one.component;
+    double force = 0.0;
+    problem.for_held(condition, [&](const std::array<Index, 3>& node) {
+      const std::size_t i = problem.dof(c, node);
+      force += (Ap[i] - (loaded ? problem.load[i] : 0.0)) / problem.sharing(c, node);
+    });
+    found.reactions.try_emplace(one.on, Vec<3>::Zero()).first->second[c] += force;
+  }
   if (!std::isfinite(energy)) throw NumericalError("the strain energy on cells is not finite");
   found.strain_energy = energy > nothing() ? 0.5 * energy : 0.0;
   found.potential = found.strain_energy - (loaded ? dot(u, problem.load) : 0.0);
   return found;
+}
+
+/// The displacement at the points of the grid, the first axis fastest.
+Points<3> at_points(const CellProblem& problem, const Field& u) {
+  const auto& n = problem.grid.cells;
+  Points<3> displacement(3, static_cast<Eigen::Index>(n[0] + 1) * (n[1] + 1) * (n[2] + 1));
+  Eigen::Index point = 0;
+  for (Index k = 0; k <= n[2]; ++k)
+    for (Index j = 0; j <= n[1]; ++j)
+      for (Index i = 0; i <= n[0]; ++i, ++point)
+        for (int c = 0; c < 3; ++c) displacement(c, point) = u[problem.dof(c, {i, j, k})];
+  return displacement;
 }
 
 /// What the finest grid leaves: from the last two grids at the rate of the last three.
@@ -116,19 +139,15 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
     }
     found.strain_energy *= problems.unit;
     found.potential *= problems.unit;
+    for (auto& [side, force] : found.reactions) force *= problems.unit;
+    if (l == 1 || l == 2) found.displacement = at_points(problem, u);
     solution.levels.insert(solution.levels.begin(), found);
     if (progress) progress("solve", std::pow(8.0, -static_cast<double>(l)));
   }
   tell_error(solution);
   const CellProblem& finest = *problems.grids.front();
-  const auto& n = finest.grid.cells;
-  solution.grid = {image.origin, finest.edges, n};
-  solution.displacement.resize(3, static_cast<Eigen::Index>(n[0] + 1) * (n[1] + 1) * (n[2] + 1));
-  Eigen::Index point = 0;
-  for (Index k = 0; k <= n[2]; ++k)
-    for (Index j = 0; j <= n[1]; ++j)
-      for (Index i = 0; i <= n[0]; ++i, ++point)
-        for (int c = 0; c < 3; ++c) solution.displacement(c, point) = u[finest.dof(c, {i, j, k})];
+  solution.grid = {image.origin, finest.edges, finest.grid.cells};
+  solution.displacement = at_points(finest, u);
   return solution;
 }
 

@@ -8,6 +8,8 @@
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
+#include <map>
+#include <string>
 #include <vector>
 
 namespace efree {
@@ -34,6 +36,11 @@ struct CellLevel {
   double strain_energy = 0.0;    ///< [force * length]
   double potential = 0.0;        ///< strain energy less the work of the loads
   double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
+  /// By side on which something is prescribed: the force by which that holds the body. Where sides meet each has a like
+  /// share of what both prescribe.
+  std::map<std::string, Vec<3>> reactions{};
+  /// Of the second and third grid: 3 x points, as CellSolution::displacement.
+  Points<3> displacement{};
 };
 
 struct CellSolution {
@@ -69,6 +76,14 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Linear
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                             const CellOptions& options = {}, StageTimes* times = nullptr,
                             const Progress& progress = {});
+
+/// Displacement at a point of the frame on one of the three finest grids, counted from the finest.
+Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x);
+
+/// By cell of the mesh, with the fields recovered on it: the square of the distance, in the energy norm, between their
+/// stress at the centroid and that of the solution's gradients there [force * length]. `materials` by region.
+Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
+                       const std::vector<LinearElastic>& materials);
 
 /// Displacement, strain and stress at the vertices of a mesh of the image, each of one region (cut_regions).
 /// Displacements are interpolated; strains are linear fits around the points of the grid to those of the cells,

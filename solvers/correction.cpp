@@ -90,6 +90,12 @@ template <int Dim> struct Supports {
   void release(Points<Dim>& x) const {
     for (const Support& s : supports) x.col(s.node) = s.free * Vec<Dim>(x.col(s.node));
   }
+  /// Leaves what is held alone.
+  void keep_held(Points<Dim>& x) const {
+    Points<Dim> held = Points<Dim>::Zero(Dim, x.cols());
+    for (const Support& s : supports) held.col(s.node) = x.col(s.node) - s.free * Vec<Dim>(x.col(s.node));
+    x = std::move(held);
+  }
   /// Sets what is held.
   void impose(Points<Dim>& x) const {
     for (const Support& s : supports) x.col(s.node) = s.free * Vec<Dim>(x.col(s.node)) + s.value;
@@ -244,6 +250,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   Smoother<Dim> smoother;                         ///< of what it leaves
   mutable std::once_flag has_hats{};
   mutable std::optional<Level<Dim>> hats_{};
+  mutable std::optional<ScaledCholesky> direct{};  ///< of all, once it was needed
 
   /// The displacement at the element nodes of one at the degrees of freedom of the space.
   Points<Dim> at_nodes(const Points<Dim>& u) const {
@@ -294,10 +301,23 @@ template <int Dim> struct Corrector<Dim>::Impl {
   Points<Dim> loads(const Loads<Dim>& given) const {
     const Index dofs = approximation.space.size();
     const Points<Dim> fine = load_vector(approximation.space, ShapeTable<Dim>::identity(dofs), given);
-    Points<Dim> f = weak.rhs;
-    for (Index dof = 0; dof < dofs; ++dof) f.col(nodes.at[dof]) += fine.col(dof);
+    return weak.rhs + gathered(fine);
+  }
+  /// Forces at the degrees of freedom of the space as forces at the element nodes.
+  Points<Dim> gathered(const Points<Dim>& forces) const {
+    Points<Dim> f = Points<Dim>::Zero(Dim, nodes.count);
+    for (Index dof = 0; dof < approximation.space.size(); ++dof) f.col(nodes.at[dof]) += forces.col(dof);
     return f;
   }
+  /// Nitsche's matrix times a displacement at the degrees of freedom of the space.
+  Points<Dim> held_weakly(const Points<Dim>& u) const {
+    if (weak.matrix.size() == 0) return Points<Dim>::Zero(Dim, u.cols());
+    const Vector forces = weak.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped();
+    return forces.reshaped(Dim, u.cols());
+  }
+  /// Iterates from u, which has what is held, under forces f; `start` is what errors are said of.
+  Correction<Dim> iterate(const Points<Dim>& f, const Points<Dim>& start, Points<Dim> u,
+                          const CorrectionOptions& options) const;
 };
 
 namespace {
@@ -393,15 +413,20 @@ template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
 
 template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& given, const Loads<Dim>& loads,
                                                            const CorrectionOptions& options) const {
-  const Impl& problem = *impl_;
-  const BlockMatrix<Dim>& K = problem.K;
-  const Points<Dim> f = problem.loads(loads);
-  const Points<Dim> start = problem.at_nodes(given);
-  // Linear elements do not hold the cloud's answer and are nearer than it: begun at nothing all iterates are in the
-  // spaces they are the best of, so that their energy is off by the square of their error.
-  Points<Dim> u = problem.first.is_of_elements() ? Points<Dim>(Points<Dim>::Zero(Dim, K.size())) : start;
+  const Points<Dim> start = impl_->at_nodes(given);
+  Points<Dim> u = start;
+  impl_->supports.impose(u);
+  return impl_->iterate(impl_->loads(loads), start, std::move(u), options);
+}
+
+template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& f, const Points<Dim>& start,
+                                                                 Points<Dim> u,
+                                                                 const CorrectionOptions& options) const {
+  const Impl& problem = *this;
+  // Linear elements do not hold the cloud's answer and are nearer than it: begun with what is held alone all iterates
+  // are in the spaces they are the best of, so that their energy is off by the square of their error.
+  if (first.is_of_elements()) supports.keep_held(u);
   Points<Dim> r, z, q, p;
-  problem.supports.impose(u);
   const auto residual = [&] {
     K.multiply(u, r);
     r = f - r;
@@ -501,7 +526,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
       }
     }
     if (open && k == patience && static_cast<double>(K.columns.size()) < few_entries<Dim>) {
-      const Vector rest = ScaledCholesky(held_matrix(K, problem.supports), Dim).solve(r.reshaped());
+      if (!direct) direct.emplace(held_matrix(K, supports), Dim);
+      const Vector rest = direct->solve(r.reshaped());
       z = rest.reshaped(Dim, K.size());
       taken.push_back(dot<Dim>(r, z));
       u += z;
@@ -542,6 +568,33 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
     throw NumericalError(fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for",
                                      result.error, result.iterations, options.tolerance));
   return result;
+}
+
+template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& functional, const Points<Dim>& u,
+                                                         const Loads<Dim>& loads,
+                                                         const CorrectionOptions& options) const {
+  const Impl& problem = *impl_;
+  const bool pushed = functional.motion.size() > 0, weakly = pushed && functional.weakly;
+  const Points<Dim> nothing = Points<Dim>::Zero(Dim, problem.nodes.count);
+  Points<Dim> start = nothing, forces = problem.gathered(functional.forces);
+  if (weakly)
+    forces -= problem.gathered(problem.held_weakly(functional.motion));
+  else if (pushed)
+    start = problem.at_nodes(functional.motion);
+  const Correction<Dim> dual = problem.iterate(forces, start, start, options);
+  Points<Dim> r;
+  const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
+  problem.K.multiply(at_nodes, r);
+  r = problem.loads(loads) - r;
+  Response<Dim> response{.displacement = dual.displacement, .error = dual.error, .iterations = dual.iterations};
+  const double work = dot<Dim>(z, r);
+  if (pushed && !weakly) {
+    response.value = -work;
+  } else {
+    response.value = dot<Dim>(forces, at_nodes) + work;
+    if (weakly) response.value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.motion));
+  }
+  return response;
 }
 
 template bool takes_mean_dilatation<2>(const Approximation<2>&, const ElasticModel&);

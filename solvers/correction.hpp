@@ -2,6 +2,7 @@
 /// From the cloud's answer to that of the finite elements of its fine mesh, and how far apart the two are.
 #pragma once
 
+#include "efree/solvers/functional.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <memory>
@@ -58,6 +59,12 @@ template <int Dim> class Corrector {
   /// tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads,
                           const CorrectionOptions& options = {}) const;
+
+  /// The dual solution of a functional, iterated from nothing as `correct` iterates, and what it says of the
+  /// displacement u (Dim x space.size()) under these loads. Throws like `correct`; neither is to be called from two
+  /// threads at once.
+  Response<Dim> respond(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads,
+                        const CorrectionOptions& options = {}) const;
 
  private:
   struct Impl;

@@ -94,20 +94,6 @@ template <int Dim, int Rows> Matrix blend(const Approximation<Dim>& approximatio
   return field;
 }
 
-/// Cell that holds the point with its barycentric coordinates, or the nearest one (with a negative coordinate).
-template <int Dim>
-std::pair<Index, Eigen::Matrix<double, Dim + 1, 1>> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
-  Index best_cell = 0;
-  Eigen::Matrix<double, Dim + 1, 1> best = Eigen::Matrix<double, Dim + 1, 1>::Constant(-1e300);
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    Eigen::Matrix<double, Dim + 1, 1> at = mesh.hat_gradients(c).transpose() * (x - mesh.centroid(c));
-    at.array() += 1.0 / (Dim + 1);
-    if (at.minCoeff() > best.minCoeff()) best = at, best_cell = c;
-    if (best.minCoeff() >= 0.0) break;
-  }
-  return {best_cell, best};
-}
-
 /// Sum over cells of f(cell), in an order that does not depend on the threads.
 template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells, const F& f) {
   constexpr Index chunk = 1024;
@@ -222,21 +208,48 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
   return errors;
 }
 
+/// What recovered stresses are off those of the displacement's gradients.
+template <int Dim, int Normals> class RecoveryDifference {
+ public:
+  RecoveryDifference(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const std::vector<Lame>& lame)
+      : space_(approximation.space), stress_(fields.stress), strains_(approximation, fields.displacement) {
+    for (const Lame& one : lame) stiffnesses_.push_back(stiffness<Dim, Normals>(one));
+  }
+  /// Calls visit(difference of the stresses, strain) for a barycentric point of cell c.
+  auto in(Index c) const {
+    return [this, c, strain = strains_.in(c), sigma = gather<Dim, voigt_size<Dim, Normals>>(stress_, space_.cell(c))](
+               const typename FineSpace<Dim>::Barycentric& at) {
+      const Voigt<Dim, Normals> eps = strain(at);
+      return std::pair<Voigt<Dim, Normals>, Voigt<Dim, Normals>>(
+          sigma * space_.values(at) - stiffnesses_[space_.mesh().region(c)] * eps, eps);
+    };
+  }
+  const auto& stiffnesses() const { return stiffnesses_; }
+
+ private:
+  const FineSpace<Dim>& space_;
+  const VoigtPoints<Dim>& stress_;
+  CellStrains<Dim, Normals> strains_;
+  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses_;
+};
+
+template <int Dim, int Normals>
+std::vector<VoigtMatrix<Dim, Normals>> inverses(const std::vector<VoigtMatrix<Dim, Normals>>& stiffnesses) {
+  std::vector<VoigtMatrix<Dim, Normals>> result;
+  for (const auto& C : stiffnesses) result.push_back(C.inverse());
+  return result;
+}
+
 template <int Dim, int Normals> double recovery_error_with(const Approximation<Dim>& approximation,
                                                            const Fields<Dim>& fields, const std::vector<Lame>& lame) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  using Strains = Voigt<Dim, Normals>;
-  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses, compliances;
-  for (const Lame& one : lame) {
-    stiffnesses.push_back(stiffness<Dim, Normals>(one));
-    compliances.push_back(stiffnesses.back().inverse());
-  }
+  const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
+  const auto& stiffnesses = differences.stiffnesses();
+  const auto compliances = inverses<Dim, Normals>(stiffnesses);
   enum { error, norm, rounding, count };
-  const CellStrains<Dim, Normals> strains(approximation, fields.displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
-    const auto strain = strains.in(c);
-    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.cell(c));
+    const auto difference_at = differences.in(c);
     const double moved = gather<Dim, Dim>(fields.displacement, space.cell(c)).colwise().squaredNorm().maxCoeff();
     sum[rounding] += space.volume(c) * 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm() *
                      stiffnesses[space.mesh().region(c)](0, 0);
@@ -244,14 +257,60 @@ template <int Dim, int Normals> double recovery_error_with(const Approximation<D
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto at = rule.points.col(q);
       const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      const Strains eps = strain(at);
-      const Strains difference = sigma * space.values(at) - C * eps;
+      const auto [difference, eps] = difference_at(at);
       sum[error] += dV * difference.dot(compliance * difference);
       sum[norm] += dV * eps.dot(C * eps);
     }
   });
   // Bodies that move as a whole have strains of rounding.
   return sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0;
+}
+
+template <int Dim, int Normals> Vector recovery_products_with(const Approximation<Dim>& approximation,
+                                                              const Fields<Dim>& a, const Fields<Dim>& b,
+                                                              const std::vector<Lame>& lame) {
+  const auto& space = approximation.space;
+  const auto rule = simplex_rule<Dim>(2 * space.degree());
+  const RecoveryDifference<Dim, Normals> of_a(approximation, a, lame), of_b(approximation, b, lame);
+  const auto compliances = inverses<Dim, Normals>(of_a.stiffnesses());
+  Vector products(space.mesh().num_cells());
+  parallel_for(space.mesh().num_cells(), [&](Index c) {
+    const auto first = of_a.in(c), second = of_b.in(c);
+    double sum = 0.0;
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = rule.points.col(q);
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
+      sum += dV * first(at).first.dot(compliances[space.mesh().region(c)] * second(at).first);
+    }
+    products[c] = sum;
+  });
+  return products;
+}
+
+template <int Dim, int Normals> double functional_error_with(const Approximation<Dim>& elements, const Fields<Dim>& u,
+                                                             const Fields<Dim>& z, const std::vector<Lame>& lame) {
+  const auto& space = elements.space;
+  const auto rule = simplex_rule<Dim>(2 * space.degree());
+  const RecoveryDifference<Dim, Normals> of_u(elements, u, lame), of_z(elements, z, lame);
+  const auto compliances = inverses<Dim, Normals>(of_u.stiffnesses());
+  enum { signed_sum, bound, count };
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto first = of_u.in(c), second = of_z.in(c);
+    const auto& compliance = compliances[space.mesh().region(c)];
+    double uz = 0.0, uu = 0.0, zz = 0.0;
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = rule.points.col(q);
+      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
+      const auto a = first(at).first, b = second(at).first;
+      const Voigt<Dim, Normals> strain = compliance * b;
+      uz += dV * a.dot(strain);
+      uu += dV * a.dot(compliance * a);
+      zz += dV * b.dot(strain);
+    }
+    sum[signed_sum] += uz;
+    sum[bound] += std::sqrt(std::max(0.0, uu) * std::max(0.0, zz));
+  });
+  return std::max(space.degree() * std::abs(sums[signed_sum]), 0.1 * sums[bound]);
 }
 
 template <int Dim, int Normals> double mixed_distance_with(const Approximation<Dim>& elements,
@@ -298,6 +357,45 @@ template <int Dim> double recovery_error(const Approximation<Dim>& approximation
   });
 }
 
+template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
+                                            const Fields<Dim>& b, const std::vector<Lame>& lame) {
+  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return recovery_products_with<Dim, Normals>(approximation, a, b, lame);
+  });
+}
+
+template <int Dim> double functional_error(const Approximation<Dim>& elements, const Fields<Dim>& u,
+                                           const Fields<Dim>& z, const std::vector<Lame>& lame) {
+  return with_normals<Dim>(elements.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    return functional_error_with<Dim, Normals>(elements, u, z, lame);
+  });
+}
+
+template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approximation<Dim>& approximation,
+                                                                    const Fields<Dim>& fields,
+                                                                    const std::vector<Lame>& lame, Index dof) {
+  using Barycentric = typename FineSpace<Dim>::Barycentric;
+  const auto& space = approximation.space;
+  std::vector<Barycentric> places;  // of the degrees of freedom of a cell
+  for (int i = 0; i <= Dim; ++i) places.push_back(Barycentric::Unit(i));
+  for (int j = 1; j <= Dim && space.degree() == 2; ++j)
+    for (int i = 0; i < j; ++i) places.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
+  return with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+    const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
+    std::vector<VoigtPoints<Dim>> result;
+    for (Index c = 0; c < space.mesh().num_cells(); ++c) {
+      const auto dofs = space.cell(c);
+      if (std::ranges::find(dofs, dof) == dofs.end()) continue;
+      const auto difference_at = differences.in(c);
+      VoigtPoints<Dim> in_cell(voigt_size<Dim, Normals>, static_cast<Index>(places.size()));
+      for (std::size_t k = 0; k < places.size(); ++k)
+        in_cell.col(static_cast<Index>(k)) = difference_at(places[k]).first;
+      result.push_back(std::move(in_cell));
+    }
+    return result;
+  });
+}
+
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
   // Strains and stresses together: the fits of a node share their matrix.
   const Index strains = solution.strain.rows(), stresses = solution.stress.rows();
@@ -311,15 +409,26 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
 
+template <int Dim>
+std::pair<Index, typename FineSpace<Dim>::Barycentric> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
+  Index best_cell = 0;
+  typename FineSpace<Dim>::Barycentric best = FineSpace<Dim>::Barycentric::Constant(-1e300);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    typename FineSpace<Dim>::Barycentric at = mesh.hat_gradients(c).transpose() * (x - mesh.centroid(c));
+    at.array() += 1.0 / (Dim + 1);
+    if (at.minCoeff() > best.minCoeff()) best = at, best_cell = c;
+    if (best.minCoeff() >= 0.0) break;
+  }
+  if (best.minCoeff() >= -1e-9) return {best_cell, best};
+  Vec<Dim> nearest = mesh.vertex(0);
+  for (Index v = 1; v < mesh.num_vertices(); ++v)
+    if ((mesh.vertex(v) - x).squaredNorm() < (nearest - x).squaredNorm()) nearest = mesh.vertex(v);
+  throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})",
+                               fmt::join(x, ", "), fmt::join(nearest, ", ")));
+}
+
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
   const auto [cell, inside] = locate(space.mesh(), at);
-  if (inside.minCoeff() < -1e-9) {
-    Vec<Dim> nearest = space.mesh().vertex(0);
-    for (Index v = 1; v < space.mesh().num_vertices(); ++v)
-      if ((space.mesh().vertex(v) - at).squaredNorm() < (nearest - at).squaredNorm()) nearest = space.mesh().vertex(v);
-    throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})",
-                                 fmt::join(at, ", "), fmt::join(nearest, ", ")));
-  }
   const auto N = space.values(inside);
   const auto dofs = space.cell(cell);
   return {gather<Dim, Dim>(fields.displacement, dofs) * N, gather<Dim, Eigen::Dynamic>(fields.strain, dofs) * N,
@@ -336,6 +445,13 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&,
                                   const std::vector<Lame>&);
 template double recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
+template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&,
+                                     const std::vector<Lame>&);
+template std::pair<Index, FineSpace<2>::Barycentric> locate<2>(const FineMesh<2>&, const Vec<2>&);
+template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&,
+                                    const std::vector<Lame>&);
+template std::vector<VoigtPoints<2>> stress_differences<2>(const Approximation<2>&, const Fields<2>&,
+                                                           const std::vector<Lame>&, Index);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&,
@@ -343,6 +459,13 @@ template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, con
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&,
                                   const std::vector<Lame>&);
 template double recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
+template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&,
+                                     const std::vector<Lame>&);
+template std::pair<Index, FineSpace<3>::Barycentric> locate<3>(const FineMesh<3>&, const Vec<3>&);
+template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&,
+                                    const std::vector<Lame>&);
+template std::vector<VoigtPoints<3>> stress_differences<3>(const Approximation<3>&, const Fields<3>&,
+                                                           const std::vector<Lame>&, Index);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
 template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&,

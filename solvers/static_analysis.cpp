@@ -202,6 +202,10 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
   std::vector<Index> unknown;  ///< number of each degree of freedom among the unknowns, or -1; empty if all are unknown
   Vector fixed;                ///< prescribed values in the frames, zero elsewhere
 
+  SymmetricMatrix held_columns;  ///< of finite elements: those of the stiffness that belong to what nodal values hold
+  /// Nitsche's conditions, for what they say of reactions; empty with nodal ones, and on bases that are not asked.
+  NitscheSystem<Dim> weak;
+
   Index num_unknowns = 0;
   std::optional<Cholesky> factor;
 
@@ -218,11 +222,26 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     if (model.essential == Essential::nitsche) {
       auto system = nitsche(approximation.space, approximation.shape, terms, restrained, ties);
       prescribed_rhs = system.rhs;
-      return K + system.matrix;
+      K += system.matrix;
+      if (is_elements()) weak = std::move(system);
+      return K;
     }
     if (!ties.empty()) K += nitsche<Dim>(approximation.space, approximation.shape, terms, {}, ties).matrix;
     nodal = nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, restrained);
     return eliminate(is_identity<Dim>(nodal.frames) ? K : rotate(K, nodal));
+  }
+
+  /// The columns of K that are not unknown; the others are empty.
+  SymmetricMatrix columns_of_held(const SymmetricMatrix& K) const {
+    std::vector<Eigen::Triplet<double, Index>> entries;
+    for (Index c = 0; c < K.cols(); ++c)
+      for (SymmetricMatrix::InnerIterator entry(K, c); entry; ++entry) {
+        if (unknown[c] < 0) entries.emplace_back(entry.row(), c, entry.value());
+        if (entry.row() != c && unknown[entry.row()] < 0) entries.emplace_back(c, entry.row(), entry.value());
+      }
+    SymmetricMatrix columns(K.rows(), K.cols());
+    columns.setFromTriplets(entries.begin(), entries.end());
+    return columns;
   }
 
   /// Keeps the rows and columns of the unknowns; what the fixed ones contribute goes to prescribed_rhs.
@@ -237,6 +256,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     Index count = 0;
     for (Index& number : unknown)
       if (number >= 0) number = count++;
+    if (is_elements()) held_columns = columns_of_held(K);
     const Vector reaction = K.template selfadjointView<Eigen::Lower>() * fixed;
     prescribed_rhs = -reaction;
     std::vector<Index> offsets{0}, rows;
@@ -251,11 +271,15 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
                                              values.data());
   }
 
-  Points<Dim> solve(const Points<Dim>& loads) const {
+  /// Whether the coefficients are the values at the fine degrees of freedom.
+  bool is_elements() const { return approximation.shape.num_nodes() == approximation.space.size(); }
+
+  /// `given`: what the prescribed displacements push with; `held`: these, in the nodes' frames.
+  Points<Dim> solve(const Points<Dim>& loads, const Vector& given, const Vector& held) const {
     Points<Dim> f = loads;
     for (std::size_t k = 0; k < nodal.nodes.size(); ++k)
       f.col(nodal.nodes[k]) = nodal.frames[k].transpose() * f.col(nodal.nodes[k]);
-    const Vector rhs = f.reshaped() + prescribed_rhs;
+    const Vector rhs = f.reshaped() + given;
     Vector u;
     if (unknown.empty()) {
       u = factor->solve(rhs);
@@ -264,7 +288,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
       for (std::size_t dof = 0; dof < unknown.size(); ++dof)
         if (unknown[dof] >= 0) reduced[unknown[dof]] = rhs[static_cast<Index>(dof)];
       const Vector free = factor->solve(reduced);
-      u = fixed;
+      u = held;
       for (std::size_t dof = 0; dof < unknown.size(); ++dof)
         if (unknown[dof] >= 0) u[static_cast<Index>(dof)] = free[unknown[dof]];
     }
@@ -287,7 +311,8 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
                                                      StageTimes* times, const Progress& progress)
-    : impl_(new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}}) {
+    : impl_(
+          new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}, {}, {}}) {
   if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
@@ -330,12 +355,54 @@ Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticMod
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
   const auto& approximation = impl_->approximation;
-  Solution<Dim> solution = derived(approximation, impl_->lame, impl_->terms,
-                                   impl_->solve(load_vector(approximation.space, approximation.shape, loads)));
+  Solution<Dim> solution = derived(
+      approximation, impl_->lame, impl_->terms,
+      impl_->solve(load_vector(approximation.space, approximation.shape, loads), impl_->prescribed_rhs, impl_->fixed));
   with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
     require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
   });
   return solution;
+}
+
+template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Dim>& functional, const Solution<Dim>& u,
+                                                             const Loads<Dim>& loads) const {
+  const Impl& problem = *impl_;
+  const auto& approximation = problem.approximation;
+  require(problem.is_elements(), "dual solutions are of finite elements: correct the answer of a cloud");
+  const bool pushed = functional.motion.size() > 0, weakly = pushed && functional.weakly;
+  Points<Dim> forces = functional.forces;
+  Vector given = Vector::Zero(problem.prescribed_rhs.size()), fixed = Vector::Zero(problem.fixed.size());
+  if (weakly) {
+    const Vector push = problem.weak.matrix.template selfadjointView<Eigen::Lower>() * functional.motion.reshaped();
+    forces -= push.reshaped(Dim, forces.cols());
+  } else if (pushed) {
+    for (std::size_t k = 0; k < problem.nodal.nodes.size(); ++k) {
+      const Index node = problem.nodal.nodes[k];
+      const Vec<Dim> motion = problem.nodal.frames[k].transpose() * functional.motion.col(node);
+      for (int i = 0; i < problem.nodal.fixed[k]; ++i) fixed[Dim * node + i] = motion[i];
+    }
+    given = -problem.held_columns * fixed;
+  }
+  Response<Dim> response{.displacement = problem.solve(forces, given, fixed)};
+  if (!pushed) {
+    response.value = forces.cwiseProduct(u.coefficients).sum();
+    return response;
+  }
+  const Points<Dim> load = load_vector(approximation.space, approximation.shape, loads);
+  response.value = load.cwiseProduct(response.displacement).sum();
+  if (weakly) {
+    response.value += problem.prescribed_rhs.dot((response.displacement + functional.motion).reshaped());
+    return response;
+  }
+  double work = 0.0;
+  for (const auto& term : problem.terms) {
+    const auto& points = *term.discretization;
+    const VoigtPoints<Dim> of_u = strain(points, u.coefficients), of_z = strain(points, response.displacement);
+    const VoigtPoints<Dim> stress = stress_at_points(points, term.lame, of_u);
+    for (Index K = 0; K < points.size(); ++K) work += points.weights[K] * stress.col(K).dot(of_z.col(K));
+  }
+  response.value = work - response.value;
+  return response;
 }
 
 template std::vector<Lame> region_lame<2>(const ElasticModel&, const FineMesh<2>&);

@@ -56,6 +56,14 @@ struct CellProblem {
       for (node[first] = 0; node[first] <= grid.cells[first]; ++node[first])
         if (reached[condition][k++]) f(node);
   }
+  /// Number of conditions that prescribe a component at a node.
+  int sharing(int component, const std::array<Index, 3>& node) const {
+    int count = 0;
+    for (const HeldSide& one : *held)
+      if (const Side& side = one.side; one.component == component)
+        count += node[side.axis] == (side.upper ? grid.cells[side.axis] : 0);
+    return count;
+  }
   /// Sets what is prescribed. Throws InputError for values that are not finite.
   void set_held(Field& u) const;
   /// That are not void.

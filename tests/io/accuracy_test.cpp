@@ -70,7 +70,7 @@ traction = [0, 0, 1e-3]
 CaseResult<2> solved(const std::string& text) {
   const Workspace work(text);
   const auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
-  return analysis.accuracy > 0.0 ? solve_to_accuracy(analysis) : solve_case(analysis);
+  return analysis.asks_for_accuracy() ? solve_to_accuracy(analysis) : solve_case(analysis);
 }
 
 TEST(Estimates, AreWithinAThirdOfTheTrueErrorOfThePlate) {

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Errors of the single numbers that a case names.
+#pragma once
+
+#include "efree/io/run_case.hpp"
+
+#include <functional>
+
+namespace efree::internal {
+
+/// The finite elements that an answer is of, or is compared with.
+template <int Dim> struct Reference {
+  const Approximation<Dim>& elements;
+  const Fields<Dim>& fields;                                     ///< recovered, of their solution
+  bool weakly;                                                   ///< every condition is set by Nitsche
+  std::function<Response<Dim>(const Functional<Dim>&)> respond;  ///< of that solution
+};
+
+/// Probes, and the extremes that the case asks for, as the fields of the result have them.
+template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& result);
+
+/// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
+/// (stage "duals"). The displacements are those of result.fields.
+template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
+                                    const Progress& progress);
+/// The same on cells, from what the three finest grids have.
+void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result);
+
+/// By cell of the fine mesh: distance between recovered stress and that of the displacement, in the energy norm,
+/// relative to the mean energy density of the body.
+template <int Dim> Vector error_density(const CaseResult<Dim>& result);
+
+/// Error of a probe or reaction relative to its size; 1 if it is not known.
+template <int Dim> double relative_error_of(const CaseSettings::Goal& goal, const CaseResult<Dim>& result);
+
+/// By how much the case's goals are missed: the largest of their errors relative to what is wanted, as a root, since
+/// such errors behave like squares of those in the energy norm. 0 without goals.
+template <int Dim> double missed_goals(const CaseSettings& analysis, const CaseResult<Dim>& result);
+
+}  // namespace efree::internal

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/internal/told_errors.hpp"
+#include "efree/core/error.hpp"
+#include "efree/io/writers.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+namespace {
+
+template <int Dim> double von_mises_of(const CaseResult<Dim>& result, const VoigtValue<Dim>& stress, Index region) {
+  if constexpr (Dim == 3)
+    return von_mises(Voigt<3>(stress));
+  else
+    return von_mises(stress, result.model.plane, result.model.regions[region].nu);
+}
+
+/// What recovery changes in the cells around a degree of freedom: the most in each, and the mean of these.
+template <int Dim> double stress_error(const CaseResult<Dim>& result, Index dof) {
+  const FineMesh<Dim>& mesh = *result.mesh;
+  const auto& space = result.basis().space;
+  Index region = 0;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (std::ranges::find(space.cell(c), dof) != space.cell(c).end()) region = mesh.region(c);
+  double sum = 0.0;
+  const auto cells = stress_differences(result.basis(), result.fields, region_lame(result.model, mesh), dof);
+  for (const auto& differences : cells) {
+    double most = 0.0;
+    for (Index k = 0; k < differences.cols(); ++k)
+      most = std::max(most, von_mises_of<Dim>(result, differences.col(k), region));
+    sum += most;
+  }
+  return sum / static_cast<double>(cells.size());
+}
+
+/// What the finest of three values leaves, component by component: from the last two at the rate of the three, between
+/// one and two.
+Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
+  if (values.size() < 2) return Vec<3>::Zero();
+  const Vec<3> last = (values[0] - values[1]).cwiseAbs();
+  double rate = 1.0;
+  if (values.size() > 2 && last.norm() > 0.0)
+    rate = std::clamp(std::log2((values[1] - values[2]).norm() / last.norm()), 1.0, 2.0);
+  return last / (std::pow(2.0, rate) - 1.0);
+}
+
+}  // namespace
+
+template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& result) {
+  result.probes.clear();
+  result.extremes.clear();
+  for (const auto& p : analysis.probes)
+    result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, p.at));
+  const auto add = [&](const char* of, const Vector& values) {
+    Index dof = 0;
+    const double value = values.maxCoeff(&dof);
+    result.extremes.push_back({of, value, result.basis().space.points().col(dof), dof, std::nullopt});
+  };
+  if (analysis.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
+  if (analysis.largest_stress) add("von_mises", von_mises_at_dofs(result));
+}
+
+template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
+                                    const Progress& progress) {
+  read_off(analysis, result);
+  result.probe_errors.clear();
+  result.reactions.clear();
+  if (analysis.probes.empty() && analysis.reactions.empty() && result.extremes.empty()) return;
+  const Stage stage("duals", result.times, progress);
+  const FineSpace<Dim>& space = reference.elements.space;
+  const auto lame = region_lame(result.model, *result.mesh);
+  // Of a functional that has this value for the answer: of the reference's solution, and how far that is off.
+  const auto response_to = [&](const Functional<Dim>& functional) {
+    const Response<Dim> response = reference.respond(functional);
+    const auto fields =
+        recover_fields(reference.elements, evaluate(reference.elements, result.model, response.displacement));
+    return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, lame));
+  };
+  for (std::size_t k = 0; k < analysis.probes.size(); ++k) {
+    const auto& [name, values] = result.probes[k];
+    Vec<Dim>& error = result.probe_errors[name];
+    for (int d = 0; d < Dim; ++d) {
+      const auto [value, left] = response_to(displacement_at<Dim>(space, analysis.probes[k].at, Vec<Dim>::Unit(d)));
+      error[d] = std::abs(value - values.displacement[d]) + left;
+    }
+  }
+  const auto ties = tied_facets(*result.mesh, result.model.open_interface);
+  for (const auto& reaction : analysis.reactions) {
+    Vec<Dim> force = Vec<Dim>::Zero(), error = Vec<Dim>::Zero();
+    for (int d = 0; d < Dim; ++d) {
+      const auto functional =
+          reaction_of<Dim>(space, analysis.supports, ties, reaction.on, Vec<Dim>::Unit(d), reference.weakly);
+      if (!functional.motion.isZero(0.0)) std::tie(force[d], error[d]) = response_to(functional);
+    }
+    result.reactions.push_back({reaction.name, force, error});
+  }
+  for (auto& extreme : result.extremes) {
+    if (extreme.of != "displacement") {
+      extreme.error = stress_error(result, extreme.dof);
+      continue;
+    }
+    extreme.error = 0.0;
+    if (extreme.value == 0.0) continue;
+    Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}};
+    functional.forces.col(extreme.dof) = result.fields.displacement.col(extreme.dof) / extreme.value;
+    const auto [value, left] = response_to(functional);
+    extreme.error = std::abs(value - extreme.value) + left;
+  }
+}
+
+void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result) {
+  read_off(analysis, result);
+  result.probe_errors.clear();
+  result.reactions.clear();
+  const CellSolution& cells = *result.cells;
+  const std::size_t grids = std::min<std::size_t>(3, cells.levels.size());
+  const double iterations = cells.finest().iteration_error;
+  const auto error_at = [&](const Vec<3>& x) -> Vec<3> {
+    std::vector<Vec<3>> values;
+    for (std::size_t l = 0; l < grids; ++l) values.push_back(displacement_at(cells, l, x));
+    return left_by_grids(values).array() + iterations * values[0].norm();
+  };
+  for (std::size_t k = 0; k < analysis.probes.size(); ++k) {
+    auto& [name, values] = result.probes[k];
+    values.displacement = displacement_at(cells, 0, analysis.probes[k].at);
+    result.probe_errors[name] = error_at(analysis.probes[k].at);
+  }
+  for (const auto& reaction : analysis.reactions) {
+    std::vector<Vec<3>> forces;
+    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on));
+    result.reactions.push_back(
+        {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
+  }
+  for (auto& extreme : result.extremes)
+    if (extreme.of == "displacement") {
+      const Vec<3> along = result.fields.displacement.col(extreme.dof) / std::max(extreme.value, 1e-300);
+      extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
+    }
+}
+
+template <int Dim> Vector error_density(const CaseResult<Dim>& result) {
+  const FineMesh<Dim>& mesh = *result.mesh;
+  Vector density(mesh.num_cells()), volumes(mesh.num_cells());
+  const auto& space = result.basis().space;
+  for (Index c = 0; c < mesh.num_cells(); ++c) volumes[c] = space.volume(c);
+  if constexpr (Dim == 3)
+    if (result.cells) density = recovery_errors(*result.cells, result.fields, mesh, result.model.regions);
+  if (!result.cells)
+    density = recovery_products(result.basis(), result.fields, result.fields, region_lame(result.model, mesh));
+  const double mean = 2.0 * result.solution.strain_energy / volumes.sum();
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    density[c] = mean > 0.0 ? std::sqrt(std::max(0.0, density[c]) / (volumes[c] * mean)) : 0.0;
+  return density;
+}
+
+template <int Dim> double relative_error_of(const CaseSettings::Goal& goal, const CaseResult<Dim>& result) {
+  if (goal.of == CaseSettings::Goal::Of::reaction) {
+    for (const auto& reaction : result.reactions)
+      if (reaction.name == goal.name) return relative_error<Dim>(reaction.force, reaction.error);
+  } else if (const auto error = result.probe_errors.find(goal.name); error != result.probe_errors.end()) {
+    for (const auto& [name, values] : result.probes)
+      if (name == goal.name) return relative_error<Dim>(values.displacement, error->second);
+  }
+  return 1.0;
+}
+
+template <int Dim> double missed_goals(const CaseSettings& analysis, const CaseResult<Dim>& result) {
+  double worst = 0.0;
+  for (const auto& goal : analysis.goals) worst = std::max(worst, relative_error_of(goal, result) / goal.error);
+  return std::sqrt(worst);
+}
+
+template double relative_error_of<2>(const CaseSettings::Goal&, const CaseResult<2>&);
+template void read_off<2>(const Case<2>&, CaseResult<2>&);
+template double relative_error_of<3>(const CaseSettings::Goal&, const CaseResult<3>&);
+template void read_off<3>(const Case<3>&, CaseResult<3>&);
+template void tell_errors<2>(const Case<2>&, const Reference<2>&, CaseResult<2>&, const Progress&);
+template void tell_errors<3>(const Case<3>&, const Reference<3>&, CaseResult<3>&, const Progress&);
+template Vector error_density<2>(const CaseResult<2>&);
+template Vector error_density<3>(const CaseResult<3>&);
+template double missed_goals<2>(const CaseSettings&, const CaseResult<2>&);
+template double missed_goals<3>(const CaseSettings&, const CaseResult<3>&);
+
+}  // namespace efree::internal
