@@ -33,6 +33,7 @@
 #include "efree/geometry/summary.hpp"
 #include "efree/geometry/surface.hpp"
 #include "efree/geometry/surface_check.hpp"
+#include "efree/geometry/surface_image.hpp"
 #include "efree/geometry/walls.hpp"
 #include "efree/heatgeo/box_tree.hpp"
 #include "efree/heatgeo/fast_marching.hpp"

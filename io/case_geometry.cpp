@@ -8,6 +8,7 @@
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
 #include "efree/geometry/surface.hpp"
+#include "efree/geometry/surface_image.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 
 #include <fmt/format.h>
@@ -332,7 +333,13 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
 
 std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry, const fs::path& file) {
   refuse(geometry, {"slits", "parameters", "image"}, "a surface");
-  const Section section = geometry.section("surface", {"wrap", "alpha", "offset", "feature_angle", "largest_only"});
+  const Section section =
+      geometry.section("surface", {"mesher", "wrap", "alpha", "offset", "feature_angle", "largest_only"});
+  const auto mesher = section.choice<Mesher>("mesher", {{"delaunay", Mesher::delaunay}, {"lattice", Mesher::lattice}},
+                                             Mesher::delaunay);
+  if (mesher == Mesher::lattice)
+    refuse(section, {"wrap", "alpha", "offset", "feature_angle"},
+           "a surface on a lattice, which takes holes and crossings as they are");
   const bool wrap = section.boolean("wrap", false);
   if (!wrap) refuse(section, {"alpha", "offset"}, "a surface that is not wrapped (wrap = true)");
   const WrapOptions wrapping{.alpha = section.number("alpha", positive, 0.0),
@@ -340,7 +347,7 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
   SurfaceMeshOptions meshing;
   meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
   const bool largest_only = section.boolean("largest_only", false);
-  return [path = file.string(), wrap, wrapping, meshing, largest_only](const MeshSize& size) {
+  return [path = file.string(), mesher, wrap, wrapping, meshing, largest_only](const MeshSize& size) {
     MadeMesh<3> made;
     SurfaceSoup soup = read_surface(path);
     if (wrap) {
@@ -358,12 +365,24 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
     SurfaceMeshOptions sized = meshing;
     const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
     sized.size = size_or(not_too_coarse(size), (high - low).norm() / 40.0, made);
-    try {
-      made.mesh = mesh_surface(soup, sized);
-    } catch (const InputError& error) {
-      if (!wrap) throw;
-      throw InputError(fmt::format("{}; {}: where it went in through holes, a larger alpha leaves them closed",
-                                   error.what(), made.remarks.front()));
+    if (mesher == Mesher::lattice) {
+      SurfaceLattice on_lattice = mesh_surface_on_lattice(soup, sized.size);
+      made.mesh = std::move(on_lattice.mesh);
+      made.reports.push_back({"triangles_turned", on_lattice.turned});
+      made.reports.push_back({"closed_fraction", on_lattice.closed});
+      made.remarks.push_back(
+          fmt::format("{} triangles turned to face as their neighbours do, {:.3g} % of the boundary "
+                      "closes holes",
+                      on_lattice.turned, 100.0 * on_lattice.closed));
+      report_lost(on_lattice.lost, made);
+    } else {
+      try {
+        made.mesh = mesh_surface(soup, sized);
+      } catch (const InputError& error) {
+        if (!wrap) throw;
+        throw InputError(fmt::format("{}; {}: where it went in through holes, a larger alpha leaves them closed",
+                                     error.what(), made.remarks.front()));
+      }
     }
     if (largest_only) {
       LargestMesh<3> body = keep_largest(std::move(made.mesh));

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/surface.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/geometry/internal/flat_cells.hpp"
 #include "efree/geometry/summary.hpp"
+#include "efree/geometry/surface_image.hpp"
 #include "meshes.hpp"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <fstream>
 #include <numbers>
@@ -210,6 +213,96 @@ TEST(Surface, WrapClosesHolesAndSaysHowFarItIs) {
   EXPECT_INPUT_ERROR(wrap_surface({}), "there is no triangle");
   EXPECT_INPUT_ERROR(wrap_surface(dirty, {.alpha = -1.0}), "alpha is -1");
   EXPECT_INPUT_ERROR(wrap_surface(dirty, {.alpha = 1e-6}), "too small for a box");
+}
+
+/// Volume and bodies of what a surface encloses, on a lattice.
+auto on_lattice(const SurfaceSoup& soup, double size) {
+  return summarize<3>(mesh_surface_on_lattice(soup, size).mesh);
+}
+
+TEST(SurfaceOnLattice, SphereConvergesWithTheSquareOfTheEdges) {
+  const SurfaceSoup sphere = sphere_surface({0, 0, 0}, 1.0, 60);
+  double volume = 0.0;
+  for (const auto& [a, b, c] : sphere.triangles)
+    volume += std::abs(sphere.points(Eigen::all, std::array{a, b, c}).determinant()) / 6.0;
+  std::vector<double> errors;
+  for (const double size : {0.4, 0.2, 0.1})
+    errors.push_back(std::abs(on_lattice(sphere, size).volume - volume) / volume);
+  EXPECT_LT(errors.back(), 0.006);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_GT(errors[k] / errors[k + 1], 2.5);
+    EXPECT_LT(errors[k] / errors[k + 1], 6.0);
+  }
+}
+
+TEST(SurfaceOnLattice, BodiesThatCrossAreOneAndThoseApartAreTwo) {
+  const SurfaceSoup boxes =
+      together(box_surface({0, 0, 0}, {1, 1, 1}), box_surface({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));
+  const auto crossing = on_lattice(boxes, 0.05);
+  EXPECT_NEAR(crossing.volume, 1.125, 0.01);
+  EXPECT_EQ(crossing.num_components, 1);
+  ASSERT_EQ(crossing.groups.size(), 1u);
+  EXPECT_EQ(crossing.groups[0].name, "surface 1");
+  const auto apart = on_lattice(together(sphere_surface({0, 0, 0}, 1.0, 16), sphere_surface({3, 0, 0}, 0.5, 16)), 0.1);
+  EXPECT_EQ(apart.num_components, 2);
+}
+
+TEST(SurfaceOnLattice, ShellsInsideThatFaceInwardAreCavities) {
+  SurfaceSoup pore = sphere_surface({0.5, 0.5, 0.5}, 0.3, 24);
+  for (auto& t : pore.triangles) std::swap(t[0], t[1]);
+  const SurfaceSoup box = box_surface({0, 0, 0}, {1, 1, 1});
+  const double volume = 1.0 - 4.0 / 3.0 * pi * 0.027;
+  EXPECT_NEAR(on_lattice(together(box, pore), 0.05).volume, volume, 0.01);
+  // All of it inside out.
+  SurfaceSoup turned = together(box, pore);
+  for (auto& t : turned.triangles) std::swap(t[0], t[1]);
+  EXPECT_NEAR(on_lattice(turned, 0.05).volume, volume, 0.01);
+}
+
+TEST(SurfaceOnLattice, ClosesHolesAndTurnsTrianglesAndSaysSo) {
+  SurfaceSoup dirty = sphere_surface({0, 0, 0}, 1.0, 24);
+  const double clean = on_lattice(dirty, 0.1).volume;
+  EXPECT_EQ(mesh_surface_on_lattice(dirty, 0.1).turned, 0);
+  EXPECT_EQ(mesh_surface_on_lattice(dirty, 0.1).closed, 0.0);
+  SurfaceSoup kept = dirty;
+  kept.triangles.clear();
+  Index turned = 0;
+  for (std::size_t k = 0; k < dirty.triangles.size(); ++k) {
+    const Vec<3> at = dirty.points.col(dirty.triangles[k][0]);
+    if ((at - Vec<3>(1, 0, 0)).norm() < 0.35) continue;  // a hole
+    auto t = dirty.triangles[k];
+    if (k % 17 == 0) std::swap(t[0], t[1]), ++turned;
+    kept.triangles.push_back(t);
+    if (k % 23 == 0) kept.triangles.push_back(t);
+  }
+  const SurfaceLattice mesh = mesh_surface_on_lattice(kept, 0.1);
+  const double volume = summarize<3>(mesh.mesh).volume;
+  // What the hole's patch is flatter than the sphere: at most the cap above its rim.
+  const double height = 0.35 * 0.35 / 2.0, cap = pi * height * height * (1.0 - height / 3.0);
+  EXPECT_NEAR(volume, clean, 1.5 * cap + 0.002 * clean);
+  EXPECT_EQ(mesh.turned, turned);
+  EXPECT_GT(mesh.closed, 0.002);
+  EXPECT_LT(mesh.closed, 0.35 * 0.35 / 4.0);  // the hole's share of the sphere
+}
+
+TEST(SurfaceOnLattice, OneAndTwoThreadsAgreeBitwise) {
+  const SurfaceSoup soup = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.9, 0.5, 0.5}, 0.3, 12));
+  set_num_threads(1);
+  const MeshData<3> one = mesh_surface_on_lattice(soup, 0.06).mesh;
+  set_num_threads(2);
+  const MeshData<3> two = mesh_surface_on_lattice(soup, 0.06).mesh;
+  set_num_threads(1);
+  EXPECT_EQ(one.vertices, two.vertices);
+  EXPECT_EQ(one.cells, two.cells);
+}
+
+TEST(SurfaceOnLattice, RefusesWhatEnclosesNothing) {
+  SurfaceSoup sheet = box_surface({0, 0, 0}, {1, 1, 1});
+  sheet.triangles.resize(2);
+  EXPECT_INPUT_ERROR(mesh_surface_on_lattice(sheet, 0.1), "the surface has no inside");
+  EXPECT_INPUT_ERROR(mesh_surface_on_lattice({}, 0.1), "there is no triangle");
+  EXPECT_INPUT_ERROR(mesh_surface_on_lattice(box_surface({0, 0, 0}, {1, 1, 1}), 0.0), "voxels of 0, expected > 0");
+  EXPECT_INPUT_ERROR(mesh_surface_on_lattice(box_surface({0, 0, 0}, {1, 1, 0}), 0.1), "the surface has no inside");
 }
 
 const char* const tetrahedron_off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";

@@ -667,6 +667,23 @@ TEST(SurfaceCase, AHoleIsRefusedOrWrapped) {
   expect_matches(complaint<3>(work), R"(^case.toml:5: alpha has no meaning for a surface that is not wrapped)");
 }
 
+TEST(SurfaceCase, AHoleIsClosedOnALattice) {
+  const Workspace work(surface_case);
+  work.write("cube.stl", cube_stl(4, 1));
+  std::string text = replaced(surface_case, "mesh_size = 0.5", "mesh_size = 0.1\nsurface = { mesher = \"lattice\" }");
+  text =
+      replaced(text, "{ plane = { point = [0, 0, 0], normal = [0, 0, 1] } }", "{ box = [[0, 0, -0.1], [1, 1, 0.05]] }");
+  text = replaced(text, "{ box = [[0, 0, 1], [1, 1, 1]] }", "{ box = [[0, 0, 0.95], [1, 1, 1.1]] }");
+  work.write("case.toml", text);
+  const auto run = work.efree({"inspect", "case.toml", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto seen = json(work / "out/inspection.json");
+  EXPECT_NEAR(seen["volume"], 1.0, 0.04);  // the edges are cut off
+  EXPECT_GT(seen["facts"]["closed_fraction"], 0.0);
+  work.write("case.toml", replaced(text, "\"lattice\" }", "\"lattice\", wrap = true }"));
+  expect_matches(complaint<3>(work), R"(^case.toml:.*wrap has no meaning for a surface on a lattice)");
+}
+
 // --- shapes and graded clouds ----------------------------------------------------------------------------------------
 
 TEST(ShapeCase, EveryShapeCanBeNamed) {
