@@ -99,7 +99,11 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
     {
       const Stage stage("output", result.times, progress);
       out.supersede("fields.png");
-      const auto draw = [&] { draw_fields(out.file("fields.png"), analysis, result); };
+      out.supersede("error.png");
+      const auto draw = [&] {
+        draw_fields(out.file("fields.png"), analysis, result);
+        draw_error(out.file("error.png"), analysis, result);
+      };
       const auto write = [&] {
         write_fields(out.file("fields.vtu"), analysis, result);
         if (!result.cells) write_nodes(out.file("nodes.vtu"), result);
@@ -192,9 +196,9 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   Options options;
   CLI::App& solve_command =
-      *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu and fields.png");
+      *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu, fields.png and error.png");
   add_common(solve_command, options);
-  solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png");
+  solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png and error.png");
   const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
   solve_command
       .add_option(

@@ -499,12 +499,16 @@ template <int Dim, class Conditions> auto where(const FineSpace<Dim>& space, con
 
 }  // namespace
 
-template <int Dim>
-void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+namespace {
+
+/// Values at the degrees of freedom on the deformed body. `title` and `facts` (body, largest displacement and what is
+/// added) are written below; `name` is what values beyond the scale are called.
+template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>& analysis,
+                              const CaseResult<Dim>& result, const Vector& values, const std::string& title,
+                              const std::string& name) {
   constexpr bool solid = Dim == 3;
   const FineSpace<Dim>& space = result.basis().space;
   const Points<Dim>& u = result.fields.displacement;
-  const Vector mises = von_mises_at_dofs(result);
   const Surface undeformed{in_space<Dim>(space.points()), faces(space)};
   const double length = Box(undeformed.points).diagonal();
   const double largest = u.colwise().norm().maxCoeff();
@@ -535,8 +539,8 @@ void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, c
     draw_lines(canvas, at, undeformed.points, long_chains(undeformed.points, ends, length), 2.0, outline);
   }
   canvas.begin_layer();
-  const Scale scale(colour_range(mises));
-  const Eigen::VectorXf places = scale.places(mises);
+  const Scale scale(colour_range(values));
+  const Eigen::VectorXf places = scale.places(values);
   if constexpr (solid)
     draw_shaded(canvas, at, deformed, places, [&](std::size_t, float place) { return scale.at(place); });
   else
@@ -553,10 +557,10 @@ void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, c
     }
 
   draw_scale(canvas, scale);
-  canvas.text(fmt::format("von Mises stress, displacements drawn x {:.3g}", drawn), 50, 1140, 34);
+  canvas.text(fmt::format("{}, displacements drawn x {:.3g}", title, drawn), 50, 1140, 34);
   std::string facts = fmt::format("body {}, largest displacement {:.4g}", Box(undeformed.points).text(), largest);
-  if (const double peak = mises.maxCoeff(); peak > scale.range()[1])
-    facts += fmt::format(", largest stress {:.4g}, beyond the scale", peak);
+  if (const double peak = values.maxCoeff(); peak > scale.range()[1])
+    facts += fmt::format(", largest {} {:.4g}, beyond the scale", name, peak);
   canvas.text(facts, 50, 1098, 26);
   double x = 50.0;
   if (!held.empty()) swatch(canvas, held_colour, "displacement prescribed", x, 24, 26), x += 420.0;
@@ -564,6 +568,28 @@ void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, c
   if (largest > 0.0) swatch(canvas, Colour::Constant(0.85F), "undeformed", x, 24, 26);
   draw_axes(canvas, view, solid);
   canvas.save(file);
+}
+
+/// Means of the cells around each degree of freedom, by volume.
+template <int Dim> Vector at_dofs(const FineSpace<Dim>& space, const Vector& by_cell) {
+  Vector values = Vector::Zero(space.size()), volumes = values;
+  for (Index c = 0; c < space.mesh().num_cells(); ++c)
+    for (const Index dof : space.cell(c)) values[dof] += space.volume(c) * by_cell[c], volumes[dof] += space.volume(c);
+  return values.cwiseQuotient(volumes);
+}
+
+}  // namespace
+
+template <int Dim>
+void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+  paint(file, analysis, result, von_mises_at_dofs(result), "von Mises stress", "stress");
+}
+
+template <int Dim>
+void draw_error(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+  std::string title = "Estimated error of the mesh";
+  if (result.estimates) title += fmt::format(" ({:.2g} % of all in the energy norm)", 100.0 * result.estimates->mesh);
+  paint(file, analysis, result, at_dofs(result.basis().space, result.error_density), title, "error");
 }
 
 namespace {
@@ -661,6 +687,8 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
   canvas.save(file);
 }
 
+template void draw_error<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
+template void draw_error<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
 template void draw_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
 template void draw_fields<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
 template void draw_pieces<2>(const std::filesystem::path&, const Inspection<2>&);

@@ -14,6 +14,10 @@ namespace efree {
 template <int Dim>
 void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
 
+/// The same with CaseResult::error_density in place of the stress: where a finer mesh would help.
+template <int Dim>
+void draw_error(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
+
 /// Regions and named parts of the boundary, each in a colour of its own. Throws InputError if the file cannot be
 /// written.
 template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);

@@ -264,11 +264,13 @@ TEST(CommandLine, PicturesNeedNoDisplayAndAreTheSameOnAnyNumberOfThreads) {
       work / "",
       {"/usr/bin/env", "-u", "DISPLAY", "PATH=/nowhere", EFREE_PROGRAM, "solve", "case.toml", "--out", "out"}, &output);
   EXPECT_EQ(status, 0) << output;
-  const std::string picture = content(work / "out/fields.png");
-  EXPECT_TRUE(picture.starts_with("\x89PNG\r\n"));
-  EXPECT_GT(picture.size(), 10000u);
   ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "one", "--threads", "1", "--quiet"}).status, 0);
-  EXPECT_EQ(content(work / "one/fields.png"), picture);
+  for (const char* name : {"fields.png", "error.png"}) {
+    const std::string picture = content(work / "out" / name);
+    EXPECT_TRUE(picture.starts_with("\x89PNG\r\n")) << name;
+    EXPECT_GT(picture.size(), 10000u) << name;
+    EXPECT_EQ(content(work / "one" / name), picture) << name;
+  }
 }
 
 TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
