@@ -3,7 +3,8 @@
 /// cheapest fixed setting with the same true error.
 ///
 ///   bench_accuracy table [part of a case's name = all] [folder of the real files] [most seconds of a setting = 20]
-///   bench_accuracy fixed [...] [least error = 1.5 %]   the fixed settings one by one
+///   bench_accuracy fixed [...] [least error = 1.5 %]   the fixed settings one by one, and what is asked for: from 10 %
+///                                down to there, each 1.4 times less than the last
 ///   bench_accuracy race [...]    with 3, 1 and 0.3 % of the strain energy asked for: against the cheapest fixed
 ///   setting
 ///                                and against P2 that are as near; medians of three
@@ -232,9 +233,18 @@ void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_se
   for (const Setting& setting : settings) {
     if (setting.cells != (trial.analysis.cells == CaseSettings::Cells::always)) continue;
     for (const Rung& rung : ladder(trial, setting, finest, most_seconds))
-      std::printf("| %s | %s | %.3g | %.2g | %.3g |\n", name.c_str(), setting.name, rung.size, 100.0 * rung.error,
+      std::printf("| %s | %s | %.3g | %.3g | %.3g |\n", name.c_str(), setting.name, rung.size, 100.0 * rung.error,
                   rung.seconds);
     std::fflush(stdout);
+  }
+  for (double wanted = asked[0]; wanted > 0.99 * finest; wanted /= 1.4) {
+    Case<Dim> analysis = trial.analysis;
+    analysis.accuracy = wanted;
+    const auto [result, seconds] = timed([&] { return solve_to_accuracy(analysis); });
+    std::printf("| %s | asked for %.3g %% | %.3g | %.3g | %.3g |\n", name.c_str(), 100.0 * wanted,
+                result.attempts.back().size, 100.0 * true_error(trial, result), seconds);
+    std::fflush(stdout);
+    if (seconds > most_seconds) break;
   }
 }
 
