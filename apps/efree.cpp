@@ -44,7 +44,7 @@ template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
         "half a voxel changes it by {:.2g} %",
         result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
         result.cells->extrapolated_energy, 100.0 * result.cells->half_voxel);
-  const bool has_cloud = result.elements || estimates.corrections == 0;
+  const bool has_cloud = result.elements || result.approximation.shape.num_nodes() < result.approximation.space.size();
   const std::string of_cloud = fmt::format("error in the energy norm: {:.2g} % of {}", 100.0 * estimates.uncorrected,
                                            has_cloud ? "the cloud" : "linear elements");
   const std::string corrected =

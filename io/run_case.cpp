@@ -660,7 +660,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
   if (analysis.has_exact())
     result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
-  if (result.probes.empty()) internal::read_off(analysis, result);
+  if (result.probes.empty() && result.extremes.empty()) internal::read_off(analysis, result);
   result.error_density = internal::error_density(result);
   return result;
 }

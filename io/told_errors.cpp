@@ -92,7 +92,10 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
     for (int d = 0; d < Dim; ++d) {
       const auto functional =
           reaction_of<Dim>(space, analysis.supports, ties, reaction.on, Vec<Dim>::Unit(d), reference.weakly);
-      if (!functional.motion.isZero(0.0)) std::tie(force[d], error[d]) = response_to(functional);
+      if (!functional.moves()) continue;
+      std::tie(force[d], error[d]) = response_to(functional);
+      error[d] += std::abs(shared_work<Dim>(space, analysis.supports, reaction.on, Vec<Dim>::Unit(d), functional,
+                                            reference.fields.stress, reference.weakly));
     }
     result.reactions.push_back({reaction.name, force, error});
   }
@@ -103,7 +106,7 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
     }
     extreme.error = 0.0;
     if (extreme.value == 0.0) continue;
-    Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}};
+    Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
     functional.forces.col(extreme.dof) = result.fields.displacement.col(extreme.dof) / extreme.value;
     const auto [value, left] = response_to(functional);
     extreme.error = std::abs(value - extreme.value) + left;

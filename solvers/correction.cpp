@@ -574,27 +574,20 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
                                                          const Loads<Dim>& loads,
                                                          const CorrectionOptions& options) const {
   const Impl& problem = *impl_;
-  const bool pushed = functional.motion.size() > 0, weakly = pushed && functional.weakly;
-  const Points<Dim> nothing = Points<Dim>::Zero(Dim, problem.nodes.count);
-  Points<Dim> start = nothing, forces = problem.gathered(functional.forces);
-  if (weakly)
-    forces -= problem.gathered(problem.held_weakly(functional.motion));
-  else if (pushed)
-    start = problem.at_nodes(functional.motion);
+  Points<Dim> start = Points<Dim>::Zero(Dim, problem.nodes.count), forces = problem.gathered(functional.forces);
+  double value = 0.0;
+  if (functional.weak_motion.size() > 0) {
+    forces -= problem.gathered(problem.held_weakly(functional.weak_motion));
+    value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
+  }
+  if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
   const Correction<Dim> dual = problem.iterate(forces, start, start, options);
   Points<Dim> r;
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
   problem.K.multiply(at_nodes, r);
   r = problem.loads(loads) - r;
-  Response<Dim> response{.displacement = dual.displacement, .error = dual.error, .iterations = dual.iterations};
-  const double work = dot<Dim>(z, r);
-  if (pushed && !weakly) {
-    response.value = -work;
-  } else {
-    response.value = dot<Dim>(forces, at_nodes) + work;
-    if (weakly) response.value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.motion));
-  }
-  return response;
+  value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, r);
+  return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};
 }
 
 template bool takes_mean_dilatation<2>(const Approximation<2>&, const ElasticModel&);

@@ -378,8 +378,8 @@ template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approx
   const auto& space = approximation.space;
   std::vector<Barycentric> places;  // of the degrees of freedom of a cell
   for (int i = 0; i <= Dim; ++i) places.push_back(Barycentric::Unit(i));
-  for (int j = 1; j <= Dim && space.degree() == 2; ++j)
-    for (int i = 0; i < j; ++i) places.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
+  for (int i = 0; i <= Dim && space.degree() == 2; ++i)
+    for (int j = i + 1; j <= Dim; ++j) places.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
   return with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
     const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
     std::vector<VoigtPoints<Dim>> result;

@@ -12,15 +12,17 @@
 namespace efree {
 
 /// A number that is linear in the displacement u: the work of forces on it, and that of what holds a part of the
-/// boundary if the part moves: `forces` . u + reactions . `motion`.
+/// boundary if the part moves: `forces` . u + reactions . (`motion` + `weak_motion`).
 template <int Dim> struct Functional {
-  Points<Dim> forces;   ///< Dim x space.size(), at the fine degrees of freedom
-  Points<Dim> motion;   ///< likewise; empty if nothing moves
-  bool weakly = false;  ///< the part that moves is held weakly (Nitsche)
+  Points<Dim> forces;       ///< Dim x space.size(), at the fine degrees of freedom
+  Points<Dim> motion;       ///< likewise, of what nodal values hold; empty if nothing moves
+  Points<Dim> weak_motion;  ///< likewise, of what is held weakly (Nitsche)
+
+  bool moves() const { return !motion.isZero(0.0) || !weak_motion.isZero(0.0); }
 };
 
-/// What a functional's dual solution says: the displacement z with a(v, z) = forces . v for all v that vanish where the
-/// body is held, and z = motion there.
+/// What a functional's dual solution says: the displacement z with a(v, z) = functional of v for all v that vanish
+/// where nodal values hold the body, and z = -motion there.
 template <int Dim> struct Response {
   Points<Dim> displacement;  ///< z, Dim x space.size()
   double value = 0.0;  ///< of the functional for the solution of the finite elements: that of u and what z says is
@@ -41,5 +43,13 @@ template <int Dim> Functional<Dim> reaction_of(const FineSpace<Dim>& space,
                                                const std::vector<DisplacementCondition<Dim>>& conditions,
                                                const std::vector<TiedFacets>& ties, const std::string& part,
                                                const Vec<Dim>& direction, bool all_weakly = false);
+
+/// What the share that parts which meet have at the nodes between them makes of a reaction: the work of the tractions
+/// of a stress (at the fine degrees of freedom) on what the functional moves beyond the facets of the part, and does
+/// not on them. Zero where no other part is next to it; of the order of an edge else.
+template <int Dim>
+double shared_work(const FineSpace<Dim>& space, const std::vector<DisplacementCondition<Dim>>& conditions,
+                   const std::string& part, const Vec<Dim>& direction, const Functional<Dim>& reaction,
+                   const VoigtPoints<Dim>& stress, bool all_weakly = false);
 
 }  // namespace efree

@@ -63,6 +63,7 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
   std::vector<Index> chosen;
   double least = edges_apart;
   for (;; least *= 1.2) {
+    const std::size_t before = chosen.size();
     nearest.assign(K.size(), infinite);
     chosen.clear();
     for (Index v = 0; v < K.size(); ++v)
@@ -71,7 +72,8 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
         paths.spread(v, infinite, nearest);
       }
     const auto n = static_cast<double>(chosen.size());
-    if (Dim == 2 || n * n <= too_many * K.size()) break;
+    // Bodies of their own need one each, however many they are.
+    if (Dim == 2 || n * n <= too_many * K.size() || chosen.size() == before) break;
   }
   const double apart = 2.0 * std::accumulate(nearest.begin(), nearest.end(), 0.0) / K.size();
 

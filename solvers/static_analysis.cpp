@@ -369,40 +369,29 @@ template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Di
   const Impl& problem = *impl_;
   const auto& approximation = problem.approximation;
   require(problem.is_elements(), "dual solutions are of finite elements: correct the answer of a cloud");
-  const bool pushed = functional.motion.size() > 0, weakly = pushed && functional.weakly;
   Points<Dim> forces = functional.forces;
-  Vector given = Vector::Zero(problem.prescribed_rhs.size()), fixed = Vector::Zero(problem.fixed.size());
-  if (weakly) {
-    const Vector push = problem.weak.matrix.template selfadjointView<Eigen::Lower>() * functional.motion.reshaped();
-    forces -= push.reshaped(Dim, forces.cols());
-  } else if (pushed) {
+  Vector given = Vector::Zero(problem.prescribed_rhs.size()), held = Vector::Zero(problem.fixed.size());
+  double value = 0.0;
+  if (functional.weak_motion.size() > 0) {
+    const Vector motion = functional.weak_motion.reshaped();
+    forces -= (problem.weak.matrix.template selfadjointView<Eigen::Lower>() * motion).reshaped(Dim, forces.cols());
+    value += problem.prescribed_rhs.dot(motion);
+  }
+  value += forces.cwiseProduct(u.coefficients).sum();
+  if (functional.motion.size() > 0) {
+    Points<Dim> moved = u.coefficients, load = load_vector(approximation.space, approximation.shape, loads);
     for (std::size_t k = 0; k < problem.nodal.nodes.size(); ++k) {
       const Index node = problem.nodal.nodes[k];
-      const Vec<Dim> motion = problem.nodal.frames[k].transpose() * functional.motion.col(node);
-      for (int i = 0; i < problem.nodal.fixed[k]; ++i) fixed[Dim * node + i] = motion[i];
+      const Mat<Dim> to_frame = problem.nodal.frames[k].transpose();
+      moved.col(node) = to_frame * Vec<Dim>(moved.col(node));
+      load.col(node) = to_frame * Vec<Dim>(load.col(node));
+      const Vec<Dim> motion = to_frame * functional.motion.col(node);
+      for (int i = 0; i < problem.nodal.fixed[k]; ++i) held[Dim * node + i] = -motion[i];
     }
-    given = -problem.held_columns * fixed;
+    given = -problem.held_columns * held;
+    value += held.dot(load.reshaped()) + given.dot(moved.reshaped());
   }
-  Response<Dim> response{.displacement = problem.solve(forces, given, fixed)};
-  if (!pushed) {
-    response.value = forces.cwiseProduct(u.coefficients).sum();
-    return response;
-  }
-  const Points<Dim> load = load_vector(approximation.space, approximation.shape, loads);
-  response.value = load.cwiseProduct(response.displacement).sum();
-  if (weakly) {
-    response.value += problem.prescribed_rhs.dot((response.displacement + functional.motion).reshaped());
-    return response;
-  }
-  double work = 0.0;
-  for (const auto& term : problem.terms) {
-    const auto& points = *term.discretization;
-    const VoigtPoints<Dim> of_u = strain(points, u.coefficients), of_z = strain(points, response.displacement);
-    const VoigtPoints<Dim> stress = stress_at_points(points, term.lame, of_u);
-    for (Index K = 0; K < points.size(); ++K) work += points.weights[K] * stress.col(K).dot(of_z.col(K));
-  }
-  response.value = work - response.value;
-  return response;
+  return {.displacement = problem.solve(forces, given, held), .value = value};
 }
 
 template std::vector<Lame> region_lame<2>(const ElasticModel&, const FineMesh<2>&);

@@ -123,7 +123,7 @@ template <int Dim> double recovery_error(const Approximation<Dim>& approximation
 /// By cell: the integral of the work of the difference between recovered stress and that of the displacement's
 /// gradients of `a` on the strains that belong to the same difference of `b` [force * length]. The sum with a = b is
 /// the square of the recovered error in the energy norm; with the dual solution of a functional as b it is what the
-/// mesh leaves of that functional, with its sign (for motions with the opposite one).
+/// mesh leaves of that functional, with its sign.
 template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
                                             const Fields<Dim>& b, const std::vector<Lame>& lame);
 

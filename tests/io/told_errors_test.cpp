@@ -115,6 +115,12 @@ TEST(ToldErrors, OfTheLargestStressAndDisplacementOfThePlate) {
   }
 }
 
+TEST(ToldErrors, OfExtremesAreKnownInCasesWithoutProbes) {
+  const std::string bare = plate.substr(0, plate.find("[[probe]]"));
+  for (const char* kind : {"p1", "mls"})
+    for (const auto& extreme : solved(bare + with_basis(kind)).extremes) EXPECT_TRUE(extreme.error.has_value()) << kind;
+}
+
 /// Fields in the space of the elements: nothing is left, and that is a number. Of a stress that varies, recovery takes
 /// the mean in corners with a single cell, so that a little is said of bending.
 TEST(ToldErrors, OfUniformTensionAreZeroAndOfPureBendingNextToIt) {
@@ -237,6 +243,47 @@ on = "left"
     }
     EXPECT_NEAR((end.force + root.force).norm(), 0.0, 1e-3 * std::abs(force)) << kind;
   }
+}
+
+/// A block clamped on two sides that meet, strongly and weakly: what both hold balances the load, and the share of
+/// each is that of a mesh ten times as fine.
+TEST(ToldErrors, OfReactionsOfPartsThatMeetAreHonestHoweverTheyAreHeld) {
+  const std::string block = R"([geometry]
+shape = "rectangle"
+parameters = { width = 2, height = 1 }
+mesh_size = 0.1
+[analysis]
+plane = "stress"
+essential = "strong"
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, 0]
+[[boundary]]
+on = "bottom"
+displacement = [0, 0]
+[[boundary]]
+on = "top"
+traction = [0.3, -1]
+[[reaction]]
+name = "left"
+on = "left"
+[[reaction]]
+name = "bottom"
+on = "bottom"
+)";
+  const Vec<2> left(-0.3157, 0.2919), bottom(-0.2843, 1.7081);
+  for (const char* kind : {"p1", "p2"})
+    for (const char* essential : {"strong", "nitsche"}) {
+      const auto result = solved(replaced(block, "\"strong\"", fmt::format("\"{}\"", essential)) + with_basis(kind));
+      const auto &one = result.reactions[0], &other = result.reactions[1];
+      EXPECT_LT((one.force + other.force - Vec<2>(-0.6, 2.0)).norm(), 1e-9) << kind << essential;
+      EXPECT_LT((one.force - left).norm(), 3.0 * one.error.norm()) << kind << essential;
+      EXPECT_LT((other.force - bottom).norm(), 3.0 * other.error.norm()) << kind << essential;
+      EXPECT_LT(one.error.norm(), 0.03 * left.norm()) << kind << essential;
+    }
 }
 
 TEST(ToldErrors, FieldIsTheErrorOfTheMeshInAllAndLargestAtTheHole) {

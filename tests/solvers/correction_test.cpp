@@ -6,6 +6,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/solvers/internal/hats.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 
@@ -357,6 +358,21 @@ TEST(Correction, OneFactorServesSeveralLoads) {
         corrector.correct(interpolate(cloud.shape, solver.solve(loads).coefficients), loads, {.tolerance = 1e-8});
     EXPECT_NEAR(corrected.strain_energy, direct.strain_energy, 1e-9 * direct.strain_energy);
   }
+}
+
+/// Bodies of their own, too many for a cheap factor of one hat each: that they cannot be fewer is no reason to go on.
+TEST(Correction, HatsOfManyBodiesAreOneEach) {
+  const Index count = 100;
+  BlockMatrix<3> K;
+  Points<3> places(3, count);
+  for (Index i = 0; i < count; ++i) {
+    K.offsets.push_back(i + 1);
+    K.columns.push_back(i);
+    K.diagonal.push_back(i);
+    K.blocks.push_back(Mat<3>::Identity());
+    places.col(i) = Vec<3>(i, 0.0, 0.0);
+  }
+  EXPECT_EQ(make_hats(K, places).shape.num_nodes(), count);
 }
 
 }  // namespace
