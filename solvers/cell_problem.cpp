@@ -344,10 +344,10 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Li
     CellProblem& problem = *problems.grids.back();
     std::array<std::vector<float>, 6> sides;  // material in their rectangles, of those that are asked for
     const auto on_side = [&](const Side& side) -> const std::vector<float>& {
-      std::vector<float>& parts = sides[2 * side.axis + side.upper];
-      if (parts.empty())
-        parts = side_averages(image, moduli.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
-      return parts;
+      std::vector<float>& averages = sides[2 * side.axis + side.upper];
+      if (averages.empty())
+        averages = side_averages(image, moduli.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
+      return averages;
     };
     for (const HeldSide& held : problems.held)
       problem.reached.push_back(reached_nodes(problem, held.side, on_side(held.side)));
