@@ -16,6 +16,7 @@
 /// powers of the error). CPU seconds of the process, geometry to fields: run it on one thread. The real files are
 /// fetched by examples/real_files/run; without their folder elephant and assembly are left out.
 #include "cavity.hpp"
+#include "clock.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/io/run_case.hpp"
@@ -28,7 +29,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <numbers>
 #include <string>
 
@@ -46,10 +46,6 @@ template <int Dim> struct Trial {
   Case<Dim> analysis;
   double natural, truth_size, energy;
 };
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
 
 /// What `work` returns, and the CPU seconds it takes: the least of five times where that is little.
 template <class Work> auto timed(const Work& work) {

@@ -4,16 +4,17 @@
 /// (without recovery and errors) and those of the fine mesh.
 ///
 ///   bench_choices [spacing... = 0.4 0.2 0.1]
+#include "clock.hpp"
 #include "efree/bench/kirsch.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <map>
 #include <optional>
 
 using namespace efree;
+using efree::bench::cpu_seconds;
 
 namespace {
 
@@ -58,10 +59,6 @@ std::vector<Setting> settings() {
   list.push_back({"essential", "nitsche"});
   list.push_back({"essential", "strong", {.vanish_on = bench::Kirsch::held()}, Essential::strong});
   return list;
-}
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
 }
 
 struct TimedMesh {

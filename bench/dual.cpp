@@ -8,6 +8,7 @@
 /// could be, and the product of the two norms. Truth: quadratic elements on meshes of the same polygons refined twice
 /// (in space once), extrapolated.
 #include "cavity.hpp"
+#include "clock.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
 #include "efree/solvers/correction.hpp"
@@ -17,7 +18,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <functional>
 #include <optional>
 #include <string>
@@ -47,10 +47,6 @@ template <int Dim> struct Problem {
 struct Found {
   double value, reported, signed_error, local, norms, seconds_u, seconds_z;
 };
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
 
 template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degree, bool estimated, double tolerance) {
   const bool axisymmetric = problem.model.plane == Plane::axisymmetric;

@@ -5,6 +5,7 @@
 ///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
+#include "clock.hpp"
 #include "gyroid.hpp"
 
 #include "efree/core/parallel.hpp"
@@ -19,19 +20,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <numbers>
 #include <string>
 
 using namespace efree;
+using efree::bench::cpu_seconds;
 
 namespace {
 
-double cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }

@@ -4,6 +4,7 @@
 ///
 ///   bench_image_mesh [voxels a side = 128] [cube of the lattice in voxels = 2.5] [lattice | delaunay]
 ///   bench_image_mesh gyroid
+#include "clock.hpp"
 #include "gyroid.hpp"
 
 #include "efree/geometry/internal/flat_cells.hpp"
@@ -14,18 +15,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <numbers>
 #include <string_view>
 #include <utility>
 
 using namespace efree;
+using efree::bench::cpu_seconds;
 
 namespace {
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
 
 void row(const LabelImage<3>& image, const ImageMeshOptions& options) {
   double solid = 0.0;

@@ -5,6 +5,7 @@
 ///
 ///   bench_preprocessing [largest number of triangles = 1e6] [repetitions = 5]
 ///   bench_preprocessing --solid [largest number of tetrahedra = 1e6] [repetitions = 3]
+#include "clock.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
@@ -17,18 +18,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <fstream>
 #include <string>
 #include <string_view>
 
 using namespace efree;
+using efree::bench::cpu_seconds;
 
 namespace {
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
 
 /// Resident memory now [bytes].
 double resident() {

@@ -6,15 +6,16 @@
 /// Writes CSV to standard output, observed orders to standard error.
 ///
 ///   bench_spherical_cavity [finest spacing = 0.2] [seeds = 1] [first method = 0] [last method = 6]
+#include "clock.hpp"
 #include "efree/bench/cavity.hpp"
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 
 using namespace efree;
 using bench::Cavity;
+using efree::bench::cpu_seconds;
 
 namespace {
 
@@ -33,10 +34,6 @@ constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells, 1,
                               {"p2", BasisKind::p2, SecondaryKind::full, 2, 1.25},
                               {"coarse", BasisKind::mls, SecondaryKind::cells, 1, coarse},
                               {"quadratic", BasisKind::mls, SecondaryKind::cells, 2, coarse}};
-
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
 
 double median(std::vector<double> values) {
   std::ranges::sort(values);
