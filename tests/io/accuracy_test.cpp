@@ -11,44 +11,10 @@
 namespace efree {
 namespace {
 
-using test::json, test::replaced, test::Workspace;
+using test::json, test::plate, test::replaced, test::Workspace;
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-/// A plate with a hole under the exact tractions of the infinite one (Kirsch 1898) along its outer sides.
-const std::string plate = R"([definitions]
-r2 = "x^2 + y^2"
-c2 = "(x^2 - y^2)/r2"
-s2 = "2*x*y/r2"
-c4 = "2*c2^2 - 1"
-s4 = "2*s2*c2"
-q = "1/r2"
-xx = "1 - q*(1.5*c2 + c4) + 1.5*q^2*c4"
-yy = "-q*(0.5*c2 - c4) - 1.5*q^2*c4"
-xy = "-q*(0.5*s2 + s4) + 1.5*q^2*s4"
-[geometry]
-shape = "plate_with_hole"
-parameters = { radius = 1, half_width = 4 }
-[analysis]
-plane = "stress"
-[material]
-E = 1
-nu = 0.3
-[[boundary]]
-on = "left"
-normal_displacement = 0
-[[boundary]]
-on = "bottom"
-normal_displacement = 0
-[[boundary]]
-on = "right"
-traction = ["xx", "xy"]
-[[boundary]]
-on = "top"
-traction = ["xy", "yy"]
-[exact]
-stress = ["xx", "yy", "xy"]
-)";
 /// A sheet in a box of which walls are thinner than any node spacing: a cloud of 2 cannot bend it.
 const std::string thin_beam = R"([geometry]
 shape = "box"

@@ -70,6 +70,41 @@ name = "end"
 at = [2.0, 0.5]
 )";
 
+/// A plate with a hole under the exact tractions of the infinite one (Kirsch 1898) along its outer sides.
+inline const std::string plate = R"([definitions]
+r2 = "x^2 + y^2"
+c2 = "(x^2 - y^2)/r2"
+s2 = "2*x*y/r2"
+c4 = "2*c2^2 - 1"
+s4 = "2*s2*c2"
+q = "1/r2"
+xx = "1 - q*(1.5*c2 + c4) + 1.5*q^2*c4"
+yy = "-q*(0.5*c2 - c4) - 1.5*q^2*c4"
+xy = "-q*(0.5*s2 + s4) + 1.5*q^2*s4"
+[geometry]
+shape = "plate_with_hole"
+parameters = { radius = 1, half_width = 4 }
+[analysis]
+plane = "stress"
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+normal_displacement = 0
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "right"
+traction = ["xx", "xy"]
+[[boundary]]
+on = "top"
+traction = ["xy", "yy"]
+[exact]
+stress = ["xx", "yy", "xy"]
+)";
+
 inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const auto at = text.find(from);
   if (at == std::string::npos) throw std::logic_error("the test's case does not contain: " + from);
