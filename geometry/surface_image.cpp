@@ -237,7 +237,7 @@ SurfaceImage sample_surface(const SurfaceSoup& surface, double voxel) {
     const auto [first, last] = cells(std::min({a[2], b[2], c[2]}), std::max({a[2], b[2], c[2]}), 2);
     for (Index k = first; k <= last; ++k) over[k].push_back(t);
   }
-  image.grey.assign(layer * n[2], static_cast<float>(reach));
+  std::vector<float> distance(layer * n[2], static_cast<float>(reach));
   parallel_for(n[2], [&](Index k) {
     for (const Index t : over[k]) {
       const auto& [a, b, c] = faces.triangles[t];
@@ -245,15 +245,15 @@ SurfaceImage sample_surface(const SurfaceSoup& surface, double voxel) {
       const auto [j0, j1] = cells(std::min({a[1], b[1], c[1]}), std::max({a[1], b[1], c[1]}), 1);
       for (Index j = j0; j <= j1; ++j)
         for (Index i = i0; i <= i1; ++i) {
-          float& distance = image.grey[image.index({i, j, k})];
+          float& least = distance[image.index({i, j, k})];
           const double squared = squared_distance(faces.triangles[t], centre(i, j, k));
-          distance = std::min(distance, static_cast<float>(std::sqrt(squared)));
+          least = std::min(least, static_cast<float>(std::sqrt(squared)));
         }
     }
   });
-  const std::vector<float> distance = image.grey;
   const Winding winding(std::move(faces.triangles));
-  image.labels.assign(image.grey.size(), 0);
+  image.labels.assign(distance.size(), 0);
+  image.grey.resize(distance.size());
   const auto sense = [&](double wound, std::size_t at) {
     const auto value = static_cast<float>(std::clamp(2.0 * wound - 1.0, -1.0, 1.0) * distance[at]);
     image.labels[at] = value > 0.0F ? 1 : 0;

@@ -501,8 +501,8 @@ template <int Dim, class Conditions> auto where(const FineSpace<Dim>& space, con
 
 namespace {
 
-/// Values at the degrees of freedom on the deformed body. `title` and `facts` (body, largest displacement and what is
-/// added) are written below; `name` is what values beyond the scale are called.
+/// Values at the degrees of freedom on the deformed body, under a title; `name` is what values beyond the scale are
+/// called.
 template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>& analysis,
                               const CaseResult<Dim>& result, const Vector& values, const std::string& title,
                               const std::string& name) {

@@ -67,12 +67,7 @@ CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, 
       places_(std::move(places)),
       nodes_(std::move(nodes)),
       rows_at_(places_of_nodes(shape_.num_nodes(), shape_.num_points(), [&](Index v) { return shape_.row(v).nodes; })),
-      held_at_(K.size(), -1) {
-  for (Index v = 0; v < K.size(); ++v)
-    if (const Mat<Dim> open = free(v); open != Mat<Dim>::Identity()) {
-      held_at_[v] = static_cast<Index>(held_.size());
-      held_.emplace_back(v, open);
-    }
+      held_(K.size(), free) {
   const Index n = shape_.num_nodes();
   first_.assign(n + 1, 0);
   for (Index I = 0; I < n; ++I) first_[I + 1] = first_[I] + (turning[I] ? 2 : 1);
@@ -92,19 +87,20 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
     const bool turned = f > first_[a];
     for (const auto& [v, k] : rows_at_[a]) {
       const double N = shape_.row(v).N[k];
-      if (!turned && held_at_[v] < 0) {
+      const Mat<Dim>* open = held_.at(v);
+      if (!turned && !open) {
         for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e) forces[K.columns[e]] += N * K.blocks[e].transpose();
         continue;
       }
       Mat<Dim> move = N * Mat<Dim>::Identity();
       if (turned) move = N * rotations<Dim>(places_.col(v) - nodes_.col(a));
-      if (held_at_[v] >= 0) move = held_[held_at_[v]].second * move;
+      if (open) move = *open * move;
       for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e)
         forces[K.columns[e]].noalias() += K.blocks[e].transpose() * move;
     }
     for (const Index w : forces.touched()) {
       Mat<Dim> force = forces[w];
-      if (held_at_[w] >= 0) force = held_[held_at_[w]].second * force;
+      if (const Mat<Dim>* open = held_.at(w)) force = *open * force;
       const auto row = shape_.row(w);
       const auto from = std::ranges::lower_bound(row.nodes, a) - row.nodes.begin();
       for (std::size_t l = from; l < row.nodes.size(); ++l) {
@@ -153,7 +149,7 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
     }
     z.col(v) = sum;
   });
-  for (const auto& [v, open] : held_) z.col(v) = open * Vec<Dim>(z.col(v));
+  held_.release(z);
   return z;
 }
 

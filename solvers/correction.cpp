@@ -322,23 +322,11 @@ template <int Dim> struct Corrector<Dim>::Impl {
 
 namespace {
 
-template <int Dim> NodalConditions<Dim> strong_conditions(const FineSpace<Dim>& space, const ElementNodes& nodes,
-                                                          const std::vector<Restraint<Dim>>& restrained) {
-  std::vector<Restraint<Dim>> strong;
-  for (const auto& restraint : restrained)
-    if (can_be_nodal(space, restraint)) strong.push_back(restraint);
-  return nodal_conditions(space, nodes.at, strong);
-}
-
-/// Adds what holds the restraints that nodal values cannot.
-template <int Dim> WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes,
-                                                   const std::vector<Lame>& lame,
-                                                   const std::vector<Restraint<Dim>>& restrained, bool mean_dilatation,
-                                                   BlockMatrix<Dim>& K) {
+/// Adds what holds restraints weakly.
+template <int Dim>
+WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes, const std::vector<Lame>& lame,
+                                const std::vector<Restraint<Dim>>& weak, bool mean_dilatation, BlockMatrix<Dim>& K) {
   WeakConditions<Dim> conditions{Points<Dim>::Zero(Dim, nodes.count), {}};
-  std::vector<Restraint<Dim>> weak;
-  for (const auto& restraint : restrained)
-    if (!can_be_nodal(space, restraint)) weak.push_back(restraint);
   if (weak.empty()) return conditions;
   const auto elements = approximate<Dim>(space.mesh(), {.kind = space.degree() == 1 ? BasisKind::p1 : BasisKind::p2,
                                                         .axisymmetric = space.axisymmetric(),
@@ -382,8 +370,10 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   const bool mean_dilatation = takes_mean_dilatation(approximation, model);
   ElementNodes nodes = element_nodes(space, ties);
   auto K = element_stiffness(space, nodes, lame, mean_dilatation);
-  auto weak = hold_weakly(space, nodes, lame, restrained, mean_dilatation, K);
-  const Supports<Dim> supports(strong_conditions(space, nodes, restrained), nodes.count);
+  std::vector<Restraint<Dim>> nodal, others;
+  for (const auto& restraint : restrained) (can_be_nodal(space, restraint) ? nodal : others).push_back(restraint);
+  auto weak = hold_weakly(space, nodes, lame, others, mean_dilatation, K);
+  const Supports<Dim> supports(nodal_conditions(space, nodes.at, nodal), nodes.count);
   Members<Dim> dofs_of = members(space, nodes, lame);
   const auto free = [&](Index node) { return supports.free(node); };
   const auto first = [&]() -> Level<Dim> {

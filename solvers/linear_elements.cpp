@@ -11,7 +11,7 @@ namespace efree {
 template <int Dim>
 LinearElements<Dim>::LinearElements(const BlockMatrix<Dim>& K, const FineSpace<Dim>& space, const ElementNodes& nodes,
                                     const std::function<Mat<Dim>(Index)>& free)
-    : ends_(K.size(), {-1, -1}), held_at_(K.size(), -1) {
+    : ends_(K.size(), {-1, -1}), held_(K.size(), free) {
   const Index corners = space.mesh().num_vertices();
   for (Index v = 0; v < corners; ++v) ends_[nodes.at[v]] = {0, 0};
   Index vertices = 0;  // in the order of the nodes: neighbours stay near in memory
@@ -33,11 +33,6 @@ LinearElements<Dim>::LinearElements(const BlockMatrix<Dim>& K, const FineSpace<D
   for (Index node = 0; node < K.size(); ++node)
     for_vertices_of(node, [&](Index v) { around_.items[cursor[v]++] = node; });
 
-  for (Index node = 0; node < K.size(); ++node)
-    if (const Mat<Dim> open = free(node); open != Mat<Dim>::Identity()) {
-      held_at_[node] = static_cast<Index>(held_.size());
-      held_.emplace_back(node, open);
-    }
   factor_ = std::make_unique<ScaledCholesky>(stiffness(K), Dim);
 }
 
@@ -45,13 +40,14 @@ template <int Dim> SymmetricMatrix LinearElements<Dim>::stiffness(const BlockMat
   SymmetricMatrix result = gather_blocks<Dim>(around_.rows(), [&](Index v, Accumulator<Mat<Dim>>& sums) {
     for (const Index node : around_[v]) {
       const double own = share(node);
+      const Mat<Dim>* open = held_.at(node);
       for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e) {
         const Index other = K.columns[e];
         const auto [a, b] = ends_[other];
         if (a < v && b < v) continue;
         Mat<Dim> force = (own * share(other)) * K.blocks[e].transpose();
-        if (held_at_[node] >= 0) force = force * held_[held_at_[node]].second;
-        if (held_at_[other] >= 0) force = held_[held_at_[other]].second * force;
+        if (open) force = force * *open;
+        if (const Mat<Dim>* other_open = held_.at(other)) force = *other_open * force;
         if (a >= v) sums[a] += force;
         if (b >= v && b != a) sums[b] += force;
       }
@@ -77,7 +73,7 @@ template <int Dim> Points<Dim> LinearElements<Dim>::solve(const Points<Dim>& r) 
     const auto& [a, b] = ends_[node];
     z.col(node) = 0.5 * (moved.col(a) + moved.col(b));
   });
-  for (const auto& [node, open] : held_) z.col(node) = open * Vec<Dim>(z.col(node));
+  held_.release(z);
   return z;
 }
 

@@ -2,6 +2,7 @@
 #include "efree/solvers/internal/smoother.hpp"
 
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/internal/held_nodes.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -51,9 +52,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     r.col(i) = open * start;
   });
   if (highest == 1) return;  // no polynomial to scale
-  std::vector<std::pair<Index, Mat<Dim>>> held;
-  for (Index i = 0; i < n; ++i)
-    if (const Mat<Dim> open = free(i); open != Mat<Dim>::Identity()) held.emplace_back(i, open);
+  const HeldNodes<Dim> held(n, free);
   // Lanczos by conjugate gradients: the largest Ritz value of some steps is within 15 per cent of the eigenvalue.
   constexpr int steps = 10;
   Matrix T = Matrix::Zero(steps, steps);
@@ -77,7 +76,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     if (k > 0) T(k - 1, k) = T(k, k - 1) = std::sqrt(beta) / alpha_before;
     alpha_before = alpha;
     r -= alpha * q;
-    for (const auto& [i, open] : held) r.col(i) = open * Vec<Dim>(r.col(i));  // what is held takes no part
+    held.release(r);  // what is held takes no part
   }
   if (done > 0)
     largest_ = 1.15 * Eigen::SelfAdjointEigenSolver<Matrix>(T.topLeftCorner(done, done)).eigenvalues().maxCoeff();

@@ -5,6 +5,7 @@
 #include "efree/assembly/block_matrix.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/basis/shape_table.hpp"
+#include "efree/solvers/internal/held_nodes.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 
 #include <functional>
@@ -32,10 +33,9 @@ template <int Dim> class CoarseSpace {
 
   ShapeTable<Dim> shape_;
   Points<Dim> places_, nodes_;
-  Ragged<Place> rows_at_;                         ///< rows of the table, by node
-  std::vector<std::pair<Index, Mat<Dim>>> held_;  ///< nodes of K, ascending, with what is free there
-  std::vector<Index> held_at_;                    ///< by node of K: index into held_, -1 if it is free
-  std::vector<Index> first_;                      ///< by node: its motion; if it turns, the next is that
+  Ragged<Place> rows_at_;  ///< rows of the table, by node
+  HeldNodes<Dim> held_;
+  std::vector<Index> first_;  ///< by node: its motion; if it turns, the next is that
   std::unique_ptr<ScaledCholesky> factor_;
 };
 

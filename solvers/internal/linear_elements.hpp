@@ -4,6 +4,7 @@
 
 #include "efree/assembly/block_matrix.hpp"
 #include "efree/assembly/finite_elements.hpp"
+#include "efree/solvers/internal/held_nodes.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 
 #include <array>
@@ -31,10 +32,9 @@ template <int Dim> class LinearElements {
   /// The share that a vertex has in the displacement of a node next to it.
   double share(Index node) const { return ends_[node][0] == ends_[node][1] ? 1.0 : 0.5; }
 
-  std::vector<std::array<Index, 2>> ends_;        ///< by node: the vertices of its edge; a vertex is both of its own
-  Ragged<Index> around_;                          ///< nodes by vertex: itself, and the midpoints of its edges
-  std::vector<std::pair<Index, Mat<Dim>>> held_;  ///< nodes, ascending, with what is free there
-  std::vector<Index> held_at_;                    ///< by node: index into held_, -1 if it is free
+  std::vector<std::array<Index, 2>> ends_;  ///< by node: the vertices of its edge; a vertex is both of its own
+  Ragged<Index> around_;                    ///< nodes by vertex: itself, and the midpoints of its edges
+  HeldNodes<Dim> held_;
   std::unique_ptr<ScaledCholesky> factor_;
 };
 
