@@ -163,10 +163,45 @@ template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degr
   }
   cell_rule_ = simplex_rule<Dim>(degree == 1 ? 1 : 2);
   facet_rule_ = simplex_rule<Dim - 1>(5);
+
+  if (mesh.num_regions() == 1) return;
+  std::vector<Index> first(size(), -1);  // region of the first cell
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (const Index dof : cell(c)) {
+      if (first[dof] < 0) first[dof] = mesh.region(c);
+      if (first[dof] != mesh.region(c)) shared_.emplace_back(dof, mesh.region(c));
+    }
+  if (shared_.empty()) return;
+  std::ranges::sort(shared_);
+  shared_.erase(std::unique(shared_.begin(), shared_.end()), shared_.end());
+  cell_places_ = cell_dofs_;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int i = 0; i < cell_size_; ++i) {
+      Index& at = cell_places_[static_cast<std::size_t>(c) * cell_size_ + i];
+      if (first[at] != mesh.region(c)) at = place(at, mesh.region(c));
+    }
 }
 
 template <int Dim> std::span<const Index> FineSpace<Dim>::cell(Index c) const {
   return {cell_dofs_.data() + static_cast<std::size_t>(c) * cell_size_, static_cast<std::size_t>(cell_size_)};
+}
+
+template <int Dim> std::span<const Index> FineSpace<Dim>::places(Index c) const {
+  if (cell_places_.empty()) return cell(c);
+  return {cell_places_.data() + static_cast<std::size_t>(c) * cell_size_, static_cast<std::size_t>(cell_size_)};
+}
+
+template <int Dim> Index FineSpace<Dim>::place(Index dof, Index region) const {
+  const std::pair wanted(dof, region);
+  const auto found = std::ranges::lower_bound(shared_, wanted);
+  return found != shared_.end() && *found == wanted ? size() + static_cast<Index>(found - shared_.begin()) : dof;
+}
+
+template <int Dim> Matrix FineSpace<Dim>::at_places(const Eigen::Ref<const Matrix>& values) const {
+  Matrix result(values.rows(), num_places());
+  result.leftCols(size()) = values;
+  for (Index p = size(); p < num_places(); ++p) result.col(p) = values.col(dof_at(p));
+  return result;
 }
 
 template <int Dim> std::vector<std::array<Index, 2>> FineSpace<Dim>::edges() const {

@@ -8,6 +8,8 @@
 #include <array>
 #include <numbers>
 #include <span>
+#include <utility>
+#include <vector>
 
 namespace efree {
 
@@ -42,6 +44,17 @@ template <int Dim> class FineSpace {
   std::span<const Index> cell(Index c) const;
   /// Ends of the edge that each degree of freedom beyond the vertices is the middle of; empty for degree 1.
   std::vector<std::array<Index, 2>> edges() const;
+  /// Fields that jump between regions, as stresses do, have a value at every place: one at each degree of freedom,
+  /// numbered alike, for the region of its first cell, and where regions share degrees of freedom one more for each of
+  /// the others. With one region, and in meshes parted by cut_regions, places are degrees of freedom.
+  Index num_places() const { return size() + static_cast<Index>(shared_.size()); }
+  /// Places of cell c, in the order of cell(c).
+  std::span<const Index> places(Index c) const;
+  /// The place of a region that has a cell around the degree of freedom.
+  Index place(Index dof, Index region) const;
+  Index dof_at(Index place) const { return place < size() ? place : shared_[place - size()].first; }
+  /// Values at the degrees of freedom (columns) as values at the places.
+  Matrix at_places(const Eigen::Ref<const Matrix>& values) const;
   /// Degrees of freedom on boundary facet f, each once.
   std::vector<Index> facet(Index f) const;
 
@@ -79,6 +92,8 @@ template <int Dim> class FineSpace {
   Points<Dim> points_;
   int cell_size_ = 0;
   std::vector<Index> cell_dofs_;
+  std::vector<std::pair<Index, Index>> shared_;  // degree of freedom and region of the places beyond, ascending
+  std::vector<Index> cell_places_;               // empty if places are degrees of freedom
   SimplexRule<Dim> cell_rule_;
   SimplexRule<Dim - 1> facet_rule_;
 };

@@ -448,19 +448,21 @@ void draw_scale(Canvas& canvas, const Scale& scale) {
   }
 }
 
-/// Boundary facet f as triangles (lines in 2D) between degrees of freedom, in 3D facing outwards.
+/// Boundary facet f as triangles (lines in 2D) between places, in 3D facing outwards.
 template <int Dim> auto facet_pieces(const FineSpace<Dim>& space, Index f) {
   using Piece = std::conditional_t<Dim == 3, Triangle, Segment>;
-  const std::vector<Index> dofs = space.facet(f);
+  std::vector<Index> dofs = space.facet(f);
+  for (Index& dof : dofs) dof = space.place(dof, space.mesh().region(space.mesh().facet_cell(f)));
   if constexpr (Dim == 2) {
     if (space.degree() == 1) return std::vector<Piece>{{dofs[0], dofs[1]}};
     return std::vector<Piece>{{dofs[0], dofs[2]}, {dofs[2], dofs[1]}};
   } else {
     if (space.degree() == 1) return std::vector<Piece>{{dofs[0], dofs[1], dofs[2]}};
+    const auto at = [&](Index place) { return space.points().col(space.dof_at(place)); };
     const auto between = [&](Index a, Index b) {
-      const Vec3 middle = 0.5 * (space.points().col(a) + space.points().col(b));
+      const Vec3 middle = 0.5 * (at(a) + at(b));
       return *std::min_element(dofs.begin() + 3, dofs.end(), [&](Index m, Index n) {
-        return (space.points().col(m) - middle).squaredNorm() < (space.points().col(n) - middle).squaredNorm();
+        return (at(m) - middle).squaredNorm() < (at(n) - middle).squaredNorm();
       });
     };
     const Index ab = between(dofs[0], dofs[1]), bc = between(dofs[1], dofs[2]), ca = between(dofs[2], dofs[0]);
@@ -476,7 +478,7 @@ template <int Dim> std::vector<Triangle> faces(const FineSpace<Dim>& space) {
       for (const Triangle& t : facet_pieces(space, f)) out.push_back(t);
   } else {
     for (Index c = 0; c < space.mesh().num_cells(); ++c) {
-      const auto d = space.cell(c);
+      const auto d = space.places(c);
       if (space.degree() == 1)
         out.push_back({d[0], d[1], d[2]});
       else  // midpoints of edges (0, 1), (0, 2), (1, 2)
@@ -501,19 +503,19 @@ template <int Dim, class Conditions> auto where(const FineSpace<Dim>& space, con
 
 namespace {
 
-/// Values at the degrees of freedom on the deformed body, under a title; `name` is what values beyond the scale are
+/// Values at the places of the space on the deformed body, under a title; `name` is what values beyond the scale are
 /// called.
 template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>& analysis,
                               const CaseResult<Dim>& result, const Vector& values, const std::string& title,
                               const std::string& name) {
   constexpr bool solid = Dim == 3;
   const FineSpace<Dim>& space = result.basis().space;
-  const Points<Dim>& u = result.fields.displacement;
-  const Surface undeformed{in_space<Dim>(space.points()), faces(space)};
+  const Points<Dim> u = space.at_places(result.fields.displacement), x = space.at_places(space.points());
+  const Surface undeformed{in_space<Dim>(x), faces(space)};
   const double length = Box(undeformed.points).diagonal();
   const double largest = u.colwise().norm().maxCoeff();
   const double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
-  const Surface deformed{in_space<Dim>(space.points() + drawn * u), undeformed.triangles};
+  const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
   const auto held = where(space, analysis.supports), loaded = where(space, analysis.loads.tractions);
 
   View view;
@@ -562,19 +564,19 @@ template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>
   if (const double peak = values.maxCoeff(); peak > scale.range()[1])
     facts += fmt::format(", largest {} {:.4g}, beyond the scale", name, peak);
   canvas.text(facts, 50, 1098, 26);
-  double x = 50.0;
-  if (!held.empty()) swatch(canvas, held_colour, "displacement prescribed", x, 24, 26), x += 420.0;
-  if (!loaded.empty()) swatch(canvas, load_colour, "loaded", x, 24, 26), x += 200.0;
-  if (largest > 0.0) swatch(canvas, Colour::Constant(0.85F), "undeformed", x, 24, 26);
+  double left = 50.0;
+  if (!held.empty()) swatch(canvas, held_colour, "displacement prescribed", left, 24, 26), left += 420.0;
+  if (!loaded.empty()) swatch(canvas, load_colour, "loaded", left, 24, 26), left += 200.0;
+  if (largest > 0.0) swatch(canvas, Colour::Constant(0.85F), "undeformed", left, 24, 26);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }
 
-/// Means of the cells around each degree of freedom, by volume.
-template <int Dim> Vector at_dofs(const FineSpace<Dim>& space, const Vector& by_cell) {
-  Vector values = Vector::Zero(space.size()), volumes = values;
+/// Means of the cells around each place, by volume.
+template <int Dim> Vector means_at_places(const FineSpace<Dim>& space, const Vector& by_cell) {
+  Vector values = Vector::Zero(space.num_places()), volumes = values;
   for (Index c = 0; c < space.mesh().num_cells(); ++c)
-    for (const Index dof : space.cell(c)) values[dof] += space.volume(c) * by_cell[c], volumes[dof] += space.volume(c);
+    for (const Index p : space.places(c)) values[p] += space.volume(c) * by_cell[c], volumes[p] += space.volume(c);
   return values.cwiseQuotient(volumes);
 }
 
@@ -582,14 +584,14 @@ template <int Dim> Vector at_dofs(const FineSpace<Dim>& space, const Vector& by_
 
 template <int Dim>
 void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
-  paint(file, analysis, result, von_mises_at_dofs(result), "von Mises stress", "stress");
+  paint(file, analysis, result, von_mises_at_places(result), "von Mises stress", "stress");
 }
 
 template <int Dim>
 void draw_error(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
   std::string title = "Estimated error of the mesh";
   if (result.estimates) title += fmt::format(" ({:.2g} % of all in the energy norm)", 100.0 * result.estimates->mesh);
-  paint(file, analysis, result, at_dofs(result.basis().space, result.error_density), title, "error");
+  paint(file, analysis, result, means_at_places(result.basis().space, result.error_density), title, "error");
 }
 
 namespace {

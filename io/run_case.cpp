@@ -34,8 +34,8 @@ template <int Dim> void check_probes(const Case<Dim>& analysis, const FineMesh<D
   const FineSpace<Dim> space(mesh, 1);
   Fields<Dim> nothing;
   nothing.displacement.setZero(Dim, space.size());
-  nothing.strain.setZero(voigt_size<Dim>, space.size());
-  nothing.stress.setZero(voigt_size<Dim>, space.size());
+  nothing.strain.setZero(voigt_size<Dim>, space.num_places());
+  nothing.stress.setZero(voigt_size<Dim>, space.num_places());
   for (const auto& p : analysis.probes) located(analysis, p.where, [&] { return probe(space, nothing, p.at); });
 }
 
@@ -296,7 +296,7 @@ template <int Dim> struct Corrected {
   Approximation<Dim> elements;
   Solution<Dim> solution;
   Fields<Dim> fields;
-  double mesh_error;
+  RecoveryError mesh_error;
   std::shared_ptr<const Corrector<Dim>> corrector;  ///< for dual solutions; none if the case asks for none
 };
 template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const CaseResult<Dim>& result,
@@ -367,11 +367,12 @@ void answer_by_elements(const Case<Dim>& analysis, CaseResult<Dim>& result, cons
   for (std::size_t k = 1; k < best.correction.taken.size(); ++k) squares += best.correction.taken[k];
   result.estimates = {.cloud = best.correction.error,
                       .uncorrected = std::sqrt(squares),
-                      .mesh = best.mesh_error,
+                      .mesh = best.mesh_error.relative,
                       .corrections = best.correction.iterations};
   result.approximation = std::move(best.elements);
   result.solution = std::move(best.solution);
   result.fields = std::move(best.fields);
+  result.error_density = internal::error_density(result, best.mesh_error.squares);
   stage.reset();
   tell_errors(analysis, best, result.approximation, result.fields, tolerance, result, progress);
 }
@@ -419,7 +420,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   }
   Estimates estimates{.cloud = analysis.corrected ? best.correction.error : uncorrected,
                       .uncorrected = uncorrected,
-                      .mesh = best.mesh_error,
+                      .mesh = best.mesh_error.relative,
                       .corrections = analysis.corrected ? best.correction.iterations : 0};
   const auto tell = [&](double tolerance) {
     stage.reset();
@@ -435,6 +436,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     result.elements = std::move(best.elements);
     result.solution = std::move(best.solution);
     result.fields = std::move(best.fields);
+    result.error_density = internal::error_density(result, best.mesh_error.squares);
   };
   hand_out();
   const bool free = analysis.approximation.interpolation == 0 && options.iterations < 0;
@@ -451,7 +453,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     const Points<Dim> from = at_midpoints_too(quadratic->space, best.correction.displacement);
     best = corrected(analysis, result, *quadratic, from, options);
     estimates.cloud = best.correction.error;
-    estimates.mesh = best.mesh_error;
+    estimates.mesh = best.mesh_error.relative;
     estimates.corrections += best.correction.iterations;
     hand_out();
   }
@@ -658,10 +660,15 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   const Stage stage("output", result.times, progress);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
-  if (analysis.has_exact())
-    result.errors = errors_against(basis, result.fields, region_lame(result.model, *mesh.mesh), analysis.exact);
+  const auto lame = region_lame(result.model, *mesh.mesh);
+  if (analysis.has_exact()) result.errors = errors_against(basis, result.fields, lame, analysis.exact);
   if (result.probes.empty() && result.extremes.empty()) internal::read_off(analysis, result);
-  result.error_density = internal::error_density(result);
+  if constexpr (Dim == 3)
+    if (on_cells)
+      result.error_density = internal::error_density(
+          result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
+  if (result.error_density.size() == 0)
+    result.error_density = internal::error_density(result, recovery_error(basis, result.fields, lame).squares);
   return result;
 }
 

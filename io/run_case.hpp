@@ -62,7 +62,7 @@ template <int Dim> struct Extreme {
   std::string of;  ///< "displacement" or "von_mises"
   double value;
   Vec<Dim> at;
-  Index dof;                    ///< of the space of the fields
+  Index place;                  ///< of the space of the fields; of displacements a degree of freedom
   std::optional<double> error;  ///< absolute, where it is known
 };
 

@@ -17,15 +17,15 @@ template <int Dim> double von_mises_of(const CaseResult<Dim>& result, const Voig
     return von_mises(stress, result.model.plane, result.model.regions[region].nu);
 }
 
-/// What recovery changes in the cells around a degree of freedom: the most in each, and the mean of these.
-template <int Dim> double stress_error(const CaseResult<Dim>& result, Index dof) {
+/// What recovery changes in the cells around a place: the most in each, and the mean of these.
+template <int Dim> double stress_error(const CaseResult<Dim>& result, Index place) {
   const FineMesh<Dim>& mesh = *result.mesh;
   const auto& space = result.basis().space;
   Index region = 0;
   for (Index c = 0; c < mesh.num_cells(); ++c)
-    if (std::ranges::find(space.cell(c), dof) != space.cell(c).end()) region = mesh.region(c);
+    if (std::ranges::find(space.places(c), place) != space.places(c).end()) region = mesh.region(c);
   double sum = 0.0;
-  const auto cells = stress_differences(result.basis(), result.fields, region_lame(result.model, mesh), dof);
+  const auto cells = stress_differences(result.basis(), result.fields, region_lame(result.model, mesh), place);
   for (const auto& differences : cells) {
     double most = 0.0;
     for (Index k = 0; k < differences.cols(); ++k)
@@ -54,12 +54,13 @@ template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& res
   for (const auto& p : analysis.probes)
     result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, p.at));
   const auto add = [&](const char* of, const Vector& values) {
-    Index dof = 0;
-    const double value = values.maxCoeff(&dof);
-    result.extremes.push_back({of, value, result.basis().space.points().col(dof), dof, std::nullopt});
+    const FineSpace<Dim>& space = result.basis().space;
+    Index place = 0;
+    const double value = values.maxCoeff(&place);
+    result.extremes.push_back({of, value, space.points().col(space.dof_at(place)), place, std::nullopt});
   };
   if (analysis.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
-  if (analysis.largest_stress) add("von_mises", von_mises_at_dofs(result));
+  if (analysis.largest_stress) add("von_mises", von_mises_at_places(result));
 }
 
 template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
@@ -101,13 +102,13 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
   }
   for (auto& extreme : result.extremes) {
     if (extreme.of != "displacement") {
-      extreme.error = stress_error(result, extreme.dof);
+      extreme.error = stress_error(result, extreme.place);
       continue;
     }
     extreme.error = 0.0;
     if (extreme.value == 0.0) continue;
     Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
-    functional.forces.col(extreme.dof) = result.fields.displacement.col(extreme.dof) / extreme.value;
+    functional.forces.col(extreme.place) = result.fields.displacement.col(extreme.place) / extreme.value;
     const auto [value, left] = response_to(functional);
     extreme.error = std::abs(value - extreme.value) + left;
   }
@@ -138,23 +139,18 @@ void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result) {
   }
   for (auto& extreme : result.extremes)
     if (extreme.of == "displacement") {
-      const Vec<3> along = result.fields.displacement.col(extreme.dof) / std::max(extreme.value, 1e-300);
+      const Vec<3> along = result.fields.displacement.col(extreme.place) / std::max(extreme.value, 1e-300);
       extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
     }
 }
 
-template <int Dim> Vector error_density(const CaseResult<Dim>& result) {
-  const FineMesh<Dim>& mesh = *result.mesh;
-  Vector density(mesh.num_cells()), volumes(mesh.num_cells());
+template <int Dim> Vector error_density(const CaseResult<Dim>& result, const Vector& squares) {
   const auto& space = result.basis().space;
-  for (Index c = 0; c < mesh.num_cells(); ++c) volumes[c] = space.volume(c);
-  if constexpr (Dim == 3)
-    if (result.cells) density = recovery_errors(*result.cells, result.fields, mesh, result.model.regions);
-  if (!result.cells)
-    density = recovery_products(result.basis(), result.fields, result.fields, region_lame(result.model, mesh));
+  Vector volumes(squares.size()), density(squares.size());
+  for (Index c = 0; c < volumes.size(); ++c) volumes[c] = space.volume(c);
   const double mean = 2.0 * result.solution.strain_energy / volumes.sum();
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    density[c] = mean > 0.0 ? std::sqrt(std::max(0.0, density[c]) / (volumes[c] * mean)) : 0.0;
+  for (Index c = 0; c < density.size(); ++c)
+    density[c] = mean > 0.0 ? std::sqrt(std::max(0.0, squares[c]) / (volumes[c] * mean)) : 0.0;
   return density;
 }
 
@@ -181,8 +177,8 @@ template double relative_error_of<3>(const CaseSettings::Goal&, const CaseResult
 template void read_off<3>(const Case<3>&, CaseResult<3>&);
 template void tell_errors<2>(const Case<2>&, const Reference<2>&, CaseResult<2>&, const Progress&);
 template void tell_errors<3>(const Case<3>&, const Reference<3>&, CaseResult<3>&, const Progress&);
-template Vector error_density<2>(const CaseResult<2>&);
-template Vector error_density<3>(const CaseResult<3>&);
+template Vector error_density<2>(const CaseResult<2>&, const Vector&);
+template Vector error_density<3>(const CaseResult<3>&, const Vector&);
 template double missed_goals<2>(const CaseSettings&, const CaseResult<2>&);
 template double missed_goals<3>(const CaseSettings&, const CaseResult<3>&);
 

@@ -86,13 +86,13 @@ template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
   return {"xx", "yy", "xy"};
 }
 
-/// 1 at degrees of freedom on the parts that the conditions are on, else 0.
+/// 1 at places on the parts that the conditions are on, else 0.
 template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
   Matrix mark = Matrix::Zero(1, space.size());
   for (const auto& condition : conditions)
     for (const Index f : space.mesh().group(condition.on))
       for (const Index dof : space.facet(f)) mark(0, dof) = 1.0;
-  return mark;
+  return space.at_places(mark);
 }
 
 void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
@@ -123,16 +123,16 @@ std::string version() {
   return EFREE_VERSION;
 }
 
-template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result) {
+template <int Dim> Vector von_mises_at_places(const CaseResult<Dim>& result) {
   const FineSpace<Dim>& space = result.basis().space;
   const auto& stress = result.fields.stress;
-  Vector mises(space.size());
+  Vector mises(space.num_places());
   if constexpr (Dim == 3) {
-    for (Index p = 0; p < space.size(); ++p) mises[p] = von_mises(Voigt<3>(stress.col(p)));
+    for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises(Voigt<3>(stress.col(p)));
   } else {
-    std::vector<char> done(space.size(), 0);
+    std::vector<char> done(space.num_places(), 0);
     for (Index c = 0; c < space.mesh().num_cells(); ++c)
-      for (const Index p : space.cell(c)) {
+      for (const Index p : space.places(c)) {
         if (done[p]) continue;
         done[p] = 1;
         mises[p] = von_mises(stress.col(p), result.model.plane, result.model.regions[space.mesh().region(c)].nu);
@@ -145,23 +145,23 @@ template <int Dim>
 void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
   using Cell = VtkCell<Dim>;
   const FineSpace<Dim>& space = result.basis().space;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.points());
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.at_places(space.points()));
   const std::size_t size = space.degree() == 1 ? Dim + 1 : Cell::order.size();
   vtkNew<vtkCellArray> cells;
   Matrix region(1, space.mesh().num_cells());
   for (Index c = 0; c < space.mesh().num_cells(); ++c) {
-    const auto dofs = space.cell(c);
+    const auto places = space.places(c);
     cells->InsertNextCell(static_cast<int>(size));
-    for (std::size_t i = 0; i < size; ++i) cells->InsertCellPoint(dofs[Cell::order[i]]);
+    for (std::size_t i = 0; i < size; ++i) cells->InsertCellPoint(places[Cell::order[i]]);
     region(0, c) = space.mesh().region(c);
   }
   grid->SetCells(space.degree() == 1 ? Cell::linear : Cell::quadratic, cells);
 
   const Fields<Dim>& fields = result.fields;
-  add_array(grid, "displacement", fields.displacement, {"x", "y", "z"});
+  add_array(grid, "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
   add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
   add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
-  add_array(grid, "von_mises", von_mises_at_dofs(result).transpose(), {""});
+  add_array(grid, "von_mises", von_mises_at_places(result).transpose(), {""});
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, analysis.supports), {""}));
   grid->GetPointData()->AddArray(
       array_of<vtkUnsignedCharArray>("loaded", marked(space, analysis.loads.tractions), {""}));
@@ -276,8 +276,8 @@ void write_failure(const std::filesystem::path& file, const CaseSettings& analys
       {{"title", analysis.title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
 }
 
-template Vector von_mises_at_dofs<2>(const CaseResult<2>&);
-template Vector von_mises_at_dofs<3>(const CaseResult<3>&);
+template Vector von_mises_at_places<2>(const CaseResult<2>&);
+template Vector von_mises_at_places<3>(const CaseResult<3>&);
 template void write_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
 template void write_nodes<2>(const std::filesystem::path&, const CaseResult<2>&);
 template void write_result<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);

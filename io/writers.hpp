@@ -12,14 +12,14 @@ namespace efree {
 /// Version of the library, as in "0.1.0".
 std::string version();
 
-/// von Mises stress at the degrees of freedom of the space. Where two regions share one, the material is that of the
-/// first cell.
-template <int Dim> Vector von_mises_at_dofs(const CaseResult<Dim>& result);
+/// von Mises stress at the places of the space (FineSpace::num_places).
+template <int Dim> Vector von_mises_at_places(const CaseResult<Dim>& result);
 
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
 /// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0)
-/// and error (CaseResult::error_density). Quadratic spaces become quadratic cells. Throws InputError if the file cannot
+/// and error (CaseResult::error_density). The points are the places of the space: those on interfaces are there once
+/// for each region, with its stress. Quadratic spaces become quadratic cells. Throws InputError if the file cannot
 /// be written, as all writers do.
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);

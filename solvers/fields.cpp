@@ -18,8 +18,8 @@ namespace {
 /// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight:
 /// narrow enough not to smear what varies over a few spacings (measured: cubes lose a quarter of the error of plain
 /// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
-/// in size.
-template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature) {
+/// in size. Their nodes have a row for each place: at interfaces points count for the place of their region only.
+template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Discretization<Dim>& quadrature) {
   SparseRows overlaps = quadrature.shape.matrix();
   for (Index K = 0; K < quadrature.size(); ++K) {
     const auto row = quadrature.shape.row(K);
@@ -31,19 +31,27 @@ template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature)
       entry.valueRef() = overlap * overlap * overlap;
     }
   }
+  if (space.num_places() > space.size()) {
+    // Only finite elements know meshes in which regions share degrees of freedom, which are their nodes.
+    overlaps.conservativeResize(overlaps.rows(), space.num_places());
+    for (Index K = 0; K < quadrature.size(); ++K)
+      for (Index k = overlaps.outerIndexPtr()[K]; k < overlaps.outerIndexPtr()[K + 1]; ++k)
+        overlaps.innerIndexPtr()[k] = space.place(overlaps.innerIndexPtr()[k], quadrature.region[K]);
+  }
   return overlaps.transpose();
 }
 
-/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, weighted by `around`, as
-/// columns of N: the value at the node, then the derivative along each axis. The mean and no slope where the points do
-/// not determine a plane: a single point at the node, or a row of them.
+/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node (of finite elements:
+/// place), weighted by `around`, as columns: the value at the node, then the derivative along each axis. The mean and
+/// no slope where the points do not determine a plane: a single point at the node, or a row of them.
 template <int Dim>
 Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& around, const Matrix& values) {
   using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
   const Index rows = values.rows();
-  Matrix fits = Matrix::Zero((Dim + 1) * rows, approximation.shape.num_nodes());
-  parallel_for(approximation.shape.num_nodes(), [&](Index I) {
-    const Vec<Dim> x = approximation.nodes.col(I);
+  const Index nodes = approximation.shape.num_nodes(), count = static_cast<Index>(around.rows());
+  Matrix fits = Matrix::Zero((Dim + 1) * rows, count);
+  parallel_for(count, [&](Index I) {
+    const Vec<Dim> x = approximation.nodes.col(I < nodes ? I : approximation.space.dof_at(I));
     double scale = 0.0, total = 0.0;
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
       total += entry.value();
@@ -168,7 +176,7 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
     const auto dofs = space.cell(c);
     const auto strain = strains.in(c);
     const auto u = gather<Dim, Dim>(fields.displacement, dofs);
-    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, dofs);
+    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.places(c));
     const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const Vec<Dim> x = space.position(c, rule.points.col(q));
@@ -217,7 +225,7 @@ template <int Dim, int Normals> class RecoveryDifference {
   }
   /// Calls visit(difference of the stresses, strain) for a barycentric point of cell c.
   auto in(Index c) const {
-    return [this, c, strain = strains_.in(c), sigma = gather<Dim, voigt_size<Dim, Normals>>(stress_, space_.cell(c))](
+    return [this, c, strain = strains_.in(c), sigma = gather<Dim, voigt_size<Dim, Normals>>(stress_, space_.places(c))](
                const typename FineSpace<Dim>::Barycentric& at) {
       const Voigt<Dim, Normals> eps = strain(at);
       return std::pair<Voigt<Dim, Normals>, Voigt<Dim, Normals>>(
@@ -240,13 +248,15 @@ std::vector<VoigtMatrix<Dim, Normals>> inverses(const std::vector<VoigtMatrix<Di
   return result;
 }
 
-template <int Dim, int Normals> double recovery_error_with(const Approximation<Dim>& approximation,
-                                                           const Fields<Dim>& fields, const std::vector<Lame>& lame) {
+template <int Dim, int Normals> RecoveryError recovery_error_with(const Approximation<Dim>& approximation,
+                                                                  const Fields<Dim>& fields,
+                                                                  const std::vector<Lame>& lame) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
   const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
   const auto& stiffnesses = differences.stiffnesses();
   const auto compliances = inverses<Dim, Normals>(stiffnesses);
+  Vector squares(space.mesh().num_cells());
   enum { error, norm, rounding, count };
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto difference_at = differences.in(c);
@@ -254,16 +264,19 @@ template <int Dim, int Normals> double recovery_error_with(const Approximation<D
     sum[rounding] += space.volume(c) * 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm() *
                      stiffnesses[space.mesh().region(c)](0, 0);
     const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
+    double square = 0.0;
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto at = rule.points.col(q);
       const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
       const auto [difference, eps] = difference_at(at);
-      sum[error] += dV * difference.dot(compliance * difference);
+      square += dV * difference.dot(compliance * difference);
       sum[norm] += dV * eps.dot(C * eps);
     }
+    squares[c] = square;
+    sum[error] += square;
   });
   // Bodies that move as a whole have strains of rounding.
-  return sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0;
+  return {sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0, std::move(squares)};
 }
 
 template <int Dim, int Normals> Vector recovery_products_with(const Approximation<Dim>& approximation,
@@ -324,7 +337,7 @@ template <int Dim, int Normals> double mixed_distance_with(const Approximation<D
   const CellStrains<Dim, Normals> strains(elements, displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto strain = strains.in(c);
-    const auto stress = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.cell(c));
+    const auto stress = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.places(c));
     const auto& C = shear[space.mesh().region(c)];
     const double kappa = volumetric<Normals>(lame[space.mesh().region(c)]).lambda;
     for (Index q = 0; q < rule.weights.size(); ++q) {
@@ -350,8 +363,8 @@ template <int Dim> double mixed_distance(const Approximation<Dim>& elements, con
   });
 }
 
-template <int Dim> double recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const std::vector<Lame>& lame) {
+template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                                const std::vector<Lame>& lame) {
   return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
     return recovery_error_with<Dim, Normals>(approximation, fields, lame);
   });
@@ -373,7 +386,7 @@ template <int Dim> double functional_error(const Approximation<Dim>& elements, c
 
 template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approximation<Dim>& approximation,
                                                                     const Fields<Dim>& fields,
-                                                                    const std::vector<Lame>& lame, Index dof) {
+                                                                    const std::vector<Lame>& lame, Index place) {
   using Barycentric = typename FineSpace<Dim>::Barycentric;
   const auto& space = approximation.space;
   std::vector<Barycentric> places;  // of the degrees of freedom of a cell
@@ -384,8 +397,8 @@ template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approx
     const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
     std::vector<VoigtPoints<Dim>> result;
     for (Index c = 0; c < space.mesh().num_cells(); ++c) {
-      const auto dofs = space.cell(c);
-      if (std::ranges::find(dofs, dof) == dofs.end()) continue;
+      const auto around = space.places(c);
+      if (std::ranges::find(around, place) == around.end()) continue;
       const auto difference_at = differences.in(c);
       VoigtPoints<Dim> in_cell(voigt_size<Dim, Normals>, static_cast<Index>(places.size()));
       for (std::size_t k = 0; k < places.size(); ++k)
@@ -401,10 +414,15 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   const Index strains = solution.strain.rows(), stresses = solution.stress.rows();
   Matrix values(strains + stresses, approximation.quadrature.size());
   values << solution.strain, solution.stress;
-  const Matrix fits = fit_at_nodes(approximation, fit_weights(approximation.quadrature), values);
-  const Matrix field = with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
-  });
+  const FineSpace<Dim>& space = approximation.space;
+  const Matrix fits = fit_at_nodes(approximation, fit_weights(space, approximation.quadrature), values);
+  // Finite elements have the value of the fit at every node, and so at every place.
+  const bool shared = space.num_places() > space.size();
+  const Matrix field = shared
+                           ? Matrix(fits.topRows(values.rows()))
+                           : with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
+                               return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
+                             });
   if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
@@ -430,9 +448,10 @@ std::pair<Index, typename FineSpace<Dim>::Barycentric> locate(const FineMesh<Dim
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
   const auto [cell, inside] = locate(space.mesh(), at);
   const auto N = space.values(inside);
-  const auto dofs = space.cell(cell);
-  return {gather<Dim, Dim>(fields.displacement, dofs) * N, gather<Dim, Eigen::Dynamic>(fields.strain, dofs) * N,
-          gather<Dim, Eigen::Dynamic>(fields.stress, dofs) * N};
+  const auto places = space.places(cell);
+  return {gather<Dim, Dim>(fields.displacement, space.cell(cell)) * N,
+          gather<Dim, Eigen::Dynamic>(fields.strain, places) * N,
+          gather<Dim, Eigen::Dynamic>(fields.stress, places) * N};
 }
 
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
@@ -444,7 +463,7 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
 
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&,
                                   const std::vector<Lame>&);
-template double recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
+template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
 template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&,
                                      const std::vector<Lame>&);
 template std::pair<Index, FineSpace<2>::Barycentric> locate<2>(const FineMesh<2>&, const Vec<2>&);
@@ -458,7 +477,7 @@ template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, con
                                   const ExactSolution<2>&);
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&,
                                   const std::vector<Lame>&);
-template double recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
+template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
 template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&,
                                      const std::vector<Lame>&);
 template std::pair<Index, FineSpace<3>::Barycentric> locate<3>(const FineMesh<3>&, const Vec<3>&);

@@ -103,7 +103,7 @@ template <int Dim> double work_beyond(const FineSpace<Dim>& space, const Restrai
   const auto& rule = space.facet_rule();
   double work = 0.0;
   for (const auto& [f, on_facet] : facets) {
-    const auto dofs = space.cell(space.mesh().facet_cell(f));
+    const auto dofs = space.cell(space.mesh().facet_cell(f)), places = space.places(space.mesh().facet_cell(f));
     const Vec<Dim> n = space.mesh().facet_normal(f);
     const Eigen::CompleteOrthogonalDecomposition<Mat<Dim>> shares(on_facet.all);
     const Vec<Dim> of_part = shares.solve(on_facet.own * direction);
@@ -114,7 +114,7 @@ template <int Dim> double work_beyond(const FineSpace<Dim>& space, const Restrai
       VoigtValue<Dim> sigma = VoigtValue<Dim>::Zero(stress.rows());
       for (std::size_t i = 0; i < dofs.size(); ++i) {
         beyond += N[static_cast<Index>(i)] * motion.col(dofs[i]);
-        sigma += N[static_cast<Index>(i)] * stress.col(dofs[i]);
+        sigma += N[static_cast<Index>(i)] * stress.col(places[i]);
       }
       const Vec<Dim> held_part = shares.solve(on_facet.all * beyond);
       with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {

@@ -45,7 +45,7 @@ template <int Dim> Functional<Dim> reaction_of(const FineSpace<Dim>& space,
                                                const Vec<Dim>& direction, bool all_weakly = false);
 
 /// What the share that parts which meet have at the nodes between them makes of a reaction: the work of the tractions
-/// of a stress (at the fine degrees of freedom) on what the functional moves beyond the facets of the part, and does
+/// of a stress (at the places of the space) on what the functional moves beyond the facets of the part, and does
 /// not on them. Zero where no other part is next to it; of the order of an edge else.
 template <int Dim>
 double shared_work(const FineSpace<Dim>& space, const std::vector<DisplacementCondition<Dim>>& conditions,

@@ -71,13 +71,14 @@ template <int Dim> class ElasticSolver {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Displacement, strain and stress on the fine mesh, at the degrees of freedom of approximation.space. Strain and
-/// stress are recovered: linear least-squares fits of the quadrature-point values around each node, with half of their
-/// slopes blended by the basis. Linear fields at the quadrature points are reproduced. Throws NumericalError if a
-/// recovered value is not finite.
+/// Displacement on the fine mesh at the degrees of freedom of approximation.space, strain and stress at its places.
+/// These are recovered: linear least-squares fits of the quadrature-point values around each node, with half of their
+/// slopes blended by the basis. Linear fields at the quadrature points are reproduced. They jump between regions: at a
+/// place the points of its own region count alone, and where these are too few for a plane the value is their mean.
+/// Throws NumericalError if a recovered value is not finite.
 template <int Dim> struct Fields {
-  Points<Dim> displacement;
-  VoigtPoints<Dim> strain, stress;
+  Points<Dim> displacement;         ///< Dim x space.size()
+  VoigtPoints<Dim> strain, stress;  ///< columns: space.num_places()
 };
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
 
@@ -113,17 +114,20 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
                         exact);
 }
 
-/// Relative error of the displacement against the exact solution, in the energy norm, as far as the recovered stresses
-/// are exact: the distance between these and those of the displacement's gradients, on the fine mesh (Zienkiewicz & Zhu
-/// 1987). For finite elements it tends to the true error as the mesh is refined. `lame` by region. 0 without any
-/// stress.
-template <int Dim> double recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const std::vector<Lame>& lame);
+/// Error of the displacement against the exact solution, in the energy norm, as far as the recovered stresses are
+/// exact: the distance between these and those of the displacement's gradients, on the fine mesh (Zienkiewicz & Zhu
+/// 1987). For finite elements it tends to the true error as the mesh is refined. `lame` by region.
+struct RecoveryError {
+  double relative;  ///< of the body; 0 without any stress
+  Vector squares;   ///< by cell: square of the distance [force * length]
+};
+template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                                const std::vector<Lame>& lame);
 
 /// By cell: the integral of the work of the difference between recovered stress and that of the displacement's
-/// gradients of `a` on the strains that belong to the same difference of `b` [force * length]. The sum with a = b is
-/// the square of the recovered error in the energy norm; with the dual solution of a functional as b it is what the
-/// mesh leaves of that functional, with its sign.
+/// gradients of `a` on the strains that belong to the same difference of `b` [force * length]. With a = b these are the
+/// squares of recovery_error; with the dual solution of a functional as b the sum is what the mesh leaves of that
+/// functional, with its sign.
 template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
                                             const Fields<Dim>& b, const std::vector<Lame>& lame);
 
@@ -135,11 +139,11 @@ template <int Dim> Vector recovery_products(const Approximation<Dim>& approximat
 template <int Dim> double functional_error(const Approximation<Dim>& elements, const Fields<Dim>& u,
                                            const Fields<Dim>& z, const std::vector<Lame>& lame);
 
-/// In each cell around a degree of freedom of the space, at the degrees of freedom of the cell: recovered stress less
-/// that of the displacement's gradients.
+/// In each cell around a place of the space (of its region), at the degrees of freedom of the cell: recovered stress
+/// less that of the displacement's gradients.
 template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approximation<Dim>& approximation,
                                                                     const Fields<Dim>& fields,
-                                                                    const std::vector<Lame>& lame, Index dof);
+                                                                    const std::vector<Lame>& lame, Index place);
 
 /// Relative distance in the energy norm of fields with a pressure of their own, as averaged dilatations (B-bar) give
 /// it, from a displacement of finite elements: of the deviators of the strains, and of the pressures. What the

@@ -27,8 +27,8 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
 void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result);
 
 /// By cell of the fine mesh: distance between recovered stress and that of the displacement, in the energy norm,
-/// relative to the mean energy density of the body.
-template <int Dim> Vector error_density(const CaseResult<Dim>& result);
+/// relative to the mean energy density of the body. `squares`: by cell, of that distance [force * length].
+template <int Dim> Vector error_density(const CaseResult<Dim>& result, const Vector& squares);
 
 /// Error of a probe or reaction relative to its size; 1 if it is not known.
 template <int Dim> double relative_error_of(const CaseSettings::Goal& goal, const CaseResult<Dim>& result);

@@ -6,6 +6,7 @@
 
 #include <vtkCellData.h>
 #include <vtkCellType.h>
+#include <vtkIdList.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkUnstructuredGrid.h>
@@ -347,6 +348,64 @@ TEST(ImageCase, EveryRegionHasItsOwnMaterial) {
     EXPECT_NEAR(result["boundaries"]["left"]["length"], 1.0, 1e-12);
     // The interface is no part of the boundary, but the bottom goes on where the material changes.
     EXPECT_NEAR(result["boundaries"]["normal 1"]["length"], 2.0, 1e-12);
+  }
+}
+
+/// The bars side by side, stretched by a tenth: stresses of 0.2 and 2 along y, which jump between them.
+const std::string stretched_case = image_case.substr(0, image_case.find("[[boundary]]")) + R"([[boundary]]
+on = "left"
+displacement = [0, "free"]
+[[boundary]]
+on = { normal = [0, -1] }
+displacement = ["free", 0]
+[[boundary]]
+on = { normal = [0, 1] }
+displacement = ["free", 0.1]
+[[probe]]
+name = "between"
+at = [1, 0.5]
+[[reaction]]
+name = "foot"
+on = { normal = [0, -1] }
+)";
+
+TEST(ImageCase, StressesThatJumpBetweenRegionsAreToldAndWrittenByRegion) {
+  for (const char* kind : {"mls", "p1", "p2"}) {
+    const bool iterates = std::string(kind) == "mls";  // ends at a per cent
+    const Workspace work(replaced(replaced(stretched_case, "kind = \"mls\"", std::string("kind = \"") + kind + "\""),
+                                  "plane = \"stress\"",
+                                  "plane = \"stress\"\nextremes = [\"displacement\", \"von_mises\"]"));
+    work.write("labels.pgm", two_labels());
+    ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--quiet"}).status, 0);
+    const auto result = json(work / "out/result.json");
+    const double small = iterates ? 1e-3 : 1e-9;
+    EXPECT_LT(result["estimates"]["probes"]["between"], small) << kind;
+    EXPECT_LT(result["estimates"]["reactions"]["foot"], small) << kind;
+    EXPECT_NEAR(result["reactions"]["foot"]["force"][1], -2.2, 3.0 * small) << kind;
+    EXPECT_NEAR(result["extremes"]["von_mises"]["value"], 2.0, 3.0 * small) << kind;
+    EXPECT_LT(result["extremes"]["von_mises"]["error"], 3.0 * small) << kind;
+    vtkNew<vtkXMLUnstructuredGridReader> reader;
+    const std::string file = (work / "out/fields.vtu").string();
+    reader->SetFileName(file.c_str());
+    reader->Update();
+    vtkUnstructuredGrid* grid = reader->GetOutput();
+    vtkDataArray *stress = grid->GetPointData()->GetArray("stress"),
+                 *u = grid->GetPointData()->GetArray("displacement"), *region = grid->GetCellData()->GetArray("region"),
+                 *error = grid->GetCellData()->GetArray("error");
+    vtkIdType between = 0;
+    for (vtkIdType p = 0; p < grid->GetNumberOfPoints(); ++p) {
+      between += std::abs(grid->GetPoint(p)[0] - 1.0) < 1e-12;
+      ASSERT_NEAR(u->GetComponent(p, 1), 0.1 * grid->GetPoint(p)[1], small);
+    }
+    EXPECT_GE(between, 10) << kind;  // five pixel corners, once for each region
+    EXPECT_EQ(between % 2, 0) << kind;
+    for (vtkIdType c = 0; c < grid->GetNumberOfCells(); ++c) {
+      const double expected = region->GetComponent(c, 0) == 0.0 ? 0.2 : 2.0;
+      EXPECT_LT(error->GetComponent(c, 0), 10.0 * small) << kind;
+      vtkIdList* points = grid->GetCell(c)->GetPointIds();
+      for (vtkIdType i = 0; i < points->GetNumberOfIds(); ++i)
+        ASSERT_NEAR(stress->GetComponent(points->GetId(i), 1), expected, 30.0 * small) << kind;
+    }
   }
 }
 

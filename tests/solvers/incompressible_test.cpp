@@ -65,7 +65,7 @@ template <int Dim> Found corrected(const FineMesh<Dim>& mesh, double spacing, co
   const auto elements = approximate<Dim>(
       mesh, {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = takes_mean_dilatation(cloud, model)});
   const auto fields = recover_fields(elements, evaluate(elements, model, u));
-  Found found{errors_against<Dim>(elements, fields, lame, exact), 0.0, recovery_error(elements, fields, lame),
+  Found found{errors_against<Dim>(elements, fields, lame, exact), 0.0, recovery_error(elements, fields, lame).relative,
               mixed_distance(elements, u, start, lame),
               distance_from<Dim>(exact.stress, cloud.space, start, lame.front())};
   double size = 0.0;
