@@ -5,6 +5,7 @@
 ///   bench_correction effectivity [part = all] [H/h = 4] [folder]   of (a), what is said of cloud and corrections
 ///   bench_correction recovery    [part = all] [1 or 2 = 2] [folder]  of (b), what is said of the finite elements
 ///
+/// Cases of "shared nodes" are solved by finite elements alone, whose regions share nodes.
 /// The real files are fetched by examples/real_files/run; without their folder elephant and assembly are left out.
 #include "efree/solvers/correction.hpp"
 #include "cavity.hpp"

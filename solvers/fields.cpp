@@ -389,10 +389,10 @@ template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approx
                                                                     const std::vector<Lame>& lame, Index place) {
   using Barycentric = typename FineSpace<Dim>::Barycentric;
   const auto& space = approximation.space;
-  std::vector<Barycentric> places;  // of the degrees of freedom of a cell
-  for (int i = 0; i <= Dim; ++i) places.push_back(Barycentric::Unit(i));
+  std::vector<Barycentric> at;  // of the degrees of freedom of a cell
+  for (int i = 0; i <= Dim; ++i) at.push_back(Barycentric::Unit(i));
   for (int i = 0; i <= Dim && space.degree() == 2; ++i)
-    for (int j = i + 1; j <= Dim; ++j) places.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
+    for (int j = i + 1; j <= Dim; ++j) at.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
   return with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
     const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
     std::vector<VoigtPoints<Dim>> result;
@@ -400,9 +400,8 @@ template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approx
       const auto around = space.places(c);
       if (std::ranges::find(around, place) == around.end()) continue;
       const auto difference_at = differences.in(c);
-      VoigtPoints<Dim> in_cell(voigt_size<Dim, Normals>, static_cast<Index>(places.size()));
-      for (std::size_t k = 0; k < places.size(); ++k)
-        in_cell.col(static_cast<Index>(k)) = difference_at(places[k]).first;
+      VoigtPoints<Dim> in_cell(voigt_size<Dim, Normals>, static_cast<Index>(at.size()));
+      for (std::size_t k = 0; k < at.size(); ++k) in_cell.col(static_cast<Index>(k)) = difference_at(at[k]).first;
       result.push_back(std::move(in_cell));
     }
     return result;
@@ -416,13 +415,11 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   values << solution.strain, solution.stress;
   const FineSpace<Dim>& space = approximation.space;
   const Matrix fits = fit_at_nodes(approximation, fit_weights(space, approximation.quadrature), values);
-  // Finite elements have the value of the fit at every node, and so at every place.
-  const bool shared = space.num_places() > space.size();
-  const Matrix field = shared
-                           ? Matrix(fits.topRows(values.rows()))
-                           : with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-                               return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
-                             });
+  const Matrix field = with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) -> Matrix {
+    // Finite elements have the value of the fit at every node, and so at every place.
+    if (space.num_places() > space.size()) return fits.topRows(values.rows());
+    return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
+  });
   if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
