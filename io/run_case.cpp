@@ -400,7 +400,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   std::optional<Approximation<Dim>> lifted;
   if (cloud.averaged && cloud.space.degree() == 1) lifted.emplace(in_quadratic_space(cloud));
   const Approximation<Dim>& functions = lifted ? *lifted : cloud;
-  const Points<Dim> start = interpolate(functions.shape, result.solution.coefficients);
+  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
   Corrected<Dim> best;
   try {
     best = corrected(analysis, result, functions, start, options);
@@ -413,7 +413,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     result.fields = recover_fields(cloud, result.solution);
     Fields<Dim> fields = result.fields;
     if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
-    fields.displacement = start;
+    fields.displacement = lifted ? Points<Dim>(at_midpoints_too(functions.space, start)) : start;
     uncorrected =
         mixed_distance(best.elements, best.correction.displacement, fields, region_lame(result.model, *result.mesh));
   }
@@ -448,7 +448,8 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   if (finer) {
     if (!stage) stage.emplace("correction", result.times, progress);
     quadratic.emplace(in_quadratic_space(cloud));
-    const Points<Dim> from = at_midpoints_too(quadratic->space, best.correction.displacement);
+    const Points<Dim> from = std::move(best.correction.displacement);
+    best = {};
     best = corrected(analysis, result, *quadratic, from, options);
     estimates.cloud = best.correction.error;
     estimates.mesh = best.mesh_error;

@@ -41,11 +41,12 @@ template <int Dim> SymmetricMatrix LinearElements<Dim>::stiffness(const BlockMat
     for (const Index node : around_[v]) {
       const double own = share(node);
       const Mat<Dim>* open = held_.at(node);
-      for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e) {
-        const Index other = K.columns[e];
+      const auto row = K.row(node);
+      for (std::size_t e = 0; e < row.columns.size(); ++e) {
+        const Index other = row.columns[e];
         const auto [a, b] = ends_[other];
         if (a < v && b < v) continue;
-        Mat<Dim> force = (own * share(other)) * K.blocks[e].transpose();
+        Mat<Dim> force = (own * share(other)) * row.blocks[e].transpose();
         if (open) force = force * *open;
         if (const Mat<Dim>* other_open = held_.at(other)) force = *other_open * force;
         if (a >= v) sums[a] += force;

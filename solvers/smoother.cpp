@@ -11,14 +11,14 @@
 namespace efree {
 namespace {
 
-constexpr Index nodes_per_sweep = 8192;
 /// Part of the spectrum below the largest eigenvalue that a polynomial leaves to others.
 double lower_share(int degree) {
   return std::min(0.04, 1.0 / (degree * degree));
 }
 
-/// Inverse of D on the range of the projector, zero beyond it.
+/// Inverse of D on the range of the projector, zero beyond it, and for nodes without stiffness.
 template <int Dim> Mat<Dim> inverse_on(const Mat<Dim>& D, const Mat<Dim>& free) {
+  if (D.isZero(0.0)) return D;
   if (free == Mat<Dim>::Identity()) return D.inverse();
   const Mat<Dim> held = Mat<Dim>::Identity() - free;
   const double scale = D.trace();
@@ -46,7 +46,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
   Points<Dim> r(Dim, n), z, p, q;
   parallel_for(n, [&](Index i) {
     const Mat<Dim> open = free(i);
-    inverse_diagonal_[i] = inverse_on<Dim>(K.blocks[K.diagonal[i]], open);
+    inverse_diagonal_[i] = inverse_on<Dim>(K.diagonal(i), open);
     Vec<Dim> start;
     for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
@@ -84,17 +84,18 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
 
 template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
   z.resize(Dim, K.size());
-  parallel_chunks(K.size(), nodes_per_sweep, [&](Index begin, Index end) {
+  parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+    const auto& [offsets, columns, diagonal, blocks] = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
     for (Index i = begin; i < end; ++i) {
       Vec<Dim> rest = r.col(i);
-      for (Index k = K.diagonal[i] - 1; k >= K.offsets[i] && K.columns[k] >= begin; --k)
-        rest.noalias() -= K.blocks[k] * z.col(K.columns[k]);
+      for (Index k = diagonal[i - begin] - 1; k >= offsets[i - begin] && columns[k] >= begin; --k)
+        rest.noalias() -= blocks[k] * z.col(columns[k]);
       z.col(i).noalias() = inverse_diagonal_[i] * rest;
     }
     for (Index i = end - 1; i >= begin; --i) {
       Vec<Dim> ahead = Vec<Dim>::Zero();
-      for (Index k = K.diagonal[i] + 1; k < K.offsets[i + 1] && K.columns[k] < end; ++k)
-        ahead.noalias() += K.blocks[k] * z.col(K.columns[k]);
+      for (Index k = diagonal[i - begin] + 1; k < offsets[i - begin + 1] && columns[k] < end; ++k)
+        ahead.noalias() += blocks[k] * z.col(columns[k]);
       z.col(i).noalias() -= inverse_diagonal_[i] * ahead;
     }
   });
