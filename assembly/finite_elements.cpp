@@ -171,7 +171,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
   parallel_chunks(nodes.count, chunk_rows, [&](Index begin, Index end) {
     auto& chunk = K.chunks[begin / chunk_rows];
     std::vector<Index> cells;
-    std::vector<Index> entries;                   // row by row, cell by cell: where the cell's nodes are in the columns
+    std::vector<Index> entries;                   // row by row, cell by cell: where the cell's nodes are in the columns, if at all
     std::vector<std::pair<Index, Index>> around;  // columns of a row, with where in `entries`
     for (Index i = begin; i < end; ++i) {
       around.clear();
@@ -183,12 +183,16 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
       std::ranges::sort(around);
       const std::size_t first = chunk.columns.size();
       for (const auto& [j, at] : around) {
+        if (!BlockMatrix<Dim>::stores(i, j)) {
+          entries[at] = -1;
+          continue;
+        }
         if (chunk.columns.size() == first || chunk.columns.back() != j) chunk.columns.push_back(j);
         entries[at] = static_cast<Index>(chunk.columns.size()) - 1;
       }
       chunk.close_row(i);
     }
-    chunk.columns.shrink_to_fit();
+    chunk.close();
     chunk.blocks.assign(chunk.columns.size(), Mat<Dim>::Zero());
     std::ranges::sort(cells);
     cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
@@ -240,7 +244,9 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
         const Mat<Dim>* of_cell = stiffness.data() + n * pairs;
         const auto k = static_cast<std::size_t>(place.position);
         for (std::size_t l = 0; l < corners; ++l) {
-          Mat<Dim>& block = chunk.blocks[*entry++];
+          const Index at = *entry++;
+          if (at < 0) continue;
+          Mat<Dim>& block = chunk.blocks[at];
           if (k <= l)
             block += of_cell[pair_of(k, l)];
           else

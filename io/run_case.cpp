@@ -277,11 +277,12 @@ template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& res
                                  1.1 * errors.total());
 }
 
-/// Bytes that corrections on the quadratic space of a mesh take: blocks of the stiffness, quadrature for recovery.
+/// Bytes that an answer by quadratic elements takes at its peak for each cell of the mesh, the mesh and its own answer
+/// included: measured (docs/method.md, "Memory").
+template <int Dim> constexpr double quadratic_bytes_per_cell = Dim == 2 ? 2.5e3 : 4.5e3;
+
 template <int Dim> double memory_of_quadratic_elements(const FineMesh<Dim>& mesh) {
-  const double nodes = mesh.num_vertices() + (Dim == 2 ? 1.5 : 1.2) * mesh.num_cells();
-  const double blocks = (Dim == 2 ? 11.5 : 28.0) * nodes, entries = (Dim == 2 ? 18.0 : 40.0) * mesh.num_cells();
-  return blocks * (sizeof(Mat<Dim>) + sizeof(Index)) + entries * (sizeof(Vec<Dim>) + sizeof(double) + sizeof(Index));
+  return quadratic_bytes_per_cell<Dim> * mesh.num_cells();
 }
 
 /// Whether there are errors to be told by dual solutions.
@@ -306,6 +307,7 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
   result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, analysis.supports);
   result_of.correction = result_of.corrector->correct(start, analysis.loads, options);
   if (!names_numbers(analysis)) result_of.corrector.reset();
+  return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   result_of.elements = approximate<Dim>(*result.mesh, {.kind = elements,
                                                        .axisymmetric = functions.space.axisymmetric(),
@@ -632,20 +634,22 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, options, &result.times, progress);
-    const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
+    std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, analysis.supports,
+                                             &result.times, progress);
     {
       const Stage stage("solve", result.times, progress);
-      result.solution = solver.solve(analysis.loads);
+      result.solution = solver->solve(analysis.loads);
     }
     if (analysis.approximation.kind != BasisKind::mls) {
       result.fields = recover_fields(result.approximation, result.solution);
       const internal::Reference<Dim> reference{result.approximation, result.fields,
                                                result.model.essential == Essential::nitsche,
                                                [&](const Functional<Dim>& functional) {
-                                                 return solver.respond(functional, result.solution, analysis.loads);
+                                                 return solver->respond(functional, result.solution, analysis.loads);
                                                }};
       internal::tell_errors(analysis, reference, result, progress);
     } else if (analysis.estimated) {
+      solver.reset();  // its factor is of no use any more
       result.estimates = correct(analysis, result, progress);
     }
   });
@@ -747,15 +751,18 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
       why = mesh_is_said;
       break;
     }
-    const double finer = refinement<Dim>(attempts), growth = std::pow(finer, -Dim);
+    double finer = refinement<Dim>(attempts);
+    // Where memory is short as fine as it allows; meshes turn out with up to twice as many cells as meant.
+    const double room = 0.4 * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
+    if (room < 1.5) {
+      why = "a finer mesh would take more memory than there is";
+      break;
+    }
+    finer = std::max(finer, std::pow(room, -1.0 / Dim));
+    const double growth = std::pow(finer, -Dim);
     if (seconds() + growth * attempts.back().seconds > analysis.time_limit) {
       why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s",
                         growth * attempts.back().seconds, analysis.time_limit);
-      break;
-    }
-    constexpr double bytes_per_cell = Dim == 2 ? 4e3 : 6e3;
-    if (bytes_per_cell * growth * attempts.back().cells > 0.8 * available_memory()) {
-      why = "a finer mesh would take more memory than there is";
       break;
     }
     // A boundary of many details has cells smaller than asked for: then only meshes below their size differ.

@@ -98,16 +98,14 @@ template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::lifted_stiffness(const Blo
       Mat<Dim> move = lift_->parents[node][place.position].share * Mat<Dim>::Identity();
       if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
       if (const Mat<Dim>* open = held_.at(node)) move = *open * move;
-      const auto row = K.row(node);
-      for (std::size_t e = 0; e < row.columns.size(); ++e) {
-        const Index other = row.columns[e];
-        Mat<Dim> force = move.transpose() * row.blocks[e];
+      K.for_row(node, [&](Index other, const Mat<Dim>& block) {
+        Mat<Dim> force = move.transpose() * block;
         if (const Mat<Dim>* open = held_.at(other)) force = force * *open;
         for (const auto& [parent, share] : lift_->parents[other]) {
           sums[motions * parent] += share * force;
           if (turning_) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
         }
-      }
+      });
     }
   });
 }
@@ -126,17 +124,13 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
     const Index a = node_of[f];
     const bool turned = f > first_[a];
     const auto add = [&](Index v, const Mat<Dim>& move) {
-      const auto row = K.row(v);
-      for (std::size_t e = 0; e < row.columns.size(); ++e)
-        forces[row.columns[e]].noalias() += row.blocks[e].transpose() * move;
+      K.for_row(v, [&](Index w, const Mat<Dim>& block) { forces[w].noalias() += block.transpose() * move; });
     };
     for (const auto& [v, k] : rows_at_[a]) {
       const double N = shape_.row(v).N[k];
       const Mat<Dim>* open = open_at(v);
       if (!turned && !open) {
-        const auto row = K.row(motions * v);
-        for (std::size_t e = 0; e < row.columns.size(); ++e)
-          forces[row.columns[e]] += N * row.blocks[e].transpose();
+        K.for_row(motions * v, [&](Index w, const Mat<Dim>& block) { forces[w] += N * block.transpose(); });
         continue;
       }
       Mat<Dim> move = N * Mat<Dim>::Identity();

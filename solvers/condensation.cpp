@@ -26,8 +26,9 @@ template <int Dim> class Groups {
   bool add(const std::vector<Index>& nodes) {
     std::vector<Index> joined;
     for (const Index node : nodes)
-      for (const Index other : K_.row(node).columns)
+      K_.for_row(node, [&](Index other, const auto&) {
         if (const Index group = of_node_[other]; group >= 0) joined.push_back(group);
+      });
     std::ranges::sort(joined);
     joined.erase(std::unique(joined.begin(), joined.end()), joined.end());
     std::vector<Index> all;
@@ -106,22 +107,21 @@ Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vect
     Group& group = groups_[g];
     group.inner = groups[g];
     for (const Index node : group.inner)
-      for (const Index other : K.row(node).columns)
+      K.for_row(node, [&](Index other, const auto&) {
         if (!out[other]) group.outer.push_back(other);
+      });
     std::ranges::sort(group.outer);
     group.outer.erase(std::unique(group.outer.begin(), group.outer.end()), group.outer.end());
     const Index inner = static_cast<Index>(group.inner.size()), outer = static_cast<Index>(group.outer.size());
     group.own = Matrix::Zero(Dim * inner, Dim * inner);
     couplings[g] = Matrix::Zero(Dim * inner, Dim * outer);
-    for (Index i = 0; i < inner; ++i) {
-      const auto row = K.row(group.inner[i]);
-      for (std::size_t e = 0; e < row.columns.size(); ++e) {
-        const bool beyond = !out[row.columns[e]];
+    for (Index i = 0; i < inner; ++i)
+      K.for_row(group.inner[i], [&](Index other, const Mat<Dim>& block) {
+        const bool beyond = !out[other];
         const auto& among = beyond ? group.outer : group.inner;
-        const auto j = std::ranges::lower_bound(among, row.columns[e]) - among.begin();
-        (beyond ? couplings[g] : group.own).template block<Dim, Dim>(Dim * i, Dim * j) = row.blocks[e];
-      }
-    }
+        const auto j = std::ranges::lower_bound(among, other) - among.begin();
+        (beyond ? couplings[g] : group.own).template block<Dim, Dim>(Dim * i, Dim * j) = block;
+      });
     const Eigen::LLT<Matrix> cholesky(group.own);
     group.inverse = cholesky.solve(Matrix::Identity(Dim * inner, Dim * inner));
     group.follow = cholesky.solve(couplings[g]);
@@ -141,20 +141,19 @@ Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vect
     chunk.blocks.reserve(before.blocks.size());
     std::vector<Index> columns;
     for (Index i = begin; i < end; ++i) {
-      const auto row = K.row(i);
+      const Index from = before.offsets[i - begin], to = before.offsets[i - begin + 1];
       if (out[i]) {
         chunk.columns.push_back(i);
         chunk.blocks.push_back(Mat<Dim>::Zero());
-      } else if (places_[i].empty()) {
-        chunk.columns.insert(chunk.columns.end(), row.columns.begin(), row.columns.end());
-        chunk.blocks.insert(chunk.blocks.end(), row.blocks.begin(), row.blocks.end());
+      } else if (places_[i].empty()) {  // none of those that are out is near
+        chunk.columns.insert(chunk.columns.end(), before.columns.begin() + from, before.columns.begin() + to);
+        chunk.blocks.insert(chunk.blocks.end(), before.blocks.begin() + from, before.blocks.begin() + to);
       } else {
-        columns.assign(row.columns.begin(), row.columns.end());
+        columns.assign(before.columns.begin() + from, before.columns.begin() + to);
         std::erase_if(columns, [&](Index j) { return out[j]; });
-        for (const Place& place : places_[i]) {
-          const auto& outer = groups_[place.row].outer;
-          columns.insert(columns.end(), outer.begin(), outer.end());
-        }
+        for (const Place& place : places_[i])
+          for (const Index j : groups_[place.row].outer)
+            if (BlockMatrix<Dim>::stores(i, j)) columns.push_back(j);
         std::ranges::sort(columns);
         columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
         const std::size_t first = chunk.blocks.size();
@@ -163,19 +162,19 @@ Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vect
         const auto block = [&](Index j) -> Mat<Dim>& {
           return chunk.blocks[first + (std::ranges::lower_bound(columns, j) - columns.begin())];
         };
-        for (std::size_t e = 0; e < row.columns.size(); ++e)
-          if (!out[row.columns[e]]) block(row.columns[e]) = row.blocks[e];
+        for (Index e = from; e < to; ++e)
+          if (!out[before.columns[e]]) block(before.columns[e]) = before.blocks[e];
         for (const Place& place : places_[i]) {
           const Group& group = groups_[place.row];
           const auto coupling = couplings[place.row].template middleCols<Dim>(Dim * place.position);
           for (std::size_t k = 0; k < group.outer.size(); ++k)
-            block(group.outer[k]) -= coupling.transpose() * group.follow.template middleCols<Dim>(Dim * k);
+            if (BlockMatrix<Dim>::stores(i, group.outer[k]))
+              block(group.outer[k]) -= coupling.transpose() * group.follow.template middleCols<Dim>(Dim * k);
         }
       }
       chunk.close_row(i);
     }
-    chunk.columns.shrink_to_fit();
-    chunk.blocks.shrink_to_fit();
+    chunk.close();
     before = std::move(chunk);
   });
 }

@@ -36,7 +36,7 @@ constexpr int probation = 5;
 constexpr double cost_of_hats = 15.0;
 /// Iterations after which elements few enough for it are solved directly: no coarse space helps.
 constexpr int patience = 20;
-template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
+template <int Dim> constexpr double few_entries = Dim == 2 ? 5e6 : 5e5;  ///< stored of the stiffness, for a direct solver
 /// Squared error, relative, that is rounding.
 constexpr double rounding = 1e-20;
 /// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
@@ -196,9 +196,9 @@ template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, 
 template <int Dim> SymmetricMatrix held_matrix(const BlockMatrix<Dim>& K, const Supports<Dim>& supports) {
   return gather_blocks<Dim>(K.size(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     const Mat<Dim> free = supports.free(a);
-    const auto row = K.row(a);
-    for (std::size_t e = row.diagonal; e < row.columns.size(); ++e)
-      sums[row.columns[e]] += supports.free(row.columns[e]) * row.blocks[e].transpose() * free;
+    K.for_row(a, [&](Index b, const Mat<Dim>& block) {
+      if (b >= a) sums[b] += supports.free(b) * block.transpose() * free;
+    });
     const double stiffness = K.diagonal(a).trace();
     sums[a] += stiffness > 0.0 ? Mat<Dim>(stiffness * (Mat<Dim>::Identity() - free)) : Mat<Dim>::Identity();
   });
@@ -215,8 +215,9 @@ double steps_apart(const BlockMatrix<Dim>& K, const std::vector<Index>& cloud, c
   for (std::size_t k = 0; k < front.size(); ++k) {
     const Index node = front[k];
     sum += steps[node];
-    for (const Index other : K.row(node).columns)
+    K.for_row(node, [&](Index other, const auto&) {
       if (Index& step = steps[other]; step < 0) step = steps[node] + 1, front.push_back(other);
+    });
   }
   return 2.0 * degree * sum / static_cast<double>(front.size());
 }
@@ -394,8 +395,8 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
     for (SymmetricMatrix::InnerIterator entry(system.matrix, column); entry; ++entry) {
       const Index i = nodes.at[entry.row() / Dim], j = nodes.at[column / Dim];
       const int p = entry.row() % Dim, q = column % Dim;
-      K.block(i, j)(p, q) += entry.value();
-      if (entry.row() != column) K.block(j, i)(q, p) += entry.value();
+      if (K.stores(i, j)) K.block(i, j)(p, q) += entry.value();
+      if (entry.row() != column && K.stores(j, i)) K.block(j, i)(q, p) += entry.value();
     }
   conditions.matrix = std::move(system.matrix);
   return conditions;

@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace efree {
 namespace {
@@ -20,18 +21,26 @@ namespace {
 /// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
 /// in size.
 template <int Dim> SparseRows fit_weights(const Discretization<Dim>& quadrature) {
-  SparseRows overlaps = quadrature.shape.matrix();
-  for (Index K = 0; K < quadrature.size(); ++K) {
+  const Index points = quadrature.size(), nodes = quadrature.shape.num_nodes();
+  std::vector<Index> offsets(nodes + 1, 0);
+  for (Index K = 0; K < points; ++K)
+    for (const Index I : quadrature.shape.row(K).nodes) ++offsets[I + 1];
+  std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+  SparseRows around(nodes, points);
+  around.resizeNonZeros(offsets.back());
+  std::ranges::copy(offsets, around.outerIndexPtr());
+  for (Index K = 0; K < points; ++K) {
     const auto row = quadrature.shape.row(K);
     // Axisymmetric: overlaps in the section, where points far from the axis count no more than those near it.
     const std::span<const double> mean = quadrature.axisymmetric() ? row.hoop : row.N;
-    std::size_t k = 0;
-    for (SparseRows::InnerIterator entry(overlaps, K); entry; ++entry) {
-      const double overlap = std::max(0.0, quadrature.weights[K] * mean[k++]);
-      entry.valueRef() = overlap * overlap * overlap;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+      const double overlap = std::max(0.0, quadrature.weights[K] * mean[k]);
+      const Index at = offsets[row.nodes[k]]++;
+      around.innerIndexPtr()[at] = K;
+      around.valuePtr()[at] = overlap * overlap * overlap;
     }
   }
-  return overlaps.transpose();
+  return around;
 }
 
 /// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node, weighted by `around`, as

@@ -23,8 +23,9 @@ template <int Dim> class Paths {
  public:
   Paths(const BlockMatrix<Dim>& K, const Points<Dim>& places) : K_(K), places_(places), longest_(K.size(), 0.0) {
     for (Index v = 0; v < K.size(); ++v)
-      for (const Index w : K.row(v).columns)
+      K.for_row(v, [&](Index w, const auto&) {
         longest_[v] = std::max(longest_[v], (places.col(v) - places.col(w)).norm());
+      });
   }
   /// Lowers `distance` to the one from a node, where that is less and within reach (Dijkstra 1959). Returns the nodes
   /// where it did, nearest first.
@@ -39,11 +40,12 @@ template <int Dim> class Paths {
       front.pop();
       if (at > distance[v]) continue;
       settled.push_back(v);
-      for (const Index w : K_.row(v).columns) {
+      const double reached = at;
+      K_.for_row(v, [&, v = v](Index w, const auto&) {
         const double length = (places_.col(v) - places_.col(w)).norm();
-        const double next = length > 0.0 ? at + 2.0 * length / (longest_[v] + longest_[w]) : at;
+        const double next = length > 0.0 ? reached + 2.0 * length / (longest_[v] + longest_[w]) : reached;
         if (next <= reach && next < distance[w]) front.emplace(distance[w] = next, w);
-      }
+      });
     }
     return settled;
   }

@@ -85,18 +85,21 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
 template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
   z.resize(Dim, K.size());
   parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
-    const auto& [offsets, columns, diagonal, blocks] = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
+    const auto& chunk = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
     for (Index i = begin; i < end; ++i) {
+      const Index row = i - begin;
       Vec<Dim> rest = r.col(i);
-      for (Index k = diagonal[i - begin] - 1; k >= offsets[i - begin] && columns[k] >= begin; --k)
-        rest.noalias() -= blocks[k] * z.col(columns[k]);
+      for (Index k = chunk.diagonal[row] - 1; k >= chunk.own[row]; --k)
+        rest.noalias() -= chunk.blocks[k] * z.col(chunk.columns[k]);
       z.col(i).noalias() = inverse_diagonal_[i] * rest;
     }
+    Points<Dim> ahead = Points<Dim>::Zero(Dim, end - begin);  // forces by the nodes that are done
     for (Index i = end - 1; i >= begin; --i) {
-      Vec<Dim> ahead = Vec<Dim>::Zero();
-      for (Index k = diagonal[i - begin] + 1; k < offsets[i - begin + 1] && columns[k] < end; ++k)
-        ahead.noalias() += blocks[k] * z.col(columns[k]);
-      z.col(i).noalias() -= inverse_diagonal_[i] * ahead;
+      const Index row = i - begin;
+      z.col(i).noalias() -= inverse_diagonal_[i] * ahead.col(row);
+      const Vec<Dim> moved = z.col(i);
+      for (Index k = chunk.own[row]; k < chunk.diagonal[row]; ++k)
+        ahead.col(chunk.columns[k] - begin).noalias() += chunk.blocks[k].transpose() * moved;
     }
   });
 }

@@ -47,11 +47,11 @@ template <int Dim, class Visit> BlockMatrix<Dim> gather_rows(Index n, const Visi
     for (Index i = begin; i < end; ++i) {
       sums.clear();
       visit(i, sums);
-      for (const Index j : sums.sorted()) chunk.columns.push_back(j), chunk.blocks.push_back(sums[j]);
+      for (const Index j : sums.sorted())
+        if (BlockMatrix<Dim>::stores(i, j)) chunk.columns.push_back(j), chunk.blocks.push_back(sums[j]);
       chunk.close_row(i);
     }
-    chunk.columns.shrink_to_fit();
-    chunk.blocks.shrink_to_fit();
+    chunk.close();
   });
   return result;
 }

@@ -372,6 +372,7 @@ TEST(Correction, HatsOfManyBodiesAreOneEach) {
     K.chunks[0].close_row(i);
     places.col(i) = Vec<3>(i, 0.0, 0.0);
   }
+  K.chunks[0].close();
   EXPECT_EQ(make_hats(K, places).shape.num_nodes(), count);
 }
 
