@@ -9,14 +9,14 @@
 
 namespace efree {
 
-/// Symmetric matrix of Dim x Dim blocks, one row and column for each node. Rows lie in chunks. Of two blocks that mirror
-/// each other within a chunk the lower one is stored, across chunks both are: a chunk's part of a product needs nothing
-/// but its own rows, so that products run in parallel and are bitwise the same on any number of threads, and a matrix
-/// can be made, and remade, chunk by chunk.
+/// Symmetric matrix of Dim x Dim blocks, one row and column for each node. Rows lie in chunks. Of two blocks that
+/// mirror each other within a chunk the lower one is stored, across chunks both are: a chunk's part of a product needs
+/// nothing but its own rows, so that products run in parallel and are bitwise the same on any number of threads, and a
+/// matrix can be made, and remade, chunk by chunk.
 template <int Dim> struct BlockMatrix {
   static constexpr Index chunk_rows = 8192;
-  /// Consecutive rows: all have `chunk_rows` but the last. Columns ascend: those before the chunk, those of the chunk up
-  /// to the diagonal, which is always there, and those after the chunk.
+  /// Consecutive rows: all have `chunk_rows` but the last. Columns ascend: those before the chunk, those of the chunk
+  /// up to the diagonal, which is always there, and those after the chunk.
   struct Chunk {
     struct Mirror {
       Index row, entry;

@@ -171,7 +171,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
   parallel_chunks(nodes.count, chunk_rows, [&](Index begin, Index end) {
     auto& chunk = K.chunks[begin / chunk_rows];
     std::vector<Index> cells;
-    std::vector<Index> entries;                   // row by row, cell by cell: where the cell's nodes are in the columns, if at all
+    std::vector<Index> entries;  // row by row, cell by cell: where the cell's nodes are in the columns, if at all
     std::vector<std::pair<Index, Index>> around;  // columns of a row, with where in `entries`
     for (Index i = begin; i < end; ++i) {
       around.clear();

@@ -277,12 +277,15 @@ template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& res
                                  1.1 * errors.total());
 }
 
-/// Bytes that an answer by quadratic elements takes at its peak for each cell of the mesh, the mesh and its own answer
-/// included: measured (docs/method.md, "Memory").
-template <int Dim> constexpr double quadratic_bytes_per_cell = Dim == 2 ? 2.5e3 : 4.5e3;
+/// Bytes that an answer by quadratic elements takes at its peak for each cell of the mesh, which is included: measured
+/// (docs/method.md, "Memory of quadratic elements").
+template <int Dim> constexpr double quadratic_bytes_per_cell = Dim == 2 ? 2.5e3 : 5.2e3;
+/// Share of the memory there is that may be planned for.
+constexpr double usable_memory = 0.8;
 
-template <int Dim> double memory_of_quadratic_elements(const FineMesh<Dim>& mesh) {
-  return quadratic_bytes_per_cell<Dim> * mesh.num_cells();
+/// Whether there is memory for quadratic elements on a mesh.
+template <int Dim> bool has_memory_for_quadratic_elements(const FineMesh<Dim>& mesh) {
+  return quadratic_bytes_per_cell<Dim> * mesh.num_cells() < usable_memory * available_memory();
 }
 
 /// Whether there are errors to be told by dual solutions.
@@ -387,7 +390,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   std::optional<Stage> stage;
   stage.emplace("correction", result.times, progress);
   const Approximation<Dim>& cloud = result.approximation;
-  const bool memory = memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory();
+  const bool memory = has_memory_for_quadratic_elements(*result.mesh);
   const auto none = [&](const std::string& why) {
     result.warnings.push_back(fmt::format("{}: the answer is that of the cloud, and its error is not known", why));
     return std::nullopt;
@@ -451,7 +454,10 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     if (!stage) stage.emplace("correction", result.times, progress);
     quadratic.emplace(in_quadratic_space(cloud));
     const Points<Dim> from = std::move(best.correction.displacement);
-    best = {};
+    best = {};  // what is replaced makes room
+    result.elements.reset();
+    result.solution = {};
+    result.fields = {};
     best = corrected(analysis, result, *quadratic, from, options);
     estimates.cloud = best.correction.error;
     estimates.mesh = best.mesh_error;
@@ -622,8 +628,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   const bool on_cells = is_on_cells(analysis, mesh);
-  const bool without_cloud =
-      !on_cells && needs_no_cloud(analysis) && memory_of_quadratic_elements(*mesh.mesh) < 0.5 * available_memory();
+  const bool without_cloud = !on_cells && needs_no_cloud(analysis) && has_memory_for_quadratic_elements(*mesh.mesh);
   located(analysis, analysis.file.string(), [&] {
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(analysis, mesh, result, progress);
@@ -752,8 +757,9 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
       break;
     }
     double finer = refinement<Dim>(attempts);
-    // Where memory is short as fine as it allows; meshes turn out with up to twice as many cells as meant.
-    const double room = 0.4 * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
+    // As fine as memory allows, where that is less. Meshes turn out with two and a half times the cells meant at most.
+    const double room =
+        0.4 * usable_memory * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
     if (room < 1.5) {
       why = "a finer mesh would take more memory than there is";
       break;

@@ -86,28 +86,26 @@ CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, 
 /// The stiffness of the lift's points: of their translation, and, if nodes of the cloud turn, of their rotation next.
 template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::lifted_stiffness(const BlockMatrix<Dim>& K) const {
   const Index motions = turning_ ? 2 : 1;
-  const auto arm = [&](Index node, Index point) -> Vec<Dim> {
-    return places_.col(node) - lift_->points.col(point);
-  };
-  return gather_rows<Dim>(motions * static_cast<Index>(lift_->points.cols()), [&](Index f,
-                                                                                  Accumulator<Mat<Dim>>& sums) {
-    const Index point = f / motions;
-    sums[f];
-    for (const Place& place : followers_[point]) {
-      const Index node = place.row;
-      Mat<Dim> move = lift_->parents[node][place.position].share * Mat<Dim>::Identity();
-      if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
-      if (const Mat<Dim>* open = held_.at(node)) move = *open * move;
-      K.for_row(node, [&](Index other, const Mat<Dim>& block) {
-        Mat<Dim> force = move.transpose() * block;
-        if (const Mat<Dim>* open = held_.at(other)) force = force * *open;
-        for (const auto& [parent, share] : lift_->parents[other]) {
-          sums[motions * parent] += share * force;
-          if (turning_) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
+  const auto arm = [&](Index node, Index point) -> Vec<Dim> { return places_.col(node) - lift_->points.col(point); };
+  return gather_rows<Dim>(
+      motions * static_cast<Index>(lift_->points.cols()), [&](Index f, Accumulator<Mat<Dim>>& sums) {
+        const Index point = f / motions;
+        sums[f];
+        for (const Place& place : followers_[point]) {
+          const Index node = place.row;
+          Mat<Dim> move = lift_->parents[node][place.position].share * Mat<Dim>::Identity();
+          if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
+          if (const Mat<Dim>* open = held_.at(node)) move = *open * move;
+          K.for_row(node, [&](Index other, const Mat<Dim>& block) {
+            Mat<Dim> force = move.transpose() * block;
+            if (const Mat<Dim>* open = held_.at(other)) force = force * *open;
+            for (const auto& [parent, share] : lift_->parents[other]) {
+              sums[motions * parent] += share * force;
+              if (turning_) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
+            }
+          });
         }
       });
-    }
-  });
 }
 
 template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix<Dim>& K) const {
@@ -223,8 +221,7 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
       Vec<Dim> sum = Vec<Dim>::Zero();
       for (const auto& [point, share] : lift_->parents[node]) {
         sum += share * z.col(point);
-        if (turning_)
-          sum += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * turned.col(point));
+        if (turning_) sum += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * turned.col(point));
       }
       followed.col(node) = sum;
     });

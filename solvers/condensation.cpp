@@ -93,8 +93,7 @@ template <int Dim> std::vector<std::vector<Index>> flat_groups(const FineSpace<D
   return std::move(groups).take();
 }
 
-template <int Dim>
-Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups)
+template <int Dim> Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups)
     : groups_(groups.size()) {
   if (groups.empty()) return;
   const Index n = K.size();

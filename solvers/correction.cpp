@@ -36,7 +36,8 @@ constexpr int probation = 5;
 constexpr double cost_of_hats = 15.0;
 /// Iterations after which elements few enough for it are solved directly: no coarse space helps.
 constexpr int patience = 20;
-template <int Dim> constexpr double few_entries = Dim == 2 ? 5e6 : 5e5;  ///< stored of the stiffness, for a direct solver
+/// Blocks stored of the stiffness that are few enough for a direct solver.
+template <int Dim> constexpr double few_entries = Dim == 2 ? 5e6 : 5e5;
 /// Squared error, relative, that is rounding.
 constexpr double rounding = 1e-20;
 /// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
@@ -331,10 +332,9 @@ template <int Dim> struct Corrector<Dim>::Impl {
       Hats<Dim> hats = make_hats(K, places);
       const int degree = smoothing_degree(approximation.space.degree() * hats.apart);
       const std::vector<char> all(hats.shape.num_nodes(), 1);
-      hats_.emplace(
-          CoarseSpace<Dim>(K, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
-                           [&](Index node) { return supports.free(node); }),
-          degree);
+      hats_.emplace(CoarseSpace<Dim>(K, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
+                                     [&](Index node) { return supports.free(node); }),
+                    degree);
     });
     return *hats_;
   }
@@ -434,19 +434,17 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   Members<Dim> dofs_of = members(space, nodes, lame);
   const auto free = [&](Index node) { return supports.free(node); };
   const bool on_elements = Dim == 2 && space.degree() == 2 && !approximation.averaged;
-  const double nodes_apart =
-      on_elements ? 0.0 : steps_apart(K, approximation.node_dofs, nodes, space.degree());
-  Condensation<Dim> condensation(
-      K, flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); }));
+  const double nodes_apart = on_elements ? 0.0 : steps_apart(K, approximation.node_dofs, nodes, space.degree());
+  Condensation<Dim> condensation(K, flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); }));
   const auto first = [&]() -> Level<Dim> {
     if (on_elements) return {LinearElements<Dim>(K, space, nodes, free), 1};
     Points<Dim> places = element_places(space, nodes);
     if (is_lifted(approximation)) {
       auto [shape, lift] = shape_at_vertices(approximation, dofs_of);
       const auto turning = thin_nodes(shape, lift.points, K.size(), nodes_apart);
-      return {CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free,
-                               std::move(lift)),
-              smoothing_degree(nodes_apart)};
+      return {
+          CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free, std::move(lift)),
+          smoothing_degree(nodes_apart)};
     }
     ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
     const auto turning = thin_nodes(shape, places, K.size(), nodes_apart);

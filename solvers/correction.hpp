@@ -55,8 +55,8 @@ template <int Dim> class Corrector {
   Corrector(Corrector&&) noexcept;
 
   /// Starts from the displacement `start` at the fine degrees of freedom, or at the vertices (Dim x space.size() or
-  /// mesh.num_vertices(), of the cloud: interpolate(shape, coefficients)). Throws NumericalError if the iterations break down or end without reaching the
-  /// tolerance.
+  /// mesh.num_vertices(), of the cloud: interpolate(shape, coefficients)). Throws NumericalError if the iterations
+  /// break down or end without reaching the tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads,
                           const CorrectionOptions& options = {}) const;
 

@@ -36,7 +36,8 @@ template <class NodesOf> Ragged<Place> places_of_nodes(Index nodes, Index rows, 
   return places;
 }
 
-/// Symmetric matrix of n rows of blocks: visit(i, sums) adds block (i, j) to sums[j] for all j, the diagonal among them.
+/// Symmetric matrix of n rows of blocks: visit(i, sums) adds block (i, j) to sums[j] for all j, the diagonal among
+/// them.
 template <int Dim, class Visit> BlockMatrix<Dim> gather_rows(Index n, const Visit& visit) {
   constexpr Index chunk_rows = BlockMatrix<Dim>::chunk_rows;
   BlockMatrix<Dim> result;

@@ -20,8 +20,8 @@ template <int Dim> struct Lift {
     Index point;
     double share;
   };
-  Points<Dim> points;       ///< where they are
-  Ragged<Parent> parents;   ///< by node, shares summing to one
+  Points<Dim> points;      ///< where they are
+  Ragged<Parent> parents;  ///< by node, shares summing to one
 };
 
 /// Some functions, one for each direction, and those that turn times rotations about their nodes (partition of unity:
@@ -58,9 +58,9 @@ template <int Dim> class CoarseSpace {
 };
 
 /// Nodes of the cloud that had better turn: those whose functions act on something thin, unless they are so many that
-/// their factor costs more than it saves. `shape` at `places`; `apart`: how far the nodes are from each other, in nodes of
-/// the elements, of which there are `count`.
-template <int Dim> std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, Index count,
-                                                double apart);
+/// their factor costs more than it saves. `shape` at `places`; `apart`: how far the nodes are from each other, in nodes
+/// of the elements, of which there are `count`.
+template <int Dim>
+std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, Index count, double apart);
 
 }  // namespace efree
