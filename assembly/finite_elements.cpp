@@ -164,51 +164,39 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
   const Ragged<Place> cells_at = places_of_nodes(nodes.count, mesh.num_cells(), nodes_of);
 
   const HatShares<Dim> shares(space);
+  constexpr Index chunk_rows = BlockMatrix<Dim>::chunk_rows;
+  BlockMatrix<Dim> K;
+  K.chunks.resize((nodes.count + chunk_rows - 1) / chunk_rows);
   // Every chunk of rows goes through the cells that touch it once, then gathers its rows from them.
-  constexpr Index chunk = 4096;
-  struct Part {
-    std::vector<Index> sizes, columns;
+  parallel_chunks(nodes.count, chunk_rows, [&](Index begin, Index end) {
+    auto& chunk = K.chunks[begin / chunk_rows];
     std::vector<Index> cells;
-    std::vector<Index> entries;  ///< row by row, cell by cell: where the cell's nodes are among the columns
-  };
-  std::vector<Part> parts((nodes.count + chunk - 1) / chunk);
-  parallel_chunks(nodes.count, chunk, [&](Index begin, Index end) {
-    Part& part = parts[begin / chunk];
+    std::vector<Index> entries;  // row by row, cell by cell: where the cell's nodes are in the columns, if at all
     std::vector<std::pair<Index, Index>> around;  // columns of a row, with where in `entries`
     for (Index i = begin; i < end; ++i) {
       around.clear();
       for (const Place& place : cells_at[i]) {
-        for (const Index j : nodes_of(place.row)) around.emplace_back(j, part.entries.size() + around.size());
-        part.cells.push_back(place.row);
+        for (const Index j : nodes_of(place.row)) around.emplace_back(j, entries.size() + around.size());
+        cells.push_back(place.row);
       }
-      part.entries.resize(part.entries.size() + around.size());
+      entries.resize(entries.size() + around.size());
       std::ranges::sort(around);
-      const std::size_t first = part.columns.size();
+      const std::size_t first = chunk.columns.size();
       for (const auto& [j, at] : around) {
-        if (part.columns.size() == first || part.columns.back() != j) part.columns.push_back(j);
-        part.entries[at] = static_cast<Index>(part.columns.size()) - 1;
+        if (!BlockMatrix<Dim>::stores(i, j)) {
+          entries[at] = -1;
+          continue;
+        }
+        if (chunk.columns.size() == first || chunk.columns.back() != j) chunk.columns.push_back(j);
+        entries[at] = static_cast<Index>(chunk.columns.size()) - 1;
       }
-      part.sizes.push_back(static_cast<Index>(part.columns.size() - first));
+      chunk.close_row(i);
     }
-    std::ranges::sort(part.cells);
-    part.cells.erase(std::unique(part.cells.begin(), part.cells.end()), part.cells.end());
-  });
+    chunk.close();
+    chunk.blocks.assign(chunk.columns.size(), Mat<Dim>::Zero());
+    std::ranges::sort(cells);
+    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
 
-  BlockMatrix<Dim> K;
-  std::size_t total = 0;
-  for (const Part& part : parts) total += part.columns.size();
-  K.offsets.reserve(nodes.count + 1);
-  K.columns.reserve(total);
-  for (Part& part : parts) {
-    for (const Index size : part.sizes) K.offsets.push_back(K.offsets.back() + size);
-    K.columns.insert(K.columns.end(), part.columns.begin(), part.columns.end());
-    part.columns = {};
-  }
-  K.blocks.assign(total, Mat<Dim>::Zero());
-
-  parallel_chunks(nodes.count, chunk, [&](Index begin, Index end) {
-    Part& part = parts[begin / chunk];
-    const std::vector<Index>& cells = part.cells;
     CellStrains<Dim> strains(space);       // only on a radius do gradients not do
     Points<Dim> dilatation(Dim, corners);  // integral over a cell, by node
     const std::size_t pairs = pair_of(0, corners);
@@ -249,29 +237,23 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
       });
     }
 
-    const Index* entry = part.entries.data();
-    Mat<Dim>* blocks = K.blocks.data() + K.offsets[begin];
+    const Index* entry = entries.data();
     for (Index i = begin; i < end; ++i)
       for (const Place& place : cells_at[i]) {
         const auto n = std::ranges::lower_bound(cells, place.row) - cells.begin();
         const Mat<Dim>* of_cell = stiffness.data() + n * pairs;
         const auto k = static_cast<std::size_t>(place.position);
         for (std::size_t l = 0; l < corners; ++l) {
-          Mat<Dim>& block = blocks[*entry++];
+          const Index at = *entry++;
+          if (at < 0) continue;
+          Mat<Dim>& block = chunk.blocks[at];
           if (k <= l)
             block += of_cell[pair_of(k, l)];
           else
             block += of_cell[pair_of(l, k)].transpose();
         }
       }
-    part = {};
   });
-
-  K.diagonal.resize(nodes.count);
-  for (Index i = 0; i < nodes.count; ++i)
-    K.diagonal[i] =
-        static_cast<Index>(std::lower_bound(K.columns.begin() + K.offsets[i], K.columns.begin() + K.offsets[i + 1], i) -
-                           K.columns.begin());
   return K;
 }
 

@@ -4,6 +4,9 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <fstream>
 #include <limits>
 #include <string>
@@ -22,6 +25,12 @@ void require_memory(double bytes, std::string_view what, std::string_view advice
   if (const double available = available_memory(); !(bytes <= available))
     throw InputError(fmt::format("{} takes about {:.3g} GiB of memory, {:.3g} GiB are available{}{}", what,
                                  bytes / 0x1p30, available / 0x1p30, advice.empty() ? "" : "; ", advice));
+}
+
+void return_freed_memory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 }  // namespace efree

@@ -277,11 +277,15 @@ template <int Dim> void judge(const CaseSettings& analysis, CaseResult<Dim>& res
                                  1.1 * errors.total());
 }
 
-/// Bytes that corrections on the quadratic space of a mesh take: blocks of the stiffness, quadrature for recovery.
-template <int Dim> double memory_of_quadratic_elements(const FineMesh<Dim>& mesh) {
-  const double nodes = mesh.num_vertices() + (Dim == 2 ? 1.5 : 1.2) * mesh.num_cells();
-  const double blocks = (Dim == 2 ? 11.5 : 28.0) * nodes, entries = (Dim == 2 ? 18.0 : 40.0) * mesh.num_cells();
-  return blocks * (sizeof(Mat<Dim>) + sizeof(Index)) + entries * (sizeof(Vec<Dim>) + sizeof(double) + sizeof(Index));
+/// Bytes that an answer by quadratic elements takes at its peak for each cell of the mesh, which is included: measured
+/// (docs/method.md, "Memory of quadratic elements").
+template <int Dim> constexpr double quadratic_bytes_per_cell = Dim == 2 ? 2.5e3 : 5.2e3;
+/// Share of the memory there is that may be planned for.
+constexpr double usable_memory = 0.8;
+
+/// Whether there is memory for quadratic elements on a mesh.
+template <int Dim> bool has_memory_for_quadratic_elements(const FineMesh<Dim>& mesh) {
+  return quadratic_bytes_per_cell<Dim> * mesh.num_cells() < usable_memory * available_memory();
 }
 
 /// Whether there are errors to be told by dual solutions.
@@ -306,6 +310,7 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
   result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, analysis.supports);
   result_of.correction = result_of.corrector->correct(start, analysis.loads, options);
   if (!names_numbers(analysis)) result_of.corrector.reset();
+  return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   result_of.elements = approximate<Dim>(*result.mesh, {.kind = elements,
                                                        .axisymmetric = functions.space.axisymmetric(),
@@ -386,7 +391,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   std::optional<Stage> stage;
   stage.emplace("correction", result.times, progress);
   const Approximation<Dim>& cloud = result.approximation;
-  const bool memory = memory_of_quadratic_elements(*result.mesh) < 0.5 * available_memory();
+  const bool memory = has_memory_for_quadratic_elements(*result.mesh);
   const auto none = [&](const std::string& why) {
     result.warnings.push_back(fmt::format("{}: the answer is that of the cloud, and its error is not known", why));
     return std::nullopt;
@@ -401,7 +406,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   std::optional<Approximation<Dim>> lifted;
   if (cloud.averaged && cloud.space.degree() == 1) lifted.emplace(in_quadratic_space(cloud));
   const Approximation<Dim>& functions = lifted ? *lifted : cloud;
-  const Points<Dim> start = interpolate(functions.shape, result.solution.coefficients);
+  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
   Corrected<Dim> best;
   try {
     best = corrected(analysis, result, functions, start, options);
@@ -414,7 +419,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     result.fields = recover_fields(cloud, result.solution);
     Fields<Dim> fields = result.fields;
     if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
-    fields.displacement = start;
+    fields.displacement = lifted ? Points<Dim>(at_midpoints_too(functions.space, start)) : start;
     uncorrected =
         mixed_distance(best.elements, best.correction.displacement, fields, region_lame(result.model, *result.mesh));
   }
@@ -450,7 +455,11 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   if (finer) {
     if (!stage) stage.emplace("correction", result.times, progress);
     quadratic.emplace(in_quadratic_space(cloud));
-    const Points<Dim> from = at_midpoints_too(quadratic->space, best.correction.displacement);
+    const Points<Dim> from = std::move(best.correction.displacement);
+    best = {};  // what is replaced makes room
+    result.elements.reset();
+    result.solution = {};
+    result.fields = {};
     best = corrected(analysis, result, *quadratic, from, options);
     estimates.cloud = best.correction.error;
     estimates.mesh = best.mesh_error.relative;
@@ -621,8 +630,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   const bool on_cells = is_on_cells(analysis, mesh);
-  const bool without_cloud =
-      !on_cells && needs_no_cloud(analysis) && memory_of_quadratic_elements(*mesh.mesh) < 0.5 * available_memory();
+  const bool without_cloud = !on_cells && needs_no_cloud(analysis) && has_memory_for_quadratic_elements(*mesh.mesh);
   located(analysis, analysis.file.string(), [&] {
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(analysis, mesh, result, progress);
@@ -633,20 +641,22 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
     result.approximation = approximate(*mesh.mesh, options, &result.times, progress);
-    const ElasticSolver<Dim> solver(result.approximation, result.model, analysis.supports, &result.times, progress);
+    std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, analysis.supports,
+                                             &result.times, progress);
     {
       const Stage stage("solve", result.times, progress);
-      result.solution = solver.solve(analysis.loads);
+      result.solution = solver->solve(analysis.loads);
     }
     if (analysis.approximation.kind != BasisKind::mls) {
       result.fields = recover_fields(result.approximation, result.solution);
       const internal::Reference<Dim> reference{result.approximation, result.fields,
                                                result.model.essential == Essential::nitsche,
                                                [&](const Functional<Dim>& functional) {
-                                                 return solver.respond(functional, result.solution, analysis.loads);
+                                                 return solver->respond(functional, result.solution, analysis.loads);
                                                }};
       internal::tell_errors(analysis, reference, result, progress);
     } else if (analysis.estimated) {
+      solver.reset();  // its factor is of no use any more
       result.estimates = correct(analysis, result, progress);
     }
   });
@@ -753,15 +763,19 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
       why = mesh_is_said;
       break;
     }
-    const double finer = refinement<Dim>(attempts), growth = std::pow(finer, -Dim);
+    double finer = refinement<Dim>(attempts);
+    // As fine as memory allows, where that is less. Meshes turn out with two and a half times the cells meant at most.
+    const double room =
+        0.4 * usable_memory * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
+    if (room < 1.5) {
+      why = "a finer mesh would take more memory than there is";
+      break;
+    }
+    finer = std::max(finer, std::pow(room, -1.0 / Dim));
+    const double growth = std::pow(finer, -Dim);
     if (seconds() + growth * attempts.back().seconds > analysis.time_limit) {
       why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s",
                         growth * attempts.back().seconds, analysis.time_limit);
-      break;
-    }
-    constexpr double bytes_per_cell = Dim == 2 ? 4e3 : 6e3;
-    if (bytes_per_cell * growth * attempts.back().cells > 0.8 * available_memory()) {
-      why = "a finer mesh would take more memory than there is";
       break;
     }
     // A boundary of many details has cells smaller than asked for: then only meshes below their size differ.

@@ -210,26 +210,7 @@ template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim
   result.nodes = approximation.nodes;
   result.node_dofs = approximation.node_dofs;
   result.averaged = approximation.averaged;
-  std::vector<Index> offsets{0}, nodes;
-  std::vector<double> N;
-  for (Index v = 0; v < linear.size(); ++v) {
-    const auto row = approximation.shape.row(v);
-    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
-    N.insert(N.end(), row.N.begin(), row.N.end());
-    offsets.push_back(static_cast<Index>(nodes.size()));
-  }
-  for (const auto& [a, b] : result.space.edges()) {  // half of what there is at either end
-    const auto at_a = approximation.shape.row(a), at_b = approximation.shape.row(b);
-    for (std::size_t i = 0, j = 0; i < at_a.nodes.size() || j < at_b.nodes.size();) {
-      const bool from_a = j == at_b.nodes.size() || (i < at_a.nodes.size() && at_a.nodes[i] <= at_b.nodes[j]);
-      const bool from_b = i == at_a.nodes.size() || (j < at_b.nodes.size() && at_b.nodes[j] <= at_a.nodes[i]);
-      nodes.push_back(from_a ? at_a.nodes[i] : at_b.nodes[j]);
-      N.push_back(0.5 * ((from_a ? at_a.N[i] : 0.0) + (from_b ? at_b.N[j] : 0.0)));
-      i += from_a, j += from_b;
-    }
-    offsets.push_back(static_cast<Index>(nodes.size()));
-  }
-  result.shape = {approximation.shape.num_nodes(), std::move(offsets), std::move(nodes), std::move(N)};
+  result.shape = approximation.shape;
   return result;
 }
 

@@ -86,9 +86,9 @@ template <int Dim> struct Approximation {
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
                                                   StageTimes* times = nullptr, const Progress& progress = {});
 
-/// The same functions as members of the quadratic space of the mesh: space, shape, nodes, node_dofs, averaged; the rest
-/// is empty.
-/// Throws InputError unless the space is of degree 1.
+/// The same functions as members of the quadratic space of the mesh: space, nodes, node_dofs, averaged, and the shape
+/// at the vertices alone, as they are linear along edges; the rest is empty. Throws InputError unless the space is of
+/// degree 1.
 template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim>& approximation);
 
 }  // namespace efree

@@ -39,18 +39,31 @@ template <int Dim> class TableBuilder {
 
   /// fill(begin, end, emit): calls emit.close() after the entries of every row in [begin, end).
   template <class Fill> ShapeTable<Dim> build(const Fill& fill) const {
-    // Chunks large enough that scratch memory does not dominate; their number must not depend on the threads.
-    const Index chunk = std::max<Index>(64, (rows_ + 15) / 16);
-    std::vector<Part> parts((rows_ + chunk - 1) / chunk);
-    parallel_chunks(rows_, chunk, [&](Index begin, Index end) { fill(begin, end, parts[begin / chunk]); });
+    // Chunks large enough that scratch memory does not dominate, in waves, so that no more than one of these is there
+    // twice; neither depends on the threads.
+    const Index chunk = std::max<Index>(64, (rows_ + 63) / 64), wave = 8 * chunk;
     Part all;
-    for (const Part& part : parts) {
-      const Index shift = static_cast<Index>(all.nodes.size());
-      for (std::size_t r = 1; r < part.offsets.size(); ++r) all.offsets.push_back(shift + part.offsets[r]);
-      all.nodes.insert(all.nodes.end(), part.nodes.begin(), part.nodes.end());
-      all.N.insert(all.N.end(), part.N.begin(), part.N.end());
-      all.dN.insert(all.dN.end(), part.dN.begin(), part.dN.end());
-      all.hoop.insert(all.hoop.end(), part.hoop.begin(), part.hoop.end());
+    all.offsets.reserve(rows_ + 1);
+    for (Index first = 0; first < rows_; first += wave) {
+      const Index last = std::min(rows_, first + wave);
+      std::vector<Part> parts((last - first + chunk - 1) / chunk);
+      parallel_chunks(last - first, chunk,
+                      [&](Index begin, Index end) { fill(first + begin, first + end, parts[begin / chunk]); });
+      for (const Part& part : parts) {
+        const Index shift = static_cast<Index>(all.nodes.size());
+        for (std::size_t r = 1; r < part.offsets.size(); ++r) all.offsets.push_back(shift + part.offsets[r]);
+        all.nodes.insert(all.nodes.end(), part.nodes.begin(), part.nodes.end());
+        all.N.insert(all.N.end(), part.N.begin(), part.N.end());
+        all.dN.insert(all.dN.end(), part.dN.begin(), part.dN.end());
+        all.hoop.insert(all.hoop.end(), part.hoop.begin(), part.hoop.end());
+      }
+      if (first > 0) continue;
+      // Rows are much alike: room is reserved as for the first ones, and taken only as it is filled.
+      const auto entries = static_cast<std::size_t>(1.1 * rows_ / last * static_cast<double>(all.nodes.size()));
+      all.nodes.reserve(entries);
+      all.N.reserve(entries);
+      all.dN.reserve(entries);
+      if (!all.hoop.empty()) all.hoop.reserve(entries);
     }
     return {num_nodes_,       std::move(all.offsets), std::move(all.nodes),
             std::move(all.N), std::move(all.dN),      std::move(all.hoop)};

@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <ranges>
 
 namespace efree {
 namespace {
@@ -50,34 +51,69 @@ double slimness(const ShapeTable<Dim>& shape, std::span<const Place> rows, const
 
 }  // namespace
 
-template <int Dim> std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, double apart) {
+template <int Dim>
+std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, Index count, double apart) {
   const auto rows_at =
       places_of_nodes(shape.num_nodes(), shape.num_points(), [&](Index v) { return shape.row(v).nodes; });
   std::vector<char> thin(shape.num_nodes());
   parallel_for(shape.num_nodes(), [&](Index I) { thin[I] = slimness<Dim>(shape, rows_at[I], places) < slim; });
-  const auto count = static_cast<double>(std::ranges::count(thin, 1));
-  if (count * count > too_many * static_cast<double>(places.cols()) * apart) std::ranges::fill(thin, 0);
+  const auto turning = static_cast<double>(std::ranges::count(thin, 1));
+  if (turning * turning > too_many * static_cast<double>(count) * apart) std::ranges::fill(thin, 0);
   return thin;
 }
 
 template <int Dim>
 CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, Points<Dim> nodes,
-                              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free)
+                              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free,
+                              std::optional<Lift<Dim>> lift)
     : shape_(std::move(shape)),
       places_(std::move(places)),
       nodes_(std::move(nodes)),
+      lift_(std::move(lift)),
       rows_at_(places_of_nodes(shape_.num_nodes(), shape_.num_points(), [&](Index v) { return shape_.row(v).nodes; })),
       held_(K.size(), free) {
   const Index n = shape_.num_nodes();
   first_.assign(n + 1, 0);
   for (Index I = 0; I < n; ++I) first_[I + 1] = first_[I] + (turning[I] ? 2 : 1);
-  factor_ = std::make_unique<ScaledCholesky>(stiffness(K), Dim);
+  turning_ = first_.back() > n;
+  if (lift_)
+    followers_ = places_of_nodes(static_cast<Index>(lift_->points.cols()), K.size(), [&](Index node) {
+      return lift_->parents[node] | std::views::transform(&Lift<Dim>::Parent::point);
+    });
+  factor_ = std::make_unique<ScaledCholesky>(lift_ ? stiffness(lifted_stiffness(K)) : stiffness(K), Dim);
+}
+
+/// The stiffness of the lift's points: of their translation, and, if nodes of the cloud turn, of their rotation next.
+template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::lifted_stiffness(const BlockMatrix<Dim>& K) const {
+  const Index motions = turning_ ? 2 : 1;
+  const auto arm = [&](Index node, Index point) -> Vec<Dim> { return places_.col(node) - lift_->points.col(point); };
+  return gather_rows<Dim>(
+      motions * static_cast<Index>(lift_->points.cols()), [&](Index f, Accumulator<Mat<Dim>>& sums) {
+        const Index point = f / motions;
+        sums[f];
+        for (const Place& place : followers_[point]) {
+          const Index node = place.row;
+          Mat<Dim> move = lift_->parents[node][place.position].share * Mat<Dim>::Identity();
+          if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
+          if (const Mat<Dim>* open = held_.at(node)) move = *open * move;
+          K.for_row(node, [&](Index other, const Mat<Dim>& block) {
+            Mat<Dim> force = move.transpose() * block;
+            if (const Mat<Dim>* open = held_.at(other)) force = force * *open;
+            for (const auto& [parent, share] : lift_->parents[other]) {
+              sums[motions * parent] += share * force;
+              if (turning_) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
+            }
+          });
+        }
+      });
 }
 
 template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix<Dim>& K) const {
   std::vector<Index> node_of(first_.back());
   for (Index I = 0; I < shape_.num_nodes(); ++I)
     for (Index f = first_[I]; f < first_[I + 1]; ++f) node_of[f] = I;
+  const Index motions = lift_ && turning_ ? 2 : 1;  // that K has for each point of the table
+  const auto open_at = [&](Index v) { return lift_ ? nullptr : held_.at(v); };
   SymmetricMatrix result = gather_blocks<Dim>(first_.back(), [&](Index f, Accumulator<Mat<Dim>>& sums) {
     thread_local std::optional<Accumulator<Mat<Dim>>> scratch;  // K times the function
     if (!scratch || scratch->size() != K.size()) scratch.emplace(K.size());
@@ -85,30 +121,36 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
     forces.clear();
     const Index a = node_of[f];
     const bool turned = f > first_[a];
+    const auto add = [&](Index v, const Mat<Dim>& move) {
+      K.for_row(v, [&](Index w, const Mat<Dim>& block) { forces[w].noalias() += block.transpose() * move; });
+    };
     for (const auto& [v, k] : rows_at_[a]) {
       const double N = shape_.row(v).N[k];
-      const Mat<Dim>* open = held_.at(v);
+      const Mat<Dim>* open = open_at(v);
       if (!turned && !open) {
-        for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e) forces[K.columns[e]] += N * K.blocks[e].transpose();
+        K.for_row(motions * v, [&](Index w, const Mat<Dim>& block) { forces[w] += N * block.transpose(); });
         continue;
       }
       Mat<Dim> move = N * Mat<Dim>::Identity();
-      if (turned) move = N * rotations<Dim>(places_.col(v) - nodes_.col(a));
+      if (turned && motions == 2) add(2 * v + 1, move);
+      if (turned) move = N * rotations<Dim>(points().col(v) - nodes_.col(a));
       if (open) move = *open * move;
-      for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e)
-        forces[K.columns[e]].noalias() += K.blocks[e].transpose() * move;
+      add(motions * v, move);
     }
-    for (const Index w : forces.touched()) {
-      Mat<Dim> force = forces[w];
-      if (const Mat<Dim>* open = held_.at(w)) force = *open * force;
+    for (const Index of : forces.touched()) {
+      const Index w = of / motions;
+      const bool rotation = of % motions == 1;
+      Mat<Dim> force = forces[of];
+      if (const Mat<Dim>* open = open_at(w)) force = *open * force;
       const auto row = shape_.row(w);
       const auto from = std::ranges::lower_bound(row.nodes, a) - row.nodes.begin();
       for (std::size_t l = from; l < row.nodes.size(); ++l) {
         const Index b = row.nodes[l];
-        if (first_[b] >= f) sums[first_[b]] += row.N[l] * force;
-        if (turns(b))
+        if (first_[b] >= f && !rotation) sums[first_[b]] += row.N[l] * force;
+        if (turns(b) && rotation) sums[first_[b] + 1] += row.N[l] * force;
+        if (turns(b) && !rotation)
           sums[first_[b] + 1].noalias() +=
-              row.N[l] * (rotations<Dim>(places_.col(w) - nodes_.col(b)).transpose() * force);
+              row.N[l] * (rotations<Dim>(points().col(w) - nodes_.col(b)).transpose() * force);
       }
     }
   });
@@ -125,36 +167,72 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
 }
 
 template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) const {
+  const Index count = static_cast<Index>(points().cols());
+  Points<Dim> lifted, moments;  // on the points of the lift
+  if (lift_) {
+    lifted.resize(Dim, count);
+    if (turning_) moments.resize(Dim, count);
+    parallel_for(count, [&](Index p) {
+      Vec<Dim> force = Vec<Dim>::Zero(), moment = Vec<Dim>::Zero();
+      for (const Place& place : followers_[p]) {
+        const Vec<Dim> part = lift_->parents[place.row][place.position].share * r.col(place.row);
+        force += part;
+        if (turning_) moment += rotations<Dim>(places_.col(place.row) - lift_->points.col(p)).transpose() * part;
+      }
+      lifted.col(p) = force;
+      if (turning_) moments.col(p) = moment;
+    });
+  }
+  const Points<Dim>& given = lift_ ? lifted : r;
   Points<Dim> forces(Dim, first_.back());
   parallel_for(shape_.num_nodes(), [&](Index I) {
     Vec<Dim> force = Vec<Dim>::Zero(), moment = Vec<Dim>::Zero();
     for (const auto& [v, k] : rows_at_[I]) {
-      const Vec<Dim> part = shape_.row(v).N[k] * r.col(v);
+      const double N = shape_.row(v).N[k];
+      const Vec<Dim> part = N * given.col(v);
       force += part;
-      if (turns(I)) moment += rotations<Dim>(places_.col(v) - nodes_.col(I)).transpose() * part;
+      if (!turns(I)) continue;
+      moment += rotations<Dim>(points().col(v) - nodes_.col(I)).transpose() * part;
+      if (lift_) moment += N * moments.col(v);
     }
     forces.col(first_[I]) = force;
     if (turns(I)) forces.col(first_[I] + 1) = moment;
   });
   const Vector solution = factor_->solve(forces.reshaped());
   const Points<Dim> moved = solution.reshaped(Dim, first_.back());
-  Points<Dim> z(Dim, shape_.num_points());
-  parallel_for(shape_.num_points(), [&](Index v) {
+  Points<Dim> z(Dim, count), turned;
+  if (lift_ && turning_) turned.resize(Dim, count);
+  parallel_for(count, [&](Index v) {
     const auto row = shape_.row(v);
-    Vec<Dim> sum = Vec<Dim>::Zero();
+    Vec<Dim> sum = Vec<Dim>::Zero(), turn = Vec<Dim>::Zero();
     for (std::size_t k = 0; k < row.nodes.size(); ++k) {
       const Index I = row.nodes[k];
       sum += row.N[k] * moved.col(first_[I]);
-      if (turns(I)) sum += row.N[k] * (rotations<Dim>(places_.col(v) - nodes_.col(I)) * moved.col(first_[I] + 1));
+      if (!turns(I)) continue;
+      sum += row.N[k] * (rotations<Dim>(points().col(v) - nodes_.col(I)) * moved.col(first_[I] + 1));
+      turn += row.N[k] * moved.col(first_[I] + 1);
     }
     z.col(v) = sum;
+    if (turned.size() > 0) turned.col(v) = turn;
   });
+  if (lift_) {
+    Points<Dim> followed(Dim, r.cols());
+    parallel_for(static_cast<Index>(r.cols()), [&](Index node) {
+      Vec<Dim> sum = Vec<Dim>::Zero();
+      for (const auto& [point, share] : lift_->parents[node]) {
+        sum += share * z.col(point);
+        if (turning_) sum += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * turned.col(point));
+      }
+      followed.col(node) = sum;
+    });
+    z = std::move(followed);
+  }
   held_.release(z);
   return z;
 }
 
-template std::vector<char> thin_nodes<2>(const ShapeTable<2>&, const Points<2>&, double);
-template std::vector<char> thin_nodes<3>(const ShapeTable<3>&, const Points<3>&, double);
+template std::vector<char> thin_nodes<2>(const ShapeTable<2>&, const Points<2>&, Index, double);
+template std::vector<char> thin_nodes<3>(const ShapeTable<3>&, const Points<3>&, Index, double);
 template class CoarseSpace<2>;
 template class CoarseSpace<3>;
 

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/condensation.hpp"
 
-#include "efree/core/internal/accumulator.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -28,8 +26,9 @@ template <int Dim> class Groups {
   bool add(const std::vector<Index>& nodes) {
     std::vector<Index> joined;
     for (const Index node : nodes)
-      for (Index e = K_.offsets[node]; e < K_.offsets[node + 1]; ++e)
-        if (const Index group = of_node_[K_.columns[e]]; group >= 0) joined.push_back(group);
+      K_.for_row(node, [&](Index other, const auto&) {
+        if (const Index group = of_node_[other]; group >= 0) joined.push_back(group);
+      });
     std::ranges::sort(joined);
     joined.erase(std::unique(joined.begin(), joined.end()), joined.end());
     std::vector<Index> all;
@@ -94,114 +93,125 @@ template <int Dim> std::vector<std::vector<Index>> flat_groups(const FineSpace<D
   return std::move(groups).take();
 }
 
-template <int Dim>
-Condensation<Dim>::Condensation(const BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups)
+template <int Dim> Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups)
     : groups_(groups.size()) {
-  std::vector<Index> number(K.size(), 0);
+  if (groups.empty()) return;
+  const Index n = K.size();
+  std::vector<char> out(n, 0);
   for (const auto& group : groups)
-    for (const Index node : group) number[node] = -1;
-  for (Index node = 0; node < K.size(); ++node)
-    if (number[node] == 0) {
-      number[node] = static_cast<Index>(kept_.size());
-      kept_.push_back(node);
-    }
-  const Index n = static_cast<Index>(kept_.size());
+    for (const Index node : group) out[node] = 1;
 
   std::vector<Matrix> couplings(groups.size());
   parallel_for(static_cast<Index>(groups.size()), [&](Index g) {
     Group& group = groups_[g];
     group.inner = groups[g];
     for (const Index node : group.inner)
-      for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e)
-        if (const Index other = number[K.columns[e]]; other >= 0) group.outer.push_back(other);
+      K.for_row(node, [&](Index other, const auto&) {
+        if (!out[other]) group.outer.push_back(other);
+      });
     std::ranges::sort(group.outer);
     group.outer.erase(std::unique(group.outer.begin(), group.outer.end()), group.outer.end());
     const Index inner = static_cast<Index>(group.inner.size()), outer = static_cast<Index>(group.outer.size());
-    Matrix own = Matrix::Zero(Dim * inner, Dim * inner);
+    group.own = Matrix::Zero(Dim * inner, Dim * inner);
     couplings[g] = Matrix::Zero(Dim * inner, Dim * outer);
     for (Index i = 0; i < inner; ++i)
-      for (Index e = K.offsets[group.inner[i]]; e < K.offsets[group.inner[i] + 1]; ++e) {
-        const Index other = number[K.columns[e]];
-        const auto& among = other >= 0 ? group.outer : group.inner;
-        const auto j = std::ranges::lower_bound(among, other >= 0 ? other : K.columns[e]) - among.begin();
-        (other >= 0 ? couplings[g] : own).template block<Dim, Dim>(Dim * i, Dim * j) = K.blocks[e];
-      }
-    const Eigen::LLT<Matrix> cholesky(own);
+      K.for_row(group.inner[i], [&](Index other, const Mat<Dim>& block) {
+        const bool beyond = !out[other];
+        const auto& among = beyond ? group.outer : group.inner;
+        const auto j = std::ranges::lower_bound(among, other) - among.begin();
+        (beyond ? couplings[g] : group.own).template block<Dim, Dim>(Dim * i, Dim * j) = block;
+      });
+    const Eigen::LLT<Matrix> cholesky(group.own);
     group.inverse = cholesky.solve(Matrix::Identity(Dim * inner, Dim * inner));
     group.follow = cholesky.solve(couplings[g]);
   });
 
-  places_.offsets.assign(n + 1, 0);
-  for (const Group& group : groups_)
-    for (const Index node : group.outer) ++places_.offsets[node + 1];
-  std::partial_sum(places_.offsets.begin(), places_.offsets.end(), places_.offsets.begin());
-  places_.items.resize(places_.offsets.back());
-  std::vector<Index> cursor(places_.offsets.begin(), places_.offsets.end() - 1);
-  for (std::size_t g = 0; g < groups_.size(); ++g)
-    for (std::size_t k = 0; k < groups_[g].outer.size(); ++k)
-      places_.items[cursor[groups_[g].outer[k]]++] = {static_cast<Index>(g), static_cast<Index>(k)};
+  places_ = places_of_nodes(n, static_cast<Index>(groups_.size()),
+                            [&](Index g) -> const std::vector<Index>& { return groups_[g].outer; });
 
-  struct Part {
-    std::vector<Index> counts, columns;
-    std::vector<Mat<Dim>> blocks;
-  };
-  constexpr Index chunk = 4096;
-  std::vector<Part> parts((n + chunk - 1) / chunk);
-  parallel_chunks(n, chunk, [&](Index begin, Index end) {
-    Part& part = parts[begin / chunk];
-    Accumulator<Mat<Dim>> row(n);
+  // Chunk by chunk in place: rows need what groups know, and none of each other.
+  parallel_chunks(n, BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+    bool changes = false;
+    for (Index i = begin; i < end && !changes; ++i) changes = out[i] || !places_[i].empty();
+    if (!changes) return;
+    typename BlockMatrix<Dim>::Chunk chunk;
+    auto& before = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
+    chunk.columns.reserve(before.columns.size());
+    chunk.blocks.reserve(before.blocks.size());
+    std::vector<Index> columns;
     for (Index i = begin; i < end; ++i) {
-      row.clear();
-      for (Index e = K.offsets[kept_[i]]; e < K.offsets[kept_[i] + 1]; ++e)
-        if (const Index j = number[K.columns[e]]; j >= 0) row[j] += K.blocks[e];
-      for (const Place& place : places_[i]) {
-        const Group& group = groups_[place.group];
-        const auto coupling = couplings[place.group].template middleCols<Dim>(Dim * place.position);
-        for (std::size_t k = 0; k < group.outer.size(); ++k)
-          row[group.outer[k]] -= coupling.transpose() * group.follow.template middleCols<Dim>(Dim * k);
+      const Index from = before.offsets[i - begin], to = before.offsets[i - begin + 1];
+      if (out[i]) {
+        chunk.columns.push_back(i);
+        chunk.blocks.push_back(Mat<Dim>::Zero());
+      } else if (places_[i].empty()) {  // none of those that are out is near
+        chunk.columns.insert(chunk.columns.end(), before.columns.begin() + from, before.columns.begin() + to);
+        chunk.blocks.insert(chunk.blocks.end(), before.blocks.begin() + from, before.blocks.begin() + to);
+      } else {
+        columns.assign(before.columns.begin() + from, before.columns.begin() + to);
+        std::erase_if(columns, [&](Index j) { return out[j]; });
+        for (const Place& place : places_[i])
+          for (const Index j : groups_[place.row].outer)
+            if (BlockMatrix<Dim>::stores(i, j)) columns.push_back(j);
+        std::ranges::sort(columns);
+        columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+        const std::size_t first = chunk.blocks.size();
+        chunk.columns.insert(chunk.columns.end(), columns.begin(), columns.end());
+        chunk.blocks.resize(first + columns.size(), Mat<Dim>::Zero());
+        const auto block = [&](Index j) -> Mat<Dim>& {
+          return chunk.blocks[first + (std::ranges::lower_bound(columns, j) - columns.begin())];
+        };
+        for (Index e = from; e < to; ++e)
+          if (!out[before.columns[e]]) block(before.columns[e]) = before.blocks[e];
+        for (const Place& place : places_[i]) {
+          const Group& group = groups_[place.row];
+          const auto coupling = couplings[place.row].template middleCols<Dim>(Dim * place.position);
+          for (std::size_t k = 0; k < group.outer.size(); ++k)
+            if (BlockMatrix<Dim>::stores(i, group.outer[k]))
+              block(group.outer[k]) -= coupling.transpose() * group.follow.template middleCols<Dim>(Dim * k);
+        }
       }
-      const auto& touched = row.sorted();
-      part.counts.push_back(static_cast<Index>(touched.size()));
-      for (const Index j : touched) part.columns.push_back(j), part.blocks.push_back(row[j]);
+      chunk.close_row(i);
     }
+    chunk.close();
+    before = std::move(chunk);
   });
-  for (const Part& part : parts) {
-    std::size_t first = matrix_.columns.size();
-    matrix_.columns.insert(matrix_.columns.end(), part.columns.begin(), part.columns.end());
-    matrix_.blocks.insert(matrix_.blocks.end(), part.blocks.begin(), part.blocks.end());
-    for (const Index count : part.counts) {
-      const auto row = matrix_.columns.begin() + static_cast<std::ptrdiff_t>(first);
-      const auto i = static_cast<Index>(matrix_.diagonal.size());
-      matrix_.diagonal.push_back(static_cast<Index>(std::lower_bound(row, row + count, i) - matrix_.columns.begin()));
-      matrix_.offsets.push_back(static_cast<Index>(first += count));
-    }
-  }
 }
 
-template <int Dim> Points<Dim> Condensation<Dim>::restrict(const Points<Dim>& r) const {
-  Points<Dim> result(Dim, kept_.size());
-  parallel_for(static_cast<Index>(kept_.size()), [&](Index i) {
-    Vec<Dim> sum = r.col(kept_[i]);
-    for (const Place& place : places_[i]) {
-      const Group& group = groups_[place.group];
+template <int Dim> Points<Dim> Condensation<Dim>::reduced(Points<Dim> f) const {
+  if (groups_.empty()) return f;
+  parallel_for(static_cast<Index>(f.cols()), [&](Index i) {
+    for (const Place& place : places_[i]) {  // none at the groups' own nodes, which are read here
+      const Group& group = groups_[place.row];
       for (std::size_t k = 0; k < group.inner.size(); ++k)
-        sum -= group.follow.template block<Dim, Dim>(Dim * k, Dim * place.position).transpose() * r.col(group.inner[k]);
+        f.col(i) -=
+            group.follow.template block<Dim, Dim>(Dim * k, Dim * place.position).transpose() * f.col(group.inner[k]);
     }
-    result.col(i) = sum;
   });
-  return result;
+  for (const Group& group : groups_)
+    for (const Index node : group.inner) f.col(node).setZero();
+  return f;
 }
 
-template <int Dim> Points<Dim> Condensation<Dim>::extend(const Points<Dim>& z, const Points<Dim>& r) const {
-  Points<Dim> result(Dim, r.cols());
-  parallel_for(static_cast<Index>(kept_.size()), [&](Index i) { result.col(kept_[i]) = z.col(i); });
+template <int Dim> void Condensation<Dim>::follow(const Points<Dim>& f, Points<Dim>& u) const {
   parallel_for(static_cast<Index>(groups_.size()), [&](Index g) {
     const Group& group = groups_[g];
-    const Points<Dim> forces = r(Eigen::all, group.inner), around = z(Eigen::all, group.outer);
+    const Points<Dim> forces = f(Eigen::all, group.inner), around = u(Eigen::all, group.outer);
     const Vector moved = group.inverse * forces.reshaped() - group.follow * around.reshaped();
-    result(Eigen::all, group.inner) = moved.reshaped(Dim, static_cast<Index>(group.inner.size()));
+    u(Eigen::all, group.inner) = moved.reshaped(Dim, static_cast<Index>(group.inner.size()));
   });
-  return result;
+}
+
+template <int Dim> double Condensation<Dim>::work(const Points<Dim>& a, const Points<Dim>& b) const {
+  double sum = 0.0;
+  for (const Group& group : groups_) {
+    const auto apart = [&](const Points<Dim>& u) -> Vector {
+      const Points<Dim> inner = u(Eigen::all, group.inner), outer = u(Eigen::all, group.outer);
+      return inner.reshaped() + group.follow * outer.reshaped();
+    };
+    sum += apart(a).dot(group.own * apart(b));
+  }
+  return sum;
 }
 
 template std::vector<std::vector<Index>> flat_groups<2>(const FineSpace<2>&, const ElementNodes&, const BlockMatrix<2>&,

@@ -36,7 +36,8 @@ constexpr int probation = 5;
 constexpr double cost_of_hats = 15.0;
 /// Iterations after which elements few enough for it are solved directly: no coarse space helps.
 constexpr int patience = 20;
-template <int Dim> constexpr double few_entries = Dim == 2 ? 1e7 : 1e6;  ///< of the stiffness, for a direct solver
+/// Blocks stored of the stiffness that are few enough for a direct solver.
+template <int Dim> constexpr double few_entries = Dim == 2 ? 5e6 : 5e5;
 /// Squared error, relative, that is rounding.
 constexpr double rounding = 1e-20;
 /// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
@@ -192,13 +193,15 @@ template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, 
   return {shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
 }
 
-/// K on what the supports leave free, lower triangle; what they hold is alone, with the stiffness of its node.
+/// K on what the supports leave free, lower triangle; what they hold, or what has no stiffness, is alone.
 template <int Dim> SymmetricMatrix held_matrix(const BlockMatrix<Dim>& K, const Supports<Dim>& supports) {
   return gather_blocks<Dim>(K.size(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     const Mat<Dim> free = supports.free(a);
-    for (Index e = K.offsets[a]; e < K.offsets[a + 1]; ++e)
-      if (const Index b = K.columns[e]; b >= a) sums[b] += supports.free(b) * K.blocks[e].transpose() * free;
-    sums[a] += K.blocks[K.diagonal[a]].trace() * (Mat<Dim>::Identity() - free);
+    K.for_row(a, [&](Index b, const Mat<Dim>& block) {
+      if (b >= a) sums[b] += supports.free(b) * block.transpose() * free;
+    });
+    const double stiffness = K.diagonal(a).trace();
+    sums[a] += stiffness > 0.0 ? Mat<Dim>(stiffness * (Mat<Dim>::Identity() - free)) : Mat<Dim>::Identity();
   });
 }
 
@@ -213,8 +216,9 @@ double steps_apart(const BlockMatrix<Dim>& K, const std::vector<Index>& cloud, c
   for (std::size_t k = 0; k < front.size(); ++k) {
     const Index node = front[k];
     sum += steps[node];
-    for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e)
-      if (Index& step = steps[K.columns[e]]; step < 0) step = steps[node] + 1, front.push_back(K.columns[e]);
+    K.for_row(node, [&](Index other, const auto&) {
+      if (Index& step = steps[other]; step < 0) step = steps[node] + 1, front.push_back(other);
+    });
   }
   return 2.0 * degree * sum / static_cast<double>(front.size());
 }
@@ -226,10 +230,58 @@ template <int Dim> Points<Dim> element_places(const FineSpace<Dim>& space, const
   return places;
 }
 
+/// Whether the functions of an approximation are given at the vertices alone, and linear along edges.
+template <int Dim> bool is_lifted(const Approximation<Dim>& approximation) {
+  return approximation.shape.num_points() < approximation.space.size();
+}
+
+/// Functions that are linear along edges at the vertices of a mesh, in the order in which the nodes meet them, and how
+/// the nodes follow.
+template <int Dim> struct AtVertices {
+  ShapeTable<Dim> shape;
+  Lift<Dim> lift;
+};
+template <int Dim>
+AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const Members<Dim>& members) {
+  const FineSpace<Dim>& space = approximation.space;
+  const Index vertices = space.mesh().num_vertices();
+  const auto edges = space.edges();
+  AtVertices<Dim> result;
+  std::vector<Index> number(vertices, -1), order;
+  const auto add = [&](Index vertex, double share) {
+    if (number[vertex] < 0) number[vertex] = static_cast<Index>(order.size()), order.push_back(vertex);
+    result.lift.parents.items.push_back({number[vertex], share});
+  };
+  result.lift.parents.items.reserve(2 * members.shares.size());
+  for (Index node = 0; node < members.dofs.rows(); ++node) {
+    for (Index m = members.dofs.offsets[node]; m < members.dofs.offsets[node + 1]; ++m) {
+      const Index dof = members.dofs.items[m];
+      if (dof < vertices) {
+        add(dof, members.shares[m]);
+      } else {
+        for (const Index end : edges[dof - vertices]) add(end, 0.5 * members.shares[m]);
+      }
+    }
+    result.lift.parents.close_row();
+  }
+  result.lift.points = space.points()(Eigen::all, order);
+  std::vector<Index> offsets{0}, columns;
+  std::vector<double> N;
+  columns.reserve(approximation.shape.num_entries());
+  N.reserve(approximation.shape.num_entries());
+  for (const Index vertex : order) {
+    const auto row = approximation.shape.row(vertex);
+    columns.insert(columns.end(), row.nodes.begin(), row.nodes.end());
+    N.insert(N.end(), row.N.begin(), row.N.end());
+    offsets.push_back(static_cast<Index>(columns.size()));
+  }
+  result.shape = {approximation.shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
+  return result;
+}
+
 /// What takes off the smooth part of an error, and the degree of the smoother that takes the rest.
 template <int Dim> struct Level {
   std::variant<CoarseSpace<Dim>, LinearElements<Dim>> space;
-  bool condensed;  ///< whether it is one of the Schur complement
   int degree;
 
   bool is_of_elements() const { return std::holds_alternative<LinearElements<Dim>>(space); }
@@ -242,59 +294,64 @@ template <int Dim> struct Corrector<Dim>::Impl {
   bool mean_dilatation;
   ElementNodes nodes;
   Members<Dim> members;
-  BlockMatrix<Dim> K;
   Supports<Dim> supports;
   WeakConditions<Dim> weak;
+  BlockMatrix<Dim> K;  ///< of the nodes that the condensation leaves
+  Condensation<Dim> condensation;
   Level<Dim> first;
-  std::optional<Condensation<Dim>> condensation;  ///< if there are flat cells
-  Smoother<Dim> smoother;                         ///< of what it leaves
+  Smoother<Dim> smoother;
   mutable std::once_flag has_hats{};
   mutable std::optional<Level<Dim>> hats_{};
   mutable std::optional<ScaledCholesky> direct{};  ///< of all, once it was needed
 
-  /// The displacement at the element nodes of one at the degrees of freedom of the space.
+  /// The displacement at the element nodes of one at the degrees of freedom of the space, or at the vertices and linear
+  /// along edges.
   Points<Dim> at_nodes(const Points<Dim>& u) const {
+    const FineSpace<Dim>& space = approximation.space;
+    const auto given = static_cast<Index>(u.cols());
+    require(given == space.size() || given == space.mesh().num_vertices(),
+            "correction: a displacement for each degree of freedom, or each vertex, expected");
+    const auto edges = given < space.size() ? space.edges() : std::vector<std::array<Index, 2>>();
     Points<Dim> result = Points<Dim>::Zero(Dim, nodes.count);
     for (Index node = 0; node < nodes.count; ++node)
-      for (Index m = members.dofs.offsets[node]; m < members.dofs.offsets[node + 1]; ++m)
-        result.col(node) += members.shares[m] * u.col(members.dofs.items[m]);
+      for (Index m = members.dofs.offsets[node]; m < members.dofs.offsets[node + 1]; ++m) {
+        const Index dof = members.dofs.items[m];
+        if (dof < given) {
+          result.col(node) += members.shares[m] * u.col(dof);
+        } else {
+          const auto [first_end, second_end] = edges[dof - given];
+          result.col(node) += 0.5 * members.shares[m] * (u.col(first_end) + u.col(second_end));
+        }
+      }
     return result;
   }
   /// For errors that the cloud cannot see: made when they are first asked for.
   const Level<Dim>& hats() const {
     std::call_once(has_hats, [&] {
       Points<Dim> places = element_places(approximation.space, nodes);
-      if (condensation) places = Points<Dim>(places(Eigen::all, condensation->kept()));
-      const BlockMatrix<Dim>& left = condensation ? condensation->matrix() : K;
-      Hats<Dim> hats = make_hats(left, places);
+      Hats<Dim> hats = make_hats(K, places);
       const int degree = smoothing_degree(approximation.space.degree() * hats.apart);
       const std::vector<char> all(hats.shape.num_nodes(), 1);
-      hats_.emplace(
-          CoarseSpace<Dim>(left, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
-                           [&](Index kept) { return supports.free(condensation ? condensation->kept()[kept] : kept); }),
-          condensation.has_value(), degree);
+      hats_.emplace(CoarseSpace<Dim>(K, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
+                                     [&](Index node) { return supports.free(node); }),
+                    degree);
     });
     return *hats_;
   }
   /// The displacement that forces lead to in the coarse space of a level.
   Points<Dim> solve_coarsely(const Level<Dim>& level, const Points<Dim>& r) const {
-    const auto solve = [&](const Points<Dim>& forces) {
-      return std::visit([&](const auto& space) { return space.solve(forces); }, level.space);
-    };
-    if (!level.condensed) return solve(r);
-    return condensation->extend(solve(condensation->restrict(r)), Points<Dim>::Zero(Dim, nodes.count));
+    return std::visit([&](const auto& space) { return space.solve(r); }, level.space);
   }
-  /// z = M r, smoothed.
-  void smooth(const Level<Dim>& level, const Points<Dim>& r, Points<Dim>& z) const {
-    if (!condensation) return smoother.apply(K, level.degree, r, z);
-    Points<Dim> smoothed;
-    smoother.apply(condensation->matrix(), level.degree, condensation->restrict(r), smoothed);
-    z = condensation->extend(smoothed, r);
+  /// a^T K b with all nodes.
+  double work(const Points<Dim>& a, const Points<Dim>& b) const {
+    Points<Dim> forces;
+    K.multiply(b, forces);
+    return dot<Dim>(a, forces) + condensation.work(a, b);
   }
   /// Twice the sum over the nodes of the energy if they alone had their displacement.
   double energy_one_by_one(const Points<Dim>& u) const {
     double sum = 0.0;
-    for (Index node = 0; node < nodes.count; ++node) sum += u.col(node).dot(K.blocks[K.diagonal[node]] * u.col(node));
+    for (Index node = 0; node < nodes.count; ++node) sum += u.col(node).dot(K.diagonal(node) * u.col(node));
     return sum;
   }
   /// Loads at the element nodes.
@@ -338,8 +395,8 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
     for (SymmetricMatrix::InnerIterator entry(system.matrix, column); entry; ++entry) {
       const Index i = nodes.at[entry.row() / Dim], j = nodes.at[column / Dim];
       const int p = entry.row() % Dim, q = column % Dim;
-      K.blocks[K.entry(i, j)](p, q) += entry.value();
-      if (entry.row() != column) K.blocks[K.entry(j, i)](q, p) += entry.value();
+      if (K.stores(i, j)) K.block(i, j)(p, q) += entry.value();
+      if (entry.row() != column && K.stores(j, i)) K.block(j, i)(q, p) += entry.value();
     }
   conditions.matrix = std::move(system.matrix);
   return conditions;
@@ -376,26 +433,28 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   const Supports<Dim> supports(nodal_conditions(space, nodes.at, nodal), nodes.count);
   Members<Dim> dofs_of = members(space, nodes, lame);
   const auto free = [&](Index node) { return supports.free(node); };
+  const bool on_elements = Dim == 2 && space.degree() == 2 && !approximation.averaged;
+  const double nodes_apart = on_elements ? 0.0 : steps_apart(K, approximation.node_dofs, nodes, space.degree());
+  Condensation<Dim> condensation(K, flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); }));
   const auto first = [&]() -> Level<Dim> {
-    if (Dim == 2 && space.degree() == 2 && !approximation.averaged)
-      return {LinearElements<Dim>(K, space, nodes, free), false, 1};
+    if (on_elements) return {LinearElements<Dim>(K, space, nodes, free), 1};
     Points<Dim> places = element_places(space, nodes);
-    const double nodes_apart = steps_apart(K, approximation.node_dofs, nodes, space.degree());
+    if (is_lifted(approximation)) {
+      auto [shape, lift] = shape_at_vertices(approximation, dofs_of);
+      const auto turning = thin_nodes(shape, lift.points, K.size(), nodes_apart);
+      return {
+          CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free, std::move(lift)),
+          smoothing_degree(nodes_apart)};
+    }
     ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
-    const auto turning = thin_nodes(shape, places, nodes_apart);
-    return {CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free), false,
+    const auto turning = thin_nodes(shape, places, K.size(), nodes_apart);
+    return {CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free),
             smoothing_degree(nodes_apart)};
   };
   Level<Dim> level = first();
-  const auto groups = flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); });
-  std::optional<Condensation<Dim>> condensation;
-  if (!groups.empty()) condensation.emplace(K, groups);
-  const auto node_of = [&](Index kept) { return condensation ? condensation->kept()[kept] : kept; };
-  Smoother<Dim> smoother(
-      condensation ? condensation->matrix() : K, [&](Index kept) { return free(node_of(kept)); },
-      level.is_of_elements() ? 1 : highest_degree);
-  impl_.reset(new Impl{approximation, mean_dilatation, std::move(nodes), std::move(dofs_of), std::move(K), supports,
-                       std::move(weak), std::move(level), std::move(condensation), std::move(smoother)});
+  Smoother<Dim> smoother(K, free, level.is_of_elements() ? 1 : highest_degree);
+  impl_.reset(new Impl{approximation, mean_dilatation, std::move(nodes), std::move(dofs_of), supports, std::move(weak),
+                       std::move(K), std::move(condensation), std::move(level), std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -409,10 +468,16 @@ template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& gi
   return impl_->iterate(impl_->loads(loads), start, std::move(u), options);
 }
 
-template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& f, const Points<Dim>& start,
+template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& forces, const Points<Dim>& start,
                                                                  Points<Dim> u,
                                                                  const CorrectionOptions& options) const {
   const Impl& problem = *this;
+  // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
+  const Points<Dim> f = condensation.reduced(forces);
+  const auto with_all = [&](Points<Dim> of) {
+    condensation.follow(forces, of);
+    return of;
+  };
   // Linear elements do not hold the cloud's answer and are nearer than it: begun with what is held alone all iterates
   // are in the spaces they are the best of, so that their energy is off by the square of their error.
   if (first.is_of_elements()) supports.keep_held(u);
@@ -474,7 +539,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   if (wanted == 0) answer = u;
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
-    problem.smooth(*level, r, z);
+    smoother.apply(K, level->degree, r, z);
     K.multiply(z, q);
     q = r - q;
     problem.supports.release(q);
@@ -515,7 +580,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
         break;
       }
     }
-    if (open && k == patience && static_cast<double>(K.columns.size()) < few_entries<Dim>) {
+    if (open && k == patience && static_cast<double>(K.num_entries()) < few_entries<Dim>) {
       if (!direct) direct.emplace(held_matrix(K, supports), Dim);
       const Vector rest = direct->solve(r.reshaped());
       z = rest.reshaped(Dim, K.size());
@@ -539,12 +604,15 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
 
-  const double best_energy = energy(u);
+  u = with_all(std::move(u));
+  answer = with_all(std::move(answer));
+  const double best_energy = work(u, u);
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
-  result.start_error = relative(energy(start - u) + beyond);
+  const Points<Dim> off = start - u;
+  result.start_error = relative(work(off, off) + beyond);
   result.error = relative(after);
-  result.strain_energy = 0.5 * energy(answer);
+  result.strain_energy = 0.5 * work(answer, answer);
   for (const double one : taken) result.taken.push_back(one);
   for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
   result.displacement = answer(Eigen::all, problem.nodes.at);
@@ -572,11 +640,8 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
   }
   if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
   const Correction<Dim> dual = problem.iterate(forces, start, start, options);
-  Points<Dim> r;
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
-  problem.K.multiply(at_nodes, r);
-  r = problem.loads(loads) - r;
-  value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, r);
+  value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads)) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};
 }
 

@@ -54,9 +54,9 @@ template <int Dim> class Corrector {
   ~Corrector();
   Corrector(Corrector&&) noexcept;
 
-  /// Starts from the displacement `start` at the fine degrees of freedom (Dim x space.size(), of the cloud:
-  /// interpolate(shape, coefficients)). Throws NumericalError if the iterations break down or end without reaching the
-  /// tolerance.
+  /// Starts from the displacement `start` at the fine degrees of freedom, or at the vertices (Dim x space.size() or
+  /// mesh.num_vertices(), of the cloud: interpolate(shape, coefficients)). Throws NumericalError if the iterations
+  /// break down or end without reaching the tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads,
                           const CorrectionOptions& options = {}) const;
 

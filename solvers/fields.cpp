@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace efree {
 namespace {
@@ -20,25 +21,29 @@ namespace {
 /// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
 /// in size. Their nodes have a row for each place: at interfaces points count for the place of their region only.
 template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Discretization<Dim>& quadrature) {
-  SparseRows overlaps = quadrature.shape.matrix();
-  for (Index K = 0; K < quadrature.size(); ++K) {
+  // Only finite elements know meshes in which regions share degrees of freedom, which are their nodes.
+  const bool shared = space.num_places() > space.size();
+  const Index points = quadrature.size(), rows = shared ? space.num_places() : quadrature.shape.num_nodes();
+  const auto row_of = [&](Index node, Index K) { return shared ? space.place(node, quadrature.region[K]) : node; };
+  std::vector<Index> offsets(rows + 1, 0);
+  for (Index K = 0; K < points; ++K)
+    for (const Index I : quadrature.shape.row(K).nodes) ++offsets[row_of(I, K) + 1];
+  std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+  SparseRows around(rows, points);
+  around.resizeNonZeros(offsets.back());
+  std::ranges::copy(offsets, around.outerIndexPtr());
+  for (Index K = 0; K < points; ++K) {
     const auto row = quadrature.shape.row(K);
     // Axisymmetric: overlaps in the section, where points far from the axis count no more than those near it.
     const std::span<const double> mean = quadrature.axisymmetric() ? row.hoop : row.N;
-    std::size_t k = 0;
-    for (SparseRows::InnerIterator entry(overlaps, K); entry; ++entry) {
-      const double overlap = std::max(0.0, quadrature.weights[K] * mean[k++]);
-      entry.valueRef() = overlap * overlap * overlap;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+      const double overlap = std::max(0.0, quadrature.weights[K] * mean[k]);
+      const Index at = offsets[row_of(row.nodes[k], K)]++;
+      around.innerIndexPtr()[at] = K;
+      around.valuePtr()[at] = overlap * overlap * overlap;
     }
   }
-  if (space.num_places() > space.size()) {
-    // Only finite elements know meshes in which regions share degrees of freedom, which are their nodes.
-    overlaps.conservativeResize(overlaps.rows(), space.num_places());
-    for (Index K = 0; K < quadrature.size(); ++K)
-      for (Index k = overlaps.outerIndexPtr()[K]; k < overlaps.outerIndexPtr()[K + 1]; ++k)
-        overlaps.innerIndexPtr()[k] = space.place(overlaps.innerIndexPtr()[k], quadrature.region[K]);
-  }
-  return overlaps.transpose();
+  return around;
 }
 
 /// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node (of finite elements:

@@ -23,8 +23,9 @@ template <int Dim> class Paths {
  public:
   Paths(const BlockMatrix<Dim>& K, const Points<Dim>& places) : K_(K), places_(places), longest_(K.size(), 0.0) {
     for (Index v = 0; v < K.size(); ++v)
-      for (Index e = K.offsets[v]; e < K.offsets[v + 1]; ++e)
-        longest_[v] = std::max(longest_[v], (places.col(v) - places.col(K.columns[e])).norm());
+      K.for_row(v, [&](Index w, const auto&) {
+        longest_[v] = std::max(longest_[v], (places.col(v) - places.col(w)).norm());
+      });
   }
   /// Lowers `distance` to the one from a node, where that is less and within reach (Dijkstra 1959). Returns the nodes
   /// where it did, nearest first.
@@ -39,12 +40,12 @@ template <int Dim> class Paths {
       front.pop();
       if (at > distance[v]) continue;
       settled.push_back(v);
-      for (Index e = K_.offsets[v]; e < K_.offsets[v + 1]; ++e) {
-        const Index w = K_.columns[e];
+      const double reached = at;
+      K_.for_row(v, [&, v = v](Index w, const auto&) {
         const double length = (places_.col(v) - places_.col(w)).norm();
-        const double next = length > 0.0 ? at + 2.0 * length / (longest_[v] + longest_[w]) : at;
+        const double next = length > 0.0 ? reached + 2.0 * length / (longest_[v] + longest_[w]) : reached;
         if (next <= reach && next < distance[w]) front.emplace(distance[w] = next, w);
-      }
+      });
     }
     return settled;
   }
@@ -62,12 +63,13 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
   std::vector<double> nearest;
   std::vector<Index> chosen;
   double least = edges_apart;
+  const auto is_eliminated = [&](Index v) { return K.diagonal(v).isZero(0.0); };
   for (;; least *= 1.2) {
     const std::size_t before = chosen.size();
     nearest.assign(K.size(), infinite);
     chosen.clear();
     for (Index v = 0; v < K.size(); ++v)
-      if (nearest[v] > least) {
+      if (nearest[v] > least && !is_eliminated(v)) {
         chosen.push_back(v);
         paths.spread(v, infinite, nearest);
       }
@@ -75,7 +77,8 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
     // Bodies of their own need one each, however many they are.
     if (Dim == 2 || n * n <= too_many * K.size() || chosen.size() == before) break;
   }
-  const double apart = 2.0 * std::accumulate(nearest.begin(), nearest.end(), 0.0) / K.size();
+  std::erase(nearest, infinite);
+  const double apart = 2.0 * std::accumulate(nearest.begin(), nearest.end(), 0.0) / static_cast<double>(nearest.size());
 
   const double reach = hat_reach * least;
   const auto count = static_cast<Index>(chosen.size());

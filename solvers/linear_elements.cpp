@@ -41,16 +41,15 @@ template <int Dim> SymmetricMatrix LinearElements<Dim>::stiffness(const BlockMat
     for (const Index node : around_[v]) {
       const double own = share(node);
       const Mat<Dim>* open = held_.at(node);
-      for (Index e = K.offsets[node]; e < K.offsets[node + 1]; ++e) {
-        const Index other = K.columns[e];
+      K.for_row(node, [&](Index other, const Mat<Dim>& block) {
         const auto [a, b] = ends_[other];
-        if (a < v && b < v) continue;
-        Mat<Dim> force = (own * share(other)) * K.blocks[e].transpose();
+        if (a < v && b < v) return;
+        Mat<Dim> force = (own * share(other)) * block.transpose();
         if (open) force = force * *open;
         if (const Mat<Dim>* other_open = held_.at(other)) force = *other_open * force;
         if (a >= v) sums[a] += force;
         if (b >= v && b != a) sums[b] += force;
-      }
+      });
     }
   });
   // What is held has no stiffness, and no part in the solution.

@@ -11,14 +11,14 @@
 namespace efree {
 namespace {
 
-constexpr Index nodes_per_sweep = 8192;
 /// Part of the spectrum below the largest eigenvalue that a polynomial leaves to others.
 double lower_share(int degree) {
   return std::min(0.04, 1.0 / (degree * degree));
 }
 
-/// Inverse of D on the range of the projector, zero beyond it.
+/// Inverse of D on the range of the projector, zero beyond it, and for nodes without stiffness.
 template <int Dim> Mat<Dim> inverse_on(const Mat<Dim>& D, const Mat<Dim>& free) {
+  if (D.isZero(0.0)) return D;
   if (free == Mat<Dim>::Identity()) return D.inverse();
   const Mat<Dim> held = Mat<Dim>::Identity() - free;
   const double scale = D.trace();
@@ -46,7 +46,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
   Points<Dim> r(Dim, n), z, p, q;
   parallel_for(n, [&](Index i) {
     const Mat<Dim> open = free(i);
-    inverse_diagonal_[i] = inverse_on<Dim>(K.blocks[K.diagonal[i]], open);
+    inverse_diagonal_[i] = inverse_on<Dim>(K.diagonal(i), open);
     Vec<Dim> start;
     for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
@@ -84,18 +84,22 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
 
 template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
   z.resize(Dim, K.size());
-  parallel_chunks(K.size(), nodes_per_sweep, [&](Index begin, Index end) {
+  parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+    const auto& chunk = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
     for (Index i = begin; i < end; ++i) {
+      const Index row = i - begin;
       Vec<Dim> rest = r.col(i);
-      for (Index k = K.diagonal[i] - 1; k >= K.offsets[i] && K.columns[k] >= begin; --k)
-        rest.noalias() -= K.blocks[k] * z.col(K.columns[k]);
+      for (Index k = chunk.diagonal[row] - 1; k >= chunk.own[row]; --k)
+        rest.noalias() -= chunk.blocks[k] * z.col(chunk.columns[k]);
       z.col(i).noalias() = inverse_diagonal_[i] * rest;
     }
+    Points<Dim> ahead = Points<Dim>::Zero(Dim, end - begin);  // forces by the nodes that are done
     for (Index i = end - 1; i >= begin; --i) {
-      Vec<Dim> ahead = Vec<Dim>::Zero();
-      for (Index k = K.diagonal[i] + 1; k < K.offsets[i + 1] && K.columns[k] < end; ++k)
-        ahead.noalias() += K.blocks[k] * z.col(K.columns[k]);
-      z.col(i).noalias() -= inverse_diagonal_[i] * ahead;
+      const Index row = i - begin;
+      z.col(i).noalias() -= inverse_diagonal_[i] * ahead.col(row);
+      const Vec<Dim> moved = z.col(i);
+      for (Index k = chunk.own[row]; k < chunk.diagonal[row]; ++k)
+        ahead.col(chunk.columns[k] - begin).noalias() += chunk.blocks[k].transpose() * moved;
     }
   });
 }

@@ -2,6 +2,7 @@
 /// Sparse symmetric matrices, gathered row by row.
 #pragma once
 
+#include "efree/assembly/block_matrix.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/internal/accumulator.hpp"
 #include "efree/core/parallel.hpp"
@@ -33,6 +34,27 @@ template <class NodesOf> Ragged<Place> places_of_nodes(Index nodes, Index rows, 
     for (const Index node : nodes_of(r)) places.items[cursor[node]++] = {r, position++};
   }
   return places;
+}
+
+/// Symmetric matrix of n rows of blocks: visit(i, sums) adds block (i, j) to sums[j] for all j, the diagonal among
+/// them.
+template <int Dim, class Visit> BlockMatrix<Dim> gather_rows(Index n, const Visit& visit) {
+  constexpr Index chunk_rows = BlockMatrix<Dim>::chunk_rows;
+  BlockMatrix<Dim> result;
+  result.chunks.resize((n + chunk_rows - 1) / chunk_rows);
+  parallel_chunks(n, chunk_rows, [&](Index begin, Index end) {
+    auto& chunk = result.chunks[begin / chunk_rows];
+    Accumulator<Mat<Dim>> sums(n);
+    for (Index i = begin; i < end; ++i) {
+      sums.clear();
+      visit(i, sums);
+      for (const Index j : sums.sorted())
+        if (BlockMatrix<Dim>::stores(i, j)) chunk.columns.push_back(j), chunk.blocks.push_back(sums[j]);
+      chunk.close_row(i);
+    }
+    chunk.close();
+  });
+  return result;
 }
 
 /// Lower triangle of the matrix with Dim x Dim blocks for pairs of nodes: visit(a, sums) adds block (b, a) to sums[b]

@@ -10,8 +10,19 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 namespace efree {
+
+/// How nodes of a matrix follow fewer points: with the mean of their motions, as midpoints of edges follow the ends.
+template <int Dim> struct Lift {
+  struct Parent {
+    Index point;
+    double share;
+  };
+  Points<Dim> points;      ///< where they are
+  Ragged<Parent> parents;  ///< by node, shares summing to one
+};
 
 /// Some functions, one for each direction, and those that turn times rotations about their nodes (partition of unity:
 /// Melenk & Babuska 1996). A wall or limb that bends turns from node to node; functions that only move it have to shear
@@ -20,28 +31,36 @@ namespace efree {
 template <int Dim> class CoarseSpace {
  public:
   /// `shape`: the functions at the nodes of K, which are at `places`; `nodes`: theirs (Dim x shape.num_nodes()), which
-  /// of them turn; free(node): projector onto the directions that are not held. Factors the stiffness.
+  /// of them turn; free(node): projector onto the directions that are not held. With a lift the functions are at its
+  /// points, and the nodes follow. Factors the stiffness.
   CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, Points<Dim> nodes,
-              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free);
+              const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free,
+              std::optional<Lift<Dim>> lift = {});
 
   /// The displacement that forces r without a part on what is held (Dim x K.size()) lead to in this space.
   Points<Dim> solve(const Points<Dim>& r) const;
 
  private:
+  BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
   SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
+  const Points<Dim>& points() const { return lift_ ? lift_->points : places_; }
   bool turns(Index I) const { return first_[I + 1] - first_[I] == 2; }
 
   ShapeTable<Dim> shape_;
   Points<Dim> places_, nodes_;
-  Ragged<Place> rows_at_;  ///< rows of the table, by node
+  std::optional<Lift<Dim>> lift_;
+  Ragged<Place> followers_;  ///< by point of the lift: the nodes that follow it, with its position among their parents
+  Ragged<Place> rows_at_;    ///< rows of the table, by node
   HeldNodes<Dim> held_;
   std::vector<Index> first_;  ///< by node: its motion; if it turns, the next is that
+  bool turning_;              ///< whether one does
   std::unique_ptr<ScaledCholesky> factor_;
 };
 
 /// Nodes of the cloud that had better turn: those whose functions act on something thin, unless they are so many that
-/// their factor costs more than it saves. `shape`, `places`: as for CoarseSpace; `apart`: how far the nodes are from
-/// each other, in `places`.
-template <int Dim> std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, double apart);
+/// their factor costs more than it saves. `shape` at `places`; `apart`: how far the nodes are from each other, in nodes
+/// of the elements, of which there are `count`.
+template <int Dim>
+std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, Index count, double apart);
 
 }  // namespace efree

@@ -4,6 +4,7 @@
 
 #include "efree/assembly/block_matrix.hpp"
 #include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/gather.hpp"
 
 #include <functional>
 #include <vector>
@@ -23,33 +24,27 @@ template <int Dim> std::vector<std::vector<Index>> flat_groups(const FineSpace<D
 /// length to its height, which point smoothers cannot resolve; of the Schur complement its stiffness is gone.
 template <int Dim> class Condensation {
  public:
-  /// The groups must not be coupled to each other, and K must be positive definite on each.
-  Condensation(const BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups);
+  /// Puts the Schur complement on the nodes that are in no group in the place of K; rows and columns of the others
+  /// become zero. The groups must not be coupled to each other, and K must be positive definite on each.
+  Condensation(BlockMatrix<Dim>& K, const std::vector<std::vector<Index>>& groups);
 
-  /// Nodes that are left, ascending.
-  const std::vector<Index>& kept() const { return kept_; }
-  /// Schur complement on them.
-  const BlockMatrix<Dim>& matrix() const { return matrix_; }
-  /// Forces on the nodes left that do as those on all: Dim x K.size() to Dim x kept().size().
-  Points<Dim> restrict(const Points<Dim>& r) const;
-  /// Displacement of all nodes with those left at z and no force but r on the others.
-  Points<Dim> extend(const Points<Dim>& z, const Points<Dim>& r) const;
+  /// Forces on the nodes left that do as those on all, Dim x K.size(); zero at the others.
+  Points<Dim> reduced(Points<Dim> f) const;
+  /// Gives the nodes that are eliminated the displacement they have with the others at u, under the forces f on them.
+  void follow(const Points<Dim>& f, Points<Dim>& u) const;
+  /// a^T K b of the matrix as it was, less that of the Schur complement.
+  double work(const Points<Dim>& a, const Points<Dim>& b) const;
 
  private:
   struct Group {
     std::vector<Index> inner;  ///< its nodes
-    std::vector<Index> outer;  ///< those coupled to them, as kept
-    Matrix inverse;            ///< of K on the group
+    std::vector<Index> outer;  ///< those coupled to them
+    Matrix own, inverse;       ///< K on the group
     Matrix follow;             ///< inverse times the coupling to `outer`
   };
-  struct Place {
-    Index group, position;  ///< of a kept node in `outer`
-  };
 
-  std::vector<Index> kept_;
   std::vector<Group> groups_;
-  Ragged<Place> places_;  ///< by kept node
-  BlockMatrix<Dim> matrix_;
+  Ragged<Place> places_;  ///< by node: in `outer` of the groups
 };
 
 }  // namespace efree

@@ -16,7 +16,7 @@ template <int Dim> struct Hats {
 
 /// Hats around nodes of K, which are at `places`, 2.5 edges apart along the mesh, farther in space where there would be
 /// so many that their factor costs more than iterations. Edges count by their length over the longest at their ends, so
-/// that slivers are no distance. The same on any number of threads.
+/// that slivers are no distance. Nodes without stiffness get none. The same on any number of threads.
 template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<Dim>& places);
 
 }  // namespace efree

@@ -364,14 +364,15 @@ TEST(Correction, OneFactorServesSeveralLoads) {
 TEST(Correction, HatsOfManyBodiesAreOneEach) {
   const Index count = 100;
   BlockMatrix<3> K;
+  K.chunks.resize(1);
   Points<3> places(3, count);
   for (Index i = 0; i < count; ++i) {
-    K.offsets.push_back(i + 1);
-    K.columns.push_back(i);
-    K.diagonal.push_back(i);
-    K.blocks.push_back(Mat<3>::Identity());
+    K.chunks[0].columns.push_back(i);
+    K.chunks[0].blocks.push_back(Mat<3>::Identity());
+    K.chunks[0].close_row(i);
     places.col(i) = Vec<3>(i, 0.0, 0.0);
   }
+  K.chunks[0].close();
   EXPECT_EQ(make_hats(K, places).shape.num_nodes(), count);
 }
 
