@@ -429,8 +429,8 @@ void insert_inside(std::vector<Kernel::Point_2> points, Cdt& cdt) {
 
 /// Midpoints of the edges that cut off a corner wider than a right angle with a single face. One element cannot follow
 /// the stress in such a corner, where it may be infinite, and recovery, which compares it with that of other elements
-/// around a point, does not see that: with one face at the wall of Cook's membrane errors are told half as large as they
-/// are.
+/// around a point, does not see that: with one face at the wall of Cook's membrane errors are told half as large as
+/// they are.
 std::vector<Kernel::Point_2> across_wide_corners(const Cdt& cdt) {
   std::vector<Kernel::Point_2> points;
   for (auto f = cdt.finite_faces_begin(); f != cdt.finite_faces_end(); ++f)
