@@ -427,6 +427,25 @@ void insert_inside(std::vector<Kernel::Point_2> points, Cdt& cdt) {
   }
 }
 
+/// Midpoints of the edges that cut off a corner wider than a right angle with a single face. One element cannot follow
+/// the stress in such a corner, where it may be infinite, and recovery, which compares it with that of other elements
+/// around a point, does not see that: with one face at the wall of Cook's membrane errors are told half as large as
+/// they are.
+std::vector<Kernel::Point_2> across_wide_corners(const Cdt& cdt) {
+  std::vector<Kernel::Point_2> points;
+  for (auto f = cdt.finite_faces_begin(); f != cdt.finite_faces_end(); ++f)
+    for (int i = 0; i < 3; ++i) {
+      const int j = Cdt::ccw(i), k = Cdt::cw(i);
+      if (!f->is_in_domain() || f->is_constrained(i) || !f->is_constrained(j) || !f->is_constrained(k)) continue;
+      const auto &corner = f->vertex(i)->point(), &a = f->vertex(j)->point(), &b = f->vertex(k)->point();
+      const auto to_a = a - corner, to_b = b - corner;
+      constexpr double wide = -0.1;  // cosine of 96 degrees: right ones are not meant, whatever their rounding
+      if (to_a * to_b < wide * std::sqrt(to_a.squared_length() * to_b.squared_length()))
+        points.push_back(CGAL::midpoint(a, b));
+    }
+  return points;
+}
+
 void refine(const Segments& segments, const Edges& edges, const TriangulateOptions& options, Cdt& cdt) {
   const double area = domain_area(cdt), expected = 4.0 * area / (options.size * options.size);
   if (!(area > 0.0)) throw InputError("domain: it is empty, no point has an odd number of boundary segments around it");
@@ -443,6 +462,7 @@ void refine(const Segments& segments, const Edges& edges, const TriangulateOptio
   CGAL::Delaunay_mesher_2<Cdt, Criteria> mesher(cdt, Criteria(sine * sine, options.size));
   mesher.init(/*domain_specified=*/true);
   mesher.refine_mesh();
+  insert_inside(across_wide_corners(cdt), cdt);
 }
 
 /// Vertices along a space-filling curve and cells by their first vertex: neighbours in space are neighbours in memory.

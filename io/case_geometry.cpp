@@ -67,6 +67,7 @@ template <int Dim> struct Shape {
   std::string_view name;
   std::vector<Parameter> parameters;
   MeshData<Dim> (*make)(std::span<const double> p, double size);
+  bool arcs = false;  ///< which chords stand for, so that coarse meshes have another shape
 };
 
 MeshData<2> filled(const PlanarDomain& domain, double size) {
@@ -82,19 +83,22 @@ template <> std::vector<Shape<2>> all_shapes<2>() {
            [](P p, double size) { return filled(shapes::rectangle(p[2], p[3], p[2] + p[0], p[3] + p[1]), size); }},
           {"plate_with_hole",
            {{"radius"}, {"half_width"}},
-           [](P p, double size) { return filled(shapes::quarter_plate_with_hole(p[0], p[1], size), size); }},
+           [](P p, double size) { return filled(shapes::quarter_plate_with_hole(p[0], p[1], size), size); },
+           true},
           {"l_shape", {{"side"}}, [](P p, double size) { return filled(shapes::l_shape(p[0]), size); }},
           {"cook", {}, [](P, double size) { return filled(shapes::cook(), size); }},
           {"annulus",
            {{"inner"}, {"outer"}},
-           [](P p, double size) { return filled(shapes::annulus(p[0], p[1], size), size); }},
+           [](P p, double size) { return filled(shapes::annulus(p[0], p[1], size), size); },
+           true},
           {"random_holes",
            {{"width"}, {"count", count, {}, true}, {"r_min"}, {"r_max"}, {"gap"}, {"seed", seed, 1.0, true}},
            [](P p, double size) {
              return filled(shapes::plate_with_random_holes(p[0], static_cast<int>(p[1]), p[2], p[3], p[4],
                                                            static_cast<std::uint64_t>(p[5]), size),
                            size);
-           }}};
+           },
+           true}};
 }
 template <> std::vector<Shape<3>> all_shapes<3>() {
   using P = std::span<const double>;
@@ -147,11 +151,13 @@ template <int Dim> double size_or(const MeshSize& asked, double natural, MadeMes
   return made.size;
 }
 
-/// Of images and surfaces meshes lose what is thinner than their cells.
-MeshSize not_too_coarse(MeshSize size) {
-  size.coarsening = std::min(size.coarsening, 2.0);
+/// Not coarser than what is natural by more than a factor.
+MeshSize at_most(double coarsening, MeshSize size) {
+  size.coarsening = std::min(size.coarsening, coarsening);
   return size;
 }
+constexpr double may_lose_parts =
+    2.0;  ///< meshes of images in space and surfaces lose what is thinner than their cells
 
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
@@ -177,9 +183,9 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
   double longest = known.empty() ? 60.0 : 0.0;  // Cook's membrane has no parameters
   for (std::size_t k = 0; k < values.size(); ++k)
     if (!shape.parameters[k].whole) longest = std::max(longest, values[k]);
-  return [make = shape.make, values, longest](const MeshSize& size) {
+  return [make = shape.make, values, longest, arcs = shape.arcs](const MeshSize& size) {
     MadeMesh<Dim> made;
-    made.mesh = make(values, size_or(size, longest / 20.0, made));
+    made.mesh = make(values, size_or(arcs ? at_most(4.0, size) : size, longest / 20.0, made));
     return made;
   };
 }
@@ -305,8 +311,9 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
       report_islands(body.islands, body.fraction, made);
     }
     ImageMeshOptions sized = meshing;
-    // As fine as pixels in the plane, two voxels in space.
-    sized.size = size_or(not_too_coarse(size), (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
+    // As fine as pixels in the plane, where contours stay whatever the size, two voxels in space.
+    sized.size = size_or(Dim == 2 ? size : at_most(may_lose_parts, size),
+                         (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
     if constexpr (Dim == 3)
       if (sized.mesher == Mesher::lattice) {
         LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
@@ -364,7 +371,7 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
     }
     SurfaceMeshOptions sized = meshing;
     const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
-    sized.size = size_or(not_too_coarse(size), (high - low).norm() / 40.0, made);
+    sized.size = size_or(at_most(may_lose_parts, size), (high - low).norm() / 40.0, made);
     if (mesher == Mesher::lattice) {
       SurfaceLattice on_lattice = mesh_surface_on_lattice(soup, sized.size);
       made.mesh = std::move(on_lattice.mesh);

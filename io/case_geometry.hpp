@@ -32,7 +32,7 @@ template <int Dim> struct MadeMesh {
 /// How fine a mesh should be.
 struct MeshSize {
   double length = 0.0;      ///< longest edge; 0: what is natural for the geometry, or the file's own sizes
-  double coarsening = 1.0;  ///< factor on what is natural; at most 2 for images and surfaces, of which too much is lost
+  double coarsening = 1.0;  ///< factor on what is natural; less for geometries of which it would change too much
 };
 
 /// The geometry of a case: a function of the fine mesh size.

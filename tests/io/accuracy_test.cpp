@@ -3,6 +3,7 @@
 #include "efree/tests/io/workspace.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/io/internal/refinement.hpp"
 #include "efree/io/run_case.hpp"
 
 #include <gmock/gmock.h>
@@ -91,6 +92,51 @@ displacement = [0, 0]
     EXPECT_LE(result.attempts.size(), 4u);
     EXPECT_TRUE(result.warnings.empty());
   }
+}
+
+/// Meshes in the plane whose error falls like a power of the edges, each chosen after the ones before.
+std::vector<Attempt> chosen_meshes(double power, double excess) {
+  std::vector<Attempt> attempts{
+      {.size = 1.0, .cells = 1000, .degree = 2, .error = 0.0, .seconds = 0.0, .excess = excess}};
+  while (attempts.back().excess > 1.0) {
+    Attempt next = attempts.back();
+    const double finer = internal::refinement(attempts, 2);
+    next.size *= finer;
+    next.cells = static_cast<Index>(std::lround(1000.0 / (next.size * next.size)));
+    next.excess = excess * std::pow(next.size, power);
+    attempts.push_back(next);
+  }
+  return attempts;
+}
+
+TEST(Accuracy, TheMeshesBeforeTheLastCostLittle) {
+  for (const double power : {0.5, 1.0, 1.5, 2.0})
+    for (const double excess : {1.01, 1.2, 1.5, 2.0, 4.0}) {
+      const std::vector<Attempt> attempts = chosen_meshes(power, excess);
+      const double enough = 1000.0 * std::pow(excess, 2.0 / power);
+      double cells = 0.0;
+      for (const Attempt& attempt : attempts) cells += attempt.cells;
+      EXPECT_LT(cells, 1.5 * attempts.back().cells) << power << ' ' << excess;
+      EXPECT_LT(cells, 4.5 * enough) << power << ' ' << excess;
+      EXPECT_LE(attempts.size(), 5u) << power << ' ' << excess;
+    }
+}
+
+TEST(Accuracy, ARateIsBelievedTheLessTheLessMeshesDiffer) {
+  const Attempt coarse{.size = 1.0, .cells = 1000, .degree = 2, .error = 0.0, .seconds = 0.0, .excess = 4.0};
+  Attempt fine = coarse;
+  fine.excess = 3.9;
+  fine.cells = 1050;
+  const double alike = internal::refinement({coarse, fine}, 2);
+  fine.cells = 4000;
+  EXPECT_GT(alike, 1.5 * internal::refinement({coarse, fine}, 2));
+  fine.excess = 4.1;  // errors that grow: as slow as it gets, and no more than 24 times the cells
+  EXPECT_NEAR(internal::refinement({coarse, fine}, 2), std::pow(24.0, -0.5), 1e-12);
+  fine.excess = 1.5;
+  fine.cells = 2000;  // faster than the degree
+  EXPECT_NEAR(internal::refinement({coarse, fine}, 2), std::pow(2.25 * 1.5, -0.5), 1e-12);
+  fine.degree = 1;  // another degree says nothing
+  EXPECT_NEAR(internal::refinement({coarse, fine}, 2), std::pow(2.25, -0.5) / 1.5, 1e-12);
 }
 
 TEST(Estimates, AMeshThatIsSaidIsKeptAndTheAccuracyItMissesIsSaid) {
