@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What is prescribed on the boundary and in the body.
+/// What is prescribed on the boundary and in the body, as it is given and as single restraints.
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -47,5 +47,16 @@ template <int Dim> DisplacementCondition<Dim> clamp(std::string on) {
 template <int Dim> DisplacementCondition<Dim> symmetry_plane(std::string on) {
   return {std::move(on), {}, [](const Vec<Dim>&) { return 0.0; }};
 }
+
+/// One scalar condition d . u = g on a named part: d is a coordinate direction, or the outward normal (component = -1).
+template <int Dim> struct Restraint {
+  std::string on;
+  int component = -1;
+  ScalarField<Dim> value;
+
+  Vec<Dim> direction(const Vec<Dim>& normal) const { return component < 0 ? normal : Vec<Dim>::Unit(component); }
+};
+/// The conditions one by one. Throws InputError for a condition that prescribes nothing, or both components and normal.
+template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<DisplacementCondition<Dim>>& conditions);
 
 }  // namespace efree

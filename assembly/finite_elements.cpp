@@ -23,23 +23,6 @@ template <int Dim> std::uint64_t morton_code(const Vec<Dim>& at) {
   return code;
 }
 
-/// B of a node as vectors: the strain of its displacement u is sym(u g^T), and h u_r along the hoop.
-template <int Dim> struct NodalStrain {
-  Vec<Dim> g;      ///< gradient
-  double h = 0.0;  ///< value over the radius, if axisymmetric
-  /// What the dilatation is along: div u = d . u.
-  Vec<Dim> d() const { return g + h * Vec<Dim>::Unit(0); }
-};
-
-/// lambda d_a d_b^T + mu (g_b g_a^T + (g_a . g_b) I + 2 h_a h_b e_r e_r^T): B_a^T C B_b.
-template <int Dim> Mat<Dim> coupling(const Lame& lame, const NodalStrain<Dim>& a, const NodalStrain<Dim>& b) {
-  Mat<Dim> block = (lame.lambda * a.d()) * b.d().transpose();
-  block.noalias() += (lame.mu * b.g) * a.g.transpose();
-  block.diagonal().array() += lame.mu * a.g.dot(b.g);
-  block(0, 0) += 2.0 * lame.mu * a.h * b.h;
-  return block;
-}
-
 /// A product of the gradients g_i, g_j of a cell's hats in the product of those of two of its functions, integrated
 /// over the cell.
 struct Share {
@@ -90,26 +73,26 @@ template <int Dim> class HatShares {
   Matrix means_;
 };
 
-/// The strains of a cell's nodes at its quadrature points, with their weights.
-template <int Dim> class CellStrains {
+/// The gradients of a cell's nodes at its quadrature points, with their weights.
+template <int Dim> class CellGradients {
  public:
-  explicit CellStrains(const FineSpace<Dim>& space) : space_(space) {}
+  explicit CellGradients(const FineSpace<Dim>& space) : space_(space) {}
   template <class Visit> void at_points(Index c, const Visit& visit) {
     const auto& rule = space_.cell_rule();
-    strains_.resize(space_.cell(c).size());
+    gradients_.resize(space_.cell(c).size());
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto g = space_.gradients(c, rule.points.col(q));
       typename FineSpace<Dim>::CellValues h;
       if (space_.axisymmetric()) h = space_.values(rule.points.col(q)) / space_.position(c, rule.points.col(q))[0];
-      for (std::size_t k = 0; k < strains_.size(); ++k)
-        strains_[k] = {g.col(static_cast<Index>(k)), space_.axisymmetric() ? h[static_cast<Index>(k)] : 0.0};
-      visit(space_.weight(c, q), strains_);
+      for (std::size_t k = 0; k < gradients_.size(); ++k)
+        gradients_[k] = {g.col(static_cast<Index>(k)), space_.axisymmetric() ? h[static_cast<Index>(k)] : 0.0};
+      visit(space_.position(c, rule.points.col(q)), space_.weight(c, q), gradients_);
     }
   }
 
  private:
   const FineSpace<Dim>& space_;
-  std::vector<NodalStrain<Dim>> strains_;
+  std::vector<NodalGradient<Dim>> gradients_;
 };
 
 }  // namespace
@@ -144,16 +127,9 @@ template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const
 }
 
 template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& space, const ElementNodes& nodes,
-                                                      const std::vector<Lame>& lame, bool mean_dilatation) {
+                                                      const Materials<Dim>& materials, bool mean_dilatation) {
   const FineMesh<Dim>& mesh = space.mesh();
-  const bool solid = Dim == 3 || space.axisymmetric();
-  std::vector<Lame> at_points = lame;
-  std::vector<double> bulk(lame.size(), 0.0);  // of the mean dilatation
-  if (mean_dilatation)
-    for (std::size_t region = 0; region < lame.size(); ++region) {
-      at_points[region] = solid ? deviatoric<3>(lame[region]) : deviatoric<2>(lame[region]);
-      bulk[region] = (solid ? volumetric<3>(lame[region]) : volumetric<2>(lame[region])).lambda;
-    }
+  const StiffnessPart part = mean_dilatation ? StiffnessPart::deviatoric : StiffnessPart::all;
 
   const std::size_t corners = space.cell(0).size();
   std::vector<Index> cell_nodes;
@@ -197,44 +173,48 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
     std::ranges::sort(cells);
     cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
 
-    CellStrains<Dim> strains(space);       // only on a radius do gradients not do
+    CellGradients<Dim> gradients(space);   // where those of the hats do not do
     Points<Dim> dilatation(Dim, corners);  // integral over a cell, by node
     const std::size_t pairs = pair_of(0, corners);
     std::vector<Mat<Dim>> stiffness(cells.size() * pairs, Mat<Dim>::Zero());  // of nodes k <= l of each cell
     for (std::size_t n = 0; n < cells.size(); ++n) {
       const Index c = cells[n];
-      const auto add = [&](const auto& coupled) {
-        Mat<Dim>* pair = stiffness.data() + n * pairs;
-        for (std::size_t l = 0; l < corners; ++l)
-          for (std::size_t k = 0; k <= l; ++k) *pair++ += coupled(k, l);
-      };
-      double volume = 0.0;
-      const Lame& one = at_points[mesh.region(c)];
-      if (space.axisymmetric()) {
+      const Index region = mesh.region(c);
+      double volume = 0.0, kappa = 0.0;  // kappa: of the cell, integrated
+      if (space.axisymmetric() || !materials.is_uniform(region)) {
         dilatation.setZero();
-        strains.at_points(c, [&](double weight, const std::vector<NodalStrain<Dim>>& B) {
-          const Lame weighted{weight * one.lambda, weight * one.mu};
-          add([&](std::size_t k, std::size_t l) { return coupling(weighted, B[k], B[l]); });
+        gradients.at_points(c, [&](const Vec<Dim>& x, double weight, const std::vector<NodalGradient<Dim>>& G) {
+          const Tangent<Dim> A = weight * materials.tangent(region, x, part);
+          for (std::size_t l = 0; l < corners; ++l) {
+            const GradientBlock<Dim> stress = G[l].stress(A);
+            for (std::size_t k = 0; k <= l; ++k) stiffness[n * pairs + pair_of(k, l)] += G[k].forces(stress);
+          }
+          if (!mean_dilatation) return;
           volume += weight;
-          for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * B[k].d();
+          kappa += weight * materials.stiffness(region, x).kappa;
+          for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * G[k].dilatation();
         });
       } else {
         volume = mesh.volume(c);
         const auto hats = mesh.hat_gradients(c);
-        const Lame weighted{volume * one.lambda, volume * one.mu};
+        const Tangent<Dim> A = volume * materials.tangent(region, mesh.vertex(0), part);
         std::array<Mat<Dim>, (Dim + 1) * (Dim + 1)> of_hats;
-        for (int i = 0; i <= Dim; ++i)
-          for (int j = 0; j <= Dim; ++j)
-            of_hats[i * (Dim + 1) + j] = coupling<Dim>(weighted, {hats.col(i)}, {hats.col(j)});
+        for (int j = 0; j <= Dim; ++j) {
+          const GradientBlock<Dim> stress = NodalGradient<Dim>{hats.col(j)}.stress(A);
+          for (int i = 0; i <= Dim; ++i) of_hats[i * (Dim + 1) + j] = NodalGradient<Dim>{hats.col(i)}.forces(stress);
+        }
         for (const Share& share : shares.products())
           stiffness[n * pairs + share.pair] += share.volumes * of_hats[share.i * (Dim + 1) + share.j];
-        if (mean_dilatation) dilatation = volume * hats * shares.means();
+        if (mean_dilatation) {
+          kappa = volume * materials.stiffness(region, mesh.vertex(0)).kappa;
+          dilatation = volume * hats * shares.means();
+        }
       }
       if (!mean_dilatation) continue;
-      const double stiff = bulk[mesh.region(c)] / volume;
-      add([&](std::size_t k, std::size_t l) -> Mat<Dim> {
-        return (stiff * dilatation.col(k)) * dilatation.col(l).transpose();
-      });
+      const double stiff = kappa / (volume * volume);
+      for (std::size_t l = 0; l < corners; ++l)
+        for (std::size_t k = 0; k <= l; ++k)
+          stiffness[n * pairs + pair_of(k, l)] += (stiff * dilatation.col(k)) * dilatation.col(l).transpose();
     }
 
     const Index* entry = entries.data();
@@ -259,7 +239,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
 
 template ElementNodes element_nodes<2>(const FineSpace<2>&, const std::vector<TiedFacets>&);
 template ElementNodes element_nodes<3>(const FineSpace<3>&, const std::vector<TiedFacets>&);
-template BlockMatrix<2> element_stiffness<2>(const FineSpace<2>&, const ElementNodes&, const std::vector<Lame>&, bool);
-template BlockMatrix<3> element_stiffness<3>(const FineSpace<3>&, const ElementNodes&, const std::vector<Lame>&, bool);
+template BlockMatrix<2> element_stiffness<2>(const FineSpace<2>&, const ElementNodes&, const Materials<2>&, bool);
+template BlockMatrix<3> element_stiffness<3>(const FineSpace<3>&, const ElementNodes&, const Materials<3>&, bool);
 
 }  // namespace efree

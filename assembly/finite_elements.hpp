@@ -3,8 +3,8 @@
 #pragma once
 
 #include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/materials.hpp"
 #include "efree/basis/fine_space.hpp"
-#include "efree/materials/linear_elastic.hpp"
 
 namespace efree {
 
@@ -16,10 +16,11 @@ struct ElementNodes {
 };
 template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const std::vector<TiedFacets>& ties = {});
 
-/// K = sum_c int_c B^T C B, integrated exactly (if axisymmetric by the cell rule of the space). `lame` by region.
-/// `mean_dilatation`: with the mean of the dilatation in each cell for the volumetric part (B-bar; Nagtegaal, Parks &
-/// Rice 1974). Quadratic cells then do not lock towards nu = 1/2.
+/// K = sum_c int_c G^T A G with the tangents A of the materials, undeformed; integrated exactly (if axisymmetric, or if
+/// A varies in a region, by the cell rule of the space). `mean_dilatation`: with the mean of the dilatation in each
+/// cell for the volumetric part (B-bar; Nagtegaal, Parks & Rice 1974). Quadratic cells then do not lock towards nu =
+/// 1/2.
 template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& space, const ElementNodes& nodes,
-                                                      const std::vector<Lame>& lame, bool mean_dilatation = false);
+                                                      const Materials<Dim>& materials, bool mean_dilatation = false);
 
 }  // namespace efree

@@ -288,7 +288,7 @@ std::function<MeshData<2>(double)> filling(const PlanarDomain& domain) {
 }
 
 ElasticModel plane_stress() {
-  return {.material = {1.0, 0.3}, .plane = Plane::stress};
+  return {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
 }
 DisplacementCondition<2> moved(const char* on, double x, double y) {
   return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
@@ -297,7 +297,7 @@ DisplacementCondition<2> moved(const char* on, double x, double y) {
 /// A cube of an image between sliding planes, its top moved by one per cent.
 Case<3> pulled(const LabelImage<3>& image) {
   const double height = image.size[2];
-  Case<3> analysis = said<3>({}, 2.0, {.material = {1.0, 0.3}},
+  Case<3> analysis = said<3>({}, 2.0, {.material = LinearElastic(1.0, 0.3)},
                              {symmetry_plane<3>("left"),
                               symmetry_plane<3>("front"),
                               symmetry_plane<3>("bottom"),
@@ -356,7 +356,8 @@ int main(int argc, char** argv) {
         [](double size) {
           return triangulate_data(shapes::quarter_plate_with_hole(1.0, Kirsch::half_width, size), {.size = size});
         },
-        0.2, {.material = Kirsch::material, .plane = Plane::stress}, quarter, Kirsch::loads(), coarsest_of_arcs);
+        0.2, {.material = LinearElastic(Kirsch::material), .plane = Plane::stress}, quarter, Kirsch::loads(),
+        coarsest_of_arcs);
     plate.exact = {Kirsch::displacement, Kirsch::stress};
     run("plate", plate, 0.2, 0.0, 0.0);
   }
@@ -374,7 +375,8 @@ int main(int argc, char** argv) {
                }}),
       0.05, 0.01, 0.79354);
   run("Cook",
-      said<2>(filling(shapes::cook()), 3.0, {.material = {1.0, 1.0 / 3.0}, .plane = Plane::strain}, {clamp<2>("left")},
+      said<2>(filling(shapes::cook()), 3.0, {.material = LinearElastic(1.0, 1.0 / 3.0), .plane = Plane::strain},
+              {clamp<2>("left")},
               {{{"right",
                  [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
                    return {0.0, 1.0};
@@ -411,7 +413,7 @@ int main(int argc, char** argv) {
   {
     auto cavity =
         said<3>([](double size) { return solids::spherical_cavity(1.0, Cavity::half_width, size); }, 0.1,
-                {.material = Cavity::material},
+                {.material = LinearElastic(Cavity::material)},
                 {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")}, Cavity::loads());
     cavity.exact = {Cavity::displacement, Cavity::stress};
     run("cavity", cavity, 0.1, 0.0, 0.0);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <cmath>
@@ -13,7 +14,7 @@ namespace efree::bench {
 /// Infinite body with a spherical cavity of radius 1 under unit tension along z, E = 1.
 template <double Nu> struct CavityIn {
   static constexpr double half_width = 2.0;  ///< of the eighth that is analysed
-  static constexpr LinearElastic material{1.0, Nu};
+  static constexpr IsotropicModuli material{1.0, Nu};
 
   /// u = f(r, c) n + g(r, c) e + the uniform field, with n = x / r, e the axis of tension, c = n . e.
   static Vec<3> displacement(const Vec<3>& x) {
@@ -28,12 +29,10 @@ template <double Nu> struct CavityIn {
     H.diagonal() += Vec<3>(-material.nu, -material.nu, 1.0) / material.E;
     Voigt<3> strain;
     strain << H(0, 0), H(1, 1), H(2, 2), H(1, 2) + H(2, 1), H(0, 2) + H(2, 0), H(0, 1) + H(1, 0);
-    return stiffness<3>(solid_lame(material)) * strain;
+    static const Materials<3> materials({LinearElastic(material)}, Plane::strain);
+    return materials.stiffness(0, x).C * strain;
   }
-  static Vec<3> traction(const Vec<3>& x, const Vec<3>& n) {
-    const Voigt<3> s = stress(x);
-    return Mat<3>{{s[0], s[5], s[4]}, {s[5], s[1], s[3]}, {s[4], s[3], s[2]}} * n;
-  }
+  static Vec<3> traction(const Vec<3>& x, const Vec<3>& n) { return efree::traction<3>(stress(x), n); }
 
   static FineMesh<3> mesh(double size) { return FineMesh<3>(solids::spherical_cavity(1.0, half_width, size)); }
   /// The sides on which displacements are prescribed.
@@ -41,7 +40,7 @@ template <double Nu> struct CavityIn {
 
   static ElasticSolver<3> solver(const Approximation<3>& approximation, Essential essential,
                                  StageTimes* times = nullptr) {
-    return ElasticSolver<3>(approximation, {.material = material, .essential = essential},
+    return ElasticSolver<3>(approximation, {.material = LinearElastic(material), .essential = essential},
                             {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                             times);
   }
@@ -49,8 +48,8 @@ template <double Nu> struct CavityIn {
     return {.tractions = {{"right", traction}, {"back", traction}, {"top", traction}}, .body_force = {}};
   }
   static Errors errors(const Approximation<3>& approximation, const Solution<3>& solution) {
-    return errors_against<3>(approximation, recover_fields(approximation, solution), solid_lame(material),
-                             {displacement, stress});
+    return errors_against<3>(approximation, recover_fields(approximation, solution),
+                             Materials<3>({LinearElastic(material)}, Plane::strain), {displacement, stress});
   }
 
  private:

@@ -25,9 +25,9 @@ using namespace efree;
 namespace {
 
 template <int Dim> Matrix dense_stiffness(const Discretization<Dim>& discretization) {
-  const Lame lame = lame_constants<Dim>({1.0, 0.3}, Plane::stress);
+  const Materials<Dim> materials({LinearElastic(1.0, 0.3)}, Plane::stress);
   const SymmetricMatrix full =
-      stiffness_matrix(discretization, stiffness<Dim>(lame)).template selfadjointView<Eigen::Lower>();
+      stiffness_matrix(discretization, materials.tangents(discretization)).template selfadjointView<Eigen::Lower>();
   return Matrix(full);
 }
 

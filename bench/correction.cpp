@@ -127,7 +127,7 @@ Elements finite_elements(const Problem<Dim>& problem, int degree, bool recover, 
   const auto elements = approximate<Dim>(problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2,
                                                         .axisymmetric = problem.model.plane == Plane::axisymmetric});
   const auto recovered = [&](const Solution<Dim>& solution) {
-    return recovery_error(elements, recover_fields(elements, solution), region_lame(problem.model, problem.mesh))
+    return recovery_error(elements, recover_fields(elements, solution), materials_of(problem.model, problem.mesh))
         .relative;
   };
   if (shares_vertices(problem.mesh)) {
@@ -169,7 +169,7 @@ template <int Dim> void recovery(const std::string& name, const Problem<Dim>& pr
 }
 
 ElasticModel plane_stress(double nu = 0.3) {
-  return {.material = {1.0, nu}, .plane = Plane::stress};
+  return {.material = LinearElastic(1.0, nu), .plane = Plane::stress};
 }
 DisplacementCondition<2> moved(const char* on, double x, double y) {
   return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
@@ -186,7 +186,7 @@ Problem<3> pulled(const LabelImage<3>& image, double size, double h) {
   const double height = image.size[2];
   return {FineMesh<3>(keep_largest(mesh_image<3>(image, {.size = size})).mesh),
           h,
-          {.material = {1.0, 0.3}},
+          {.material = LinearElastic(1.0, 0.3)},
           {symmetry_plane<3>("left"),
            symmetry_plane<3>("front"),
            symmetry_plane<3>("bottom"),
@@ -242,7 +242,7 @@ int main(int argc, char** argv) {
   run("plate", [&] {
     return Problem<2>{Kirsch::mesh(0.05 * c),
                       0.05 * c,
-                      {.material = Kirsch::material, .plane = Plane::stress},
+                      {.material = LinearElastic(Kirsch::material), .plane = Plane::stress},
                       {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                       Kirsch::loads()};
   });
@@ -262,7 +262,7 @@ int main(int argc, char** argv) {
   run("Cook", [&] {
     return Problem<2>{triangulate(shapes::cook(), {.size = c}),
                       c,
-                      {.material = {1.0, 1.0 / 3.0}, .plane = Plane::strain},
+                      {.material = LinearElastic(1.0, 1.0 / 3.0), .plane = Plane::strain},
                       {clamp<2>("left")},
                       {{{"right",
                          [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
@@ -308,7 +308,7 @@ int main(int argc, char** argv) {
   run("cavity", [&] {
     return Problem<3>{Cavity::mesh(0.15 * c),
                       0.15 * c,
-                      {.material = Cavity::material},
+                      {.material = LinearElastic(Cavity::material)},
                       {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                       Cavity::loads()};
   });
@@ -316,7 +316,7 @@ int main(int argc, char** argv) {
     run("flat cells of half a degree", [&] {
       return Problem<3>{testing::with_sides(testing::with_flat_cells(testing::box(16), 0.5)),
                         1.0 / 16,
-                        {.material = {1.0, 0.3}},
+                        {.material = LinearElastic(1.0, 0.3)},
                         {clamp<3>("left")},
                         {{tension<3>("right", 1.0)}, {}}};
     });
@@ -330,8 +330,10 @@ int main(int argc, char** argv) {
   for (const double ratio : {1000.0, 0.001}) {
     if (mode != "recovery") break;
     const std::string moduli = ratio > 1.0 ? "1000 : 1" : "1 : 1000";
-    const ElasticModel two{
-        .material = {}, .plane = Plane::stress, .essential = Essential::strong, .regions = {{1.0, 0.3}, {ratio, 0.3}}};
+    const ElasticModel two{.material = {},
+                           .plane = Plane::stress,
+                           .essential = Essential::strong,
+                           .regions = {LinearElastic(1.0, 0.3), LinearElastic(ratio, 0.3)}};
     for (const double h : {0.2, 0.1})
       run("shared nodes, inclusion " + moduli, [&] {
         const Inclusion& inclusion = ratio > 1.0 ? stiff : soft;

@@ -77,12 +77,12 @@ template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degr
     return solver ? solver->respond(functional, u, problem.loads)
                   : corrector->respond(functional, u.coefficients, problem.loads, {.tolerance = tolerance});
   };
-  const auto lame = region_lame(problem.model, problem.mesh);
+  const auto materials = materials_of(problem.model, problem.mesh);
   const auto fields_of = [&](const Points<Dim>& of) {
     return recover_fields(elements, evaluate(elements, problem.model, of));
   };
   const auto fields = estimated ? recover_fields(elements, u) : Fields<Dim>{};
-  const double own = estimated ? std::sqrt(recovery_products(elements, fields, fields, lame).sum()) : 0.0;
+  const double own = estimated ? std::sqrt(recovery_products(elements, fields, fields, materials).sum()) : 0.0;
   const double seconds_u = cpu_seconds() - begin;
   std::vector<Found> found;
   for (const auto& wanted : problem.wanted) {
@@ -95,14 +95,14 @@ template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degr
     Found here{z.value, 0.0, 0.0, 0.0, 0.0, seconds_u, 0.0};
     if (estimated) {
       const auto dual = fields_of(z.displacement);
-      here.reported = functional_error(elements, fields, dual, lame);
+      here.reported = functional_error(elements, fields, dual, materials);
       here.seconds_z = cpu_seconds() - start;
-      here.signed_error = recovery_products(elements, fields, dual, lame).sum();
-      here.local = recovery_products(elements, fields, fields, lame)
-                       .cwiseProduct(recovery_products(elements, dual, dual, lame))
+      here.signed_error = recovery_products(elements, fields, dual, materials).sum();
+      here.local = recovery_products(elements, fields, fields, materials)
+                       .cwiseProduct(recovery_products(elements, dual, dual, materials))
                        .cwiseSqrt()
                        .sum();
-      here.norms = own * std::sqrt(recovery_products(elements, dual, dual, lame).sum());
+      here.norms = own * std::sqrt(recovery_products(elements, dual, dual, materials).sum());
     }
     found.push_back(here);
   }
@@ -141,7 +141,7 @@ template <int Dim> void compare(const std::string& name, const Problem<Dim>& pro
 }
 
 ElasticModel plane_stress(double nu = 0.3) {
-  return {.material = {1.0, nu}, .plane = Plane::stress};
+  return {.material = LinearElastic(1.0, nu), .plane = Plane::stress};
 }
 DisplacementCondition<2> moved(const char* on, double x, double y) {
   return {on, {[x](const Vec<2>&) { return x; }, [y](const Vec<2>&) { return y; }}, nullptr};
@@ -165,7 +165,7 @@ int main(int argc, char** argv) {
     run("plate", [&] {
       return Problem<2>{Kirsch::mesh(h),
                         h,
-                        {.material = Kirsch::material, .plane = Plane::stress},
+                        {.material = LinearElastic(Kirsch::material), .plane = Plane::stress},
                         {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                         Kirsch::loads(),
                         {{"u_x hole", "", {1.0, 0.0}, 0},
@@ -208,7 +208,7 @@ int main(int argc, char** argv) {
     run("Cook", [&] {
       return Problem<2>{triangulate(shapes::cook(), {.size = h}),
                         h,
-                        {.material = {1.0, 1.0 / 3.0}, .plane = Plane::strain},
+                        {.material = LinearElastic(1.0, 1.0 / 3.0), .plane = Plane::strain},
                         {clamp<2>("left")},
                         {{pull<2>("right", {0.0, 1.0})}, {}},
                         {{"u_y tip", "", {48.0, 60.0}, 1},
@@ -255,7 +255,7 @@ int main(int argc, char** argv) {
       return Problem<2>{
           triangulate(shapes::rectangle(1.0, 0.0, 2.0, 1.0), {.size = h}),
           h,
-          {.material = {1.0, 0.3}, .plane = Plane::axisymmetric},
+          {.material = LinearElastic(1.0, 0.3), .plane = Plane::axisymmetric},
           {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")},
           {{pressure<2>("left", [](const Vec<2>&) { return 1.0; })}, {}},
           {{"u_r inner", "", {1.0, 0.5}, 0}, {"u_r outer", "", {2.0, 0.5}, 0}, {"R_z top", "top", {}, 1}}};
@@ -264,7 +264,7 @@ int main(int argc, char** argv) {
     run("cavity", [&] {
       return Problem<3>{Cavity::mesh(h),
                         h,
-                        {.material = Cavity::material},
+                        {.material = LinearElastic(Cavity::material)},
                         {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                         Cavity::loads(),
                         {{"u_z pole", "", {0.0, 0.0, 1.0}, 2},
@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
     run("beam", [&] {
       return Problem<3>{FineMesh<3>(solids::box({4.0, 1.0, 1.0}, h)),
                         h,
-                        {.material = {1.0, 0.3}},
+                        {.material = LinearElastic(1.0, 0.3)},
                         {clamp<3>("left"), {"right", {nullptr, nullptr, [](const Vec<3>&) { return -1.0; }}, nullptr}},
                         {},
                         {{"u_z middle", "", {2.0, 0.5, 0.5}, 2},

@@ -16,6 +16,7 @@
 ///   so]
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <algorithm>
@@ -106,7 +107,9 @@ Result solve(const Kind& kind, const std::function<FineMesh<2>(const Mesh&)>& ma
       conditions.push_back({"right", {one, nullptr}, nullptr});
     else
       loads.tractions.push_back({"right", [](const Vec<2>&, const Vec<2>&) -> Vec<2> { return {1.0, 0.0}; }});
-    const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .essential = essential}, conditions);
+    const ElasticSolver<2> solver(approximation,
+                                  {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential},
+                                  conditions);
     const auto solution = solver.solve(loads);
     result.seconds = std::min(result.seconds, seconds_since(start));
     result.cpu_seconds = std::min(result.cpu_seconds, static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC);

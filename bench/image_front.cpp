@@ -12,6 +12,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/largest_body.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/cell_solver.hpp"
 #include "efree/solvers/correction.hpp"
 
@@ -61,8 +62,8 @@ int on_cells(const std::string& name, double size, double tolerance, int threads
   const double kept = cpu_seconds();
   const double edge = image.size[0];
   StageTimes times;
-  const CellSolution solution =
-      solve_on_cells(image, {{}, {1.0, 0.3}}, pulled(0.01 * edge), {}, {.size = size, .tolerance = tolerance}, &times);
+  const CellSolution solution = solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, pulled(0.01 * edge), {},
+                                               {.size = size, .tolerance = tolerance}, &times);
   const double all = cpu_seconds() - start, passed = wall_seconds() - wall;
   const auto modulus = [&](double energy) { return 2.0 * energy / (1e-4 * edge * edge * edge); };
   for (const CellLevel& level : solution.levels)
@@ -103,7 +104,7 @@ int main(int argc, char** argv) {
   const double meshing = lap();
   auto cloud = approximate<3>(mesh, {.spacing = argc > 5 ? std::atof(argv[5]) : 0.0});
   const double basis = lap();
-  const ElasticModel model{.material = {1.0, 0.3}};
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3)};
   const std::vector<DisplacementCondition<3>> supports = pulled(0.01 * voxels);
   const auto solution = ElasticSolver<3>(cloud, model, supports).solve({});
   const double solving = lap();

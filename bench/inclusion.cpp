@@ -27,7 +27,7 @@ Run solve(const bench::Inclusion& inclusion, const FineMesh<2>& mesh, const Appr
   const auto model = inclusion.model(options.kind == BasisKind::mls ? Essential::nitsche : Essential::strong);
   const ElasticSolver<2> solver(approximation, model, {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")});
   const auto fields = recover_fields(approximation, solver.solve(inclusion.loads()));
-  const Errors errors = errors_against(approximation, fields, region_lame(model, mesh), inclusion.exact());
+  const Errors errors = errors_against(approximation, fields, materials_of(model, mesh), inclusion.exact());
   return {{*errors.l2_displacement, *errors.energy_norm, *errors.energy_norm_recovered},
           approximation.shape.num_nodes()};
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <cmath>
@@ -35,8 +36,8 @@ class Inclusion {
     p_ = R_ * ((m_ * D_ * alpha + E_ * beta) / k - Gamma * m_);
   }
 
-  LinearElastic matrix() const { return {1.0, nu}; }
-  LinearElastic inclusion() const { return {ratio_, nu}; }
+  IsotropicModuli matrix() const { return {1.0, nu}; }
+  IsotropicModuli inclusion() const { return {ratio_, nu}; }
   bool inside(const Vec<2>& x) const { return std::pow(x.x() / a_, 2) + std::pow(x.y() / b_, 2) < 1.0; }
 
   Vec<2> displacement(const Vec<2>& x) const {
@@ -49,7 +50,7 @@ class Inclusion {
     const Potentials f = at(x);
     const double sum = 4.0 * f.dphi.real();
     const Complex difference = 2.0 * (Complex(x.x(), -x.y()) * f.ddphi + f.dpsi);
-    return {0.5 * (sum - difference.real()), 0.5 * (sum + difference.real()), 0.5 * difference.imag()};
+    return {0.5 * (sum - difference.real()), 0.5 * (sum + difference.real()), nu * sum, 0.5 * difference.imag()};
   }
 
   /// Quarter of the plate; regions "matrix" and "inclusion", sides left, bottom, right, top. Chords of the interface
@@ -79,14 +80,14 @@ class Inclusion {
   }
 
   ElasticModel model(Essential essential) const {
-    return {.material = {}, .plane = Plane::strain, .essential = essential, .regions = {matrix(), inclusion()}};
+    return {.material = {},
+            .plane = Plane::strain,
+            .essential = essential,
+            .regions = {LinearElastic(matrix()), LinearElastic(inclusion())}};
   }
   Loads<2> loads() const {
-    const auto traction = [this](const Vec<2>& x, const Vec<2>& n) {
-      const Voigt<2> s = stress(x);
-      return Vec<2>(s[0] * n.x() + s[2] * n.y(), s[2] * n.x() + s[1] * n.y());
-    };
-    return {.tractions = {{"right", traction}, {"top", traction}}, .body_force = {}};
+    const auto pulled = [this](const Vec<2>& x, const Vec<2>& n) { return traction<2>(stress(x), n); };
+    return {.tractions = {{"right", pulled}, {"top", pulled}}, .body_force = {}};
   }
   ExactSolution<2> exact() const {
     return {[this](const Vec<2>& x) { return displacement(x); }, [this](const Vec<2>& x) { return stress(x); }};

@@ -36,16 +36,16 @@ template <int Dim>
 std::string errors_text(const Problem<Dim>& problem, const Approximation<Dim>& basis, const Points<Dim>& coefficients) {
   const auto solution = evaluate(basis, problem.model, coefficients);
   const auto fields = recover_fields(basis, solution);
-  const auto lame = region_lame(problem.model, problem.mesh);
+  const auto materials = materials_of(problem.model, problem.mesh);
   char text[200];
   if (problem.exact.stress) {
-    const Errors e = errors_against<Dim>(basis, fields, lame, problem.exact);
-    const double said = recovery_error(basis, fields, lame).relative;
+    const Errors e = errors_against<Dim>(basis, fields, materials, problem.exact);
+    const double said = recovery_error(basis, fields, materials).relative;
     std::snprintf(text, sizeof text, "%.2e, %.2e, %.2e (said %.2f)", *e.l2_displacement, *e.energy_norm,
                   *e.energy_norm_recovered, said / *e.energy_norm);
   } else {
     std::snprintf(text, sizeof text, "E %.5f, said %.2e", solution.strain_energy,
-                  recovery_error(basis, fields, lame).relative);
+                  recovery_error(basis, fields, materials).relative);
   }
   return text;
 }
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
       const double h = 0.05;
       return Problem<2>{wall.mesh<2>(1.0, h, h),
                         h,
-                        {.material = wall.material, .plane = Plane::axisymmetric},
+                        {.material = LinearElastic(wall.material), .plane = Plane::axisymmetric},
                         {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")},
                         wall.loads<2>(),
                         {[=](const Vec<2>& x) { return wall.displacement<2>(x); },
@@ -127,7 +127,7 @@ int main(int argc, char** argv) {
       const double h = 1.0;
       return Problem<2>{triangulate(shapes::cook(), {.size = h}),
                         h,
-                        {.material = {240.565, nu}, .plane = Plane::strain},
+                        {.material = LinearElastic(240.565, nu), .plane = Plane::strain},
                         {clamp<2>("left")},
                         {{{"right",
                            [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
@@ -139,7 +139,7 @@ int main(int argc, char** argv) {
       const double h = 0.05;
       return Problem<2>{Kirsch::mesh(h),
                         h,
-                        {.material = {1.0, nu}, .plane = Plane::strain},
+                        {.material = LinearElastic(1.0, nu), .plane = Plane::strain},
                         {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                         Kirsch::loads()};
     });
@@ -148,7 +148,7 @@ int main(int argc, char** argv) {
         using Cavity = CavityIn<nu>;
         return Problem<3>{Cavity::mesh(h),
                           h,
-                          {.material = Cavity::material},
+                          {.material = LinearElastic(Cavity::material)},
                           {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                           Cavity::loads(),
                           {Cavity::displacement, Cavity::stress}};
@@ -156,8 +156,7 @@ int main(int argc, char** argv) {
     if (!folder.empty())
       run("liver", nu, [&] {
         auto analysis = std::get<Case<3>>(read_case(folder / "liver.toml"));
-        analysis.materials[0].elastic.nu = nu;
-        analysis.model.material.nu = nu;
+        analysis.model.material = analysis.materials[0].material = LinearElastic(1.0, nu);
         const double h = mesh_size(analysis);
         auto made = read_mesh(analysis);
         ElasticModel model = analysis.model;

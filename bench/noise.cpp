@@ -97,8 +97,8 @@ void study_defaults(const std::string& name, Index n, int degree, bool quarters)
   const CaseResult<3> result = solve_case(analysis, mesh);
   const double peak = peak_memory_mb();
   if (result.cells) {
-    std::vector<LinearElastic> materials{{}};
-    for (const auto& material : analysis.materials) materials.push_back(material.elastic);
+    std::vector<SharedMaterial> materials{{}};
+    for (const auto& material : analysis.materials) materials.push_back(material.material);
     const auto on_cells = [&](double size) {
       return solve_on_cells(*mesh.image, materials, analysis.supports, analysis.loads, {.size = size});
     };

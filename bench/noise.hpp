@@ -5,6 +5,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/io/run_case.hpp"
+#include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -69,8 +70,9 @@ inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector
   analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
   analysis.geometry.size = size;
   for (std::size_t k = 0; k < moduli.size(); ++k)
-    analysis.materials.push_back({moduli.size() == 1 ? "" : std::to_string(k + 1), {moduli[k], 0.3}, "noise"});
-  analysis.model.material = analysis.materials.front().elastic;
+    analysis.materials.push_back(
+        {moduli.size() == 1 ? "" : std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
+  analysis.model.material = analysis.materials.front().material;
   const auto moved = [](const char* on, double x) {
     return DisplacementCondition<3>{
         on,

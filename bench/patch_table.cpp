@@ -68,7 +68,8 @@ template <int Dim> void print_table(int clouds, const std::vector<std::string>& 
           ApproximationOptions options{
               .spacing = body.spacing, .seed = static_cast<std::uint64_t>(seed), .secondary = secondary};
           if (essential == Essential::strong) options.vanish_on = body.outer;
-          add_errors(body, approximate(body.mesh, options), {.material = {1.0, 0.3}, .essential = essential}, errors);
+          add_errors(body, approximate(body.mesh, options),
+                     {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential}, errors);
         }
         print_row(name, secondary == SecondaryKind::cells ? "cells" : "mls",
                   essential == Essential::nitsche ? "Nitsche" : "strong", errors);
@@ -93,7 +94,8 @@ int main(int argc, char** argv) {
     Errors3 errors;
     for (int seed = 1; seed <= clouds; ++seed) {
       const ApproximationOptions options{.spacing = body.spacing, .seed = static_cast<std::uint64_t>(seed)};
-      add_errors(body, testing::with_point_evaluation(body.mesh, options), {.material = {1.0, 0.3}}, errors);
+      add_errors(body, testing::with_point_evaluation(body.mesh, options),
+                 {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress}, errors);
     }
     print_row(name, "cells, gradients evaluated", "Nitsche", errors);
   }

@@ -14,6 +14,7 @@
 #include "efree/geometry/largest_body.hpp"
 #include "efree/geometry/selection.hpp"
 #include "efree/geometry/surface.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <sys/resource.h>
@@ -90,7 +91,8 @@ void run(Source source, Index voxels, double size, double spacing) {
   const double basis_bytes = (peak_gib() - before) * 1024.0 * 1024.0 * 1024.0 / mesh->num_vertices();
   DisplacementCondition<3> pulled{"top", {}, [voxels](const Vec<3>&) { return 0.01 * voxels; }};
   const ElasticSolver<3> solver(
-      approximation, {.material = {1.0, 0.3}, .essential = elements ? Essential::strong : Essential::nitsche},
+      approximation,
+      {.material = LinearElastic(1.0, 0.3), .essential = elements ? Essential::strong : Essential::nitsche},
       {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled}, &times);
   Solution<3> solution;
   {

@@ -10,6 +10,7 @@
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
 #include "efree/geometry/solid_shapes.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <malloc.h>
@@ -64,7 +65,7 @@ template <int Dim> void measure(const char* name, const FineMesh<Dim>& mesh, dou
     points = approximation.quadrature.size();
     memory = resident() - before;
   });
-  const ElasticModel model{.material = {1.0, 0.3}, .essential = Essential::strong};
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = Essential::strong};
   const double p1 = median_cpu(repetitions, [&] {
     const auto elements = approximate(mesh, {.kind = BasisKind::p1});
     ElasticSolver<Dim>(elements, model, conditions);

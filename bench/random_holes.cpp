@@ -4,6 +4,7 @@
 ///
 ///   bench_random_holes [spacing = 0.2] [fine mesh size = 0.05] [seeds = 3]
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <cstdio>
@@ -24,7 +25,8 @@ Result solve(const FineMesh<2>& mesh, const ApproximationOptions& options) {
   const auto approximation = approximate(mesh, options, &times);
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
   const Essential essential = options.kind == BasisKind::mls ? Essential::nitsche : Essential::strong;
-  const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .essential = essential},
+  const ElasticSolver<2> solver(approximation,
+                                {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential},
                                 {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}}, &times);
   const auto solution = solver.solve({{{"right",
                                         [](const Vec<2>&, const Vec<2>&) -> Vec<2> {

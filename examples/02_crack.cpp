@@ -20,7 +20,7 @@ namespace {
 
 double opening(const FineMesh<2>& mesh, const ApproximationOptions& options) {
   const Approximation<2> strip = approximate(mesh, options);
-  const ElasticSolver<2> solver(strip, {.material = {.E = 1.0, .nu = 0.3}, .plane = Plane::strain},
+  const ElasticSolver<2> solver(strip, {.material = LinearElastic(1.0, 0.3), .plane = Plane::strain},
                                 {clamp<2>("bottom")});
   const Fields<2> fields = recover_fields(strip, solver.solve({.tractions = {tension<2>("top", 1.0)}}));
   double lower = 1e300, upper = -1e300;

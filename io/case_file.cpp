@@ -5,13 +5,17 @@
 #include "efree/io/expression.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 #include "efree/io/internal/section.hpp"
+#include "efree/materials/linear_elastic.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <set>
 #include <tuple>
 
@@ -157,28 +161,107 @@ Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector
   return grading;
 }
 
-std::vector<CaseSettings::Material> read_materials(const Section& root) {
-  const Section::Keys keys{"model", "E", "nu"};
-  const auto read = [](const Section& section, std::string region) {
-    section.choice<int>("model", {{"linear_elastic", 0}}, 0);
-    return CaseSettings::Material{std::move(region),
-                                  {section.number("E", positive), section.number("nu", {-1.0, 0.5})},
-                                  section.where(region.empty() ? "E" : "region")};
-  };
-  if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
-  Section::Keys with_region = keys;
-  with_region.push_back("region");
-  std::vector<CaseSettings::Material> materials;
-  for (const Section& section : root.sections("material", with_region)) {
-    const std::string region = section.text("region");
-    for (const auto& earlier : materials)
-      if (earlier.region == region)
-        section.fail("region", fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-    materials.push_back(read(section, region));
+/// [material] or [[material]]: numbers, or expressions of the place.
+template <int Dim> class MaterialReader {
+ public:
+  MaterialReader(const Expressions<Dim>& expressions, Plane plane) : expressions_(expressions), plane_(plane) {}
+
+  std::vector<CaseSettings::Material> read(const Section& root) const {
+    if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
+    Section::Keys with_region = keys;
+    with_region.push_back("region");
+    std::vector<CaseSettings::Material> materials;
+    for (const Section& section : root.sections("material", with_region)) {
+      const std::string region = section.text("region");
+      for (const auto& earlier : materials)
+        if (earlier.region == region)
+          section.fail("region",
+                       fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
+      materials.push_back(read(section, region));
+    }
+    if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
+    return materials;
   }
-  if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
-  return materials;
-}
+
+ private:
+  enum class Model { linear_elastic, orthotropic };
+  static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor"};
+
+  CaseSettings::Material read(const Section& section, std::string region) const {
+    const auto model =
+        section.choice<Model>("model", {{"linear_elastic", Model::linear_elastic}, {"orthotropic", Model::orthotropic}},
+                              Model::linear_elastic);
+    const auto only_orthotropic = {"G", "axes", "angle", "factor"};
+    for (const char* key : only_orthotropic)
+      if (model == Model::linear_elastic && section.has(key))
+        section.fail(key, fmt::format("{} is for model = \"orthotropic\"", key));
+    CaseSettings::Material material = model == Model::orthotropic ? orthotropic(section) : isotropic(section);
+    material.region = std::move(region);
+    material.where = section.where(material.region.empty() ? "E" : "region");
+    return material;
+  }
+  CaseSettings::Material isotropic(const Section& section) const {
+    const Parameter E = parameter(section, "E", positive), nu = parameter(section, "nu", {-1.0, 0.5});
+    // What varies may come near to 1/2 somewhere: averaged dilatations do no harm where they are not needed.
+    const double locking = nu.is_constant() ? of(LinearElastic(1.0, nu)) : std::numeric_limits<double>::infinity();
+    return {"", LinearElastic(E, nu), "", locking};
+  }
+  CaseSettings::Material orthotropic(const Section& section) const {
+    const auto three = [&](const char* key, const Interval& range) {
+      const std::vector<double> numbers = section.numbers(key, range);
+      if (numbers.size() != 3) section.fail(key, fmt::format("{} has {} numbers, expected 3", key, numbers.size()));
+      return Vec<3>(numbers[0], numbers[1], numbers[2]);
+    };
+    const OrthotropicModuli moduli{three("E", positive), three("nu", any_number), three("G", positive), axes(section)};
+    const Parameter factor = section.has("factor") ? parameter(section, "factor", positive) : Parameter(1.0);
+    try {
+      return {"", OrthotropicElastic(moduli, factor), "", of(OrthotropicElastic(moduli))};
+    } catch (const InputError& error) {
+      section.fail("nu", error.what());
+    }
+  }
+  /// In space the first two axes; in the plane the angle from x to the first.
+  Mat<3> axes(const Section& section) const {
+    Mat<3> result = Mat<3>::Identity();
+    if (Dim == 2) {
+      if (section.has("axes")) section.fail("axes", "in the plane axes are given by their angle to x [degrees]");
+      const double angle = section.number("angle", any_number, 0.0) * std::numbers::pi / 180.0;
+      result.topLeftCorner<2, 2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+      return result;
+    }
+    if (section.has("angle")) section.fail("angle", "in space axes are given as two vectors: axes = [[...], [...]]");
+    if (!section.has("axes")) return result;
+    const auto [first, second] = section.corners<3>("axes");
+    if (!(first.norm() > 0.0 && second.norm() > 0.0 &&
+          std::abs(first.dot(second)) < 1e-9 * first.norm() * second.norm()))
+      section.fail("axes", "the first two axes are not at right angles to each other");
+    result.col(0) = first.normalized();
+    result.col(1) = second.normalized();
+    result.col(2) = result.col(0).cross(result.col(1));
+    return result;
+  }
+  Parameter parameter(const Section& section, const char* key, const Interval& range) const {
+    if (section.has(key) && section.table().get(key)->is_string()) {
+      const auto field = expressions_.field(section.expression(key), section.where(key));
+      return [field, range, what = fmt::format("{}: {}", section.where(key), key)](const Vec<3>& X) {
+        const double value = field(X.head<Dim>());
+        if (!range.contains(value))
+          throw InputError(fmt::format("{} is {:.6g} at ({:.6g}), expected a number {}", what, value,
+                                       fmt::join(X.head<Dim>(), ", "), range.text()));
+        return value;
+      };
+    }
+    return section.number(key, range);
+  }
+  double of(const Material& material) const {
+    if (Dim == 2 && plane_ == Plane::stress) return 0.0;  // the body can always thin out
+    const auto response = respond(material, Deformation::none(Points<3>::Zero(3, 1)), true);
+    return incompressibility(response.tangent_at(0));
+  }
+
+  const Expressions<Dim>& expressions_;
+  Plane plane_;
+};
 
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
 /// them.
@@ -269,11 +352,17 @@ template <int Dim> void read_exact(const Section& section, const Expressions<Dim
   if (section.has("displacement"))
     result.exact.displacement =
         expressions.fields(section.expressions<Dim>("displacement"), section.where("displacement"));
-  if (section.has("stress"))
-    with_normals<Dim>(result.model.plane == Plane::axisymmetric, [&]<int Normals>(Number<Normals>) {
-      result.exact.stress =
-          expressions.fields(section.expressions<voigt_size<Dim, Normals>>("stress"), section.where("stress"));
-    });
+  if (section.has("stress")) {
+    if (Dim == 3 || result.model.plane == Plane::axisymmetric) {
+      result.exact.stress = expressions.fields(section.expressions<voigt_size<Dim>>("stress"), section.where("stress"));
+    } else if constexpr (Dim == 2) {  // across the plane there is no work
+      const auto in_plane = expressions.fields(section.expressions<3>("stress"), section.where("stress"));
+      result.exact.stress = [in_plane](const Vec<2>& x) {
+        const Vec<3> stress = in_plane(x);
+        return Voigt<2>(stress[0], stress[1], 0.0, stress[2]);
+      };
+    }
+  }
   if (!result.has_exact()) section.fail("", "[exact] is empty, expected displacement or stress");
 }
 
@@ -398,8 +487,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;
   if (analysis.has("body_force"))
     result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
-  result.materials = read_materials(root);
-  result.model.material = result.materials.front().elastic;
+  result.materials = MaterialReader<Dim>(expressions, *result.model.plane).read(root);
+  result.model.material = result.materials.front().material;
   result.approximation.dilatation = quadrature.switch_or_auto("dilatation").value_or(locks_without_dilatation(result));
 
   if (boundaries.empty())
@@ -433,9 +522,11 @@ void require_estimates(const CaseSettings& analysis) {
       analysis.file.string()));
 }
 
-template <int Dim> bool locks_without_dilatation(const Case<Dim>& analysis) {
-  return analysis.approximation.kind == BasisKind::mls && (Dim == 3 || analysis.model.plane != Plane::stress) &&
-         std::ranges::any_of(analysis.materials, [](const auto& material) { return material.elastic.nu > 0.4; });
+bool locks_without_dilatation(const CaseSettings& analysis) {
+  constexpr double bearable = 4.67;  // nu = 0.4
+  return analysis.approximation.kind == BasisKind::mls && analysis.model.plane != Plane::stress &&
+         std::ranges::any_of(analysis.materials,
+                             [](const auto& material) { return material.incompressibility > bearable; });
 }
 
 template <int Dim> void impose(Case<Dim>& analysis, Essential essential) {
@@ -458,8 +549,6 @@ AnyCase read_case(const std::filesystem::path& file) {
   return read<3>(file, root, geometry);
 }
 
-template bool locks_without_dilatation<2>(const Case<2>&);
-template bool locks_without_dilatation<3>(const Case<3>&);
 template void impose<2>(Case<2>&, Essential);
 template void impose<3>(Case<3>&, Essential);
 

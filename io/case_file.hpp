@@ -26,8 +26,10 @@ struct CaseSettings {
   };
   struct Material {
     std::string region;  ///< empty: everywhere
-    LinearElastic elastic;
+    SharedMaterial material;
     std::string where;
+    /// efree::incompressibility, infinite if it depends on the place; 0 in plane stress.
+    double incompressibility = 0.0;
   };
 
   /// A probe or a reaction and the error it may have, relative to its size.
@@ -98,9 +100,9 @@ AnyCase read_case(const std::filesystem::path& file);
 void require_estimates(const CaseSettings& analysis);
 
 /// Whether the volumetric part should be averaged on coarser clusters where the file leaves it open (dilatation =
-/// "auto"): moving least squares with nu > 0.4, but not in plane stress, where the body can always thin out, so that
-/// nothing locks.
-template <int Dim> bool locks_without_dilatation(const Case<Dim>& analysis);
+/// "auto"): moving least squares with nu > 0.4 (of other materials what resists dilatation as much), but not in plane
+/// stress, where the body can always thin out, so that nothing locks.
+bool locks_without_dilatation(const CaseSettings& analysis);
 
 /// Makes the conditions strong or weak and prepares the basis for it: functions of moving least squares must vanish on
 /// the supports of others for nodal values to be set there.

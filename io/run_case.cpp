@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/run_case.hpp"
 
-#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/io/internal/refinement.hpp"
@@ -42,14 +42,14 @@ template <int Dim> void check_probes(const Case<Dim>& analysis, const FineMesh<D
 
 /// The material of each region.
 template <int Dim>
-std::vector<LinearElastic> region_materials(const CaseSettings& analysis, const FineMesh<Dim>& mesh) {
+std::vector<SharedMaterial> region_materials(const CaseSettings& analysis, const FineMesh<Dim>& mesh) {
   if (analysis.materials.front().region.empty())
-    return std::vector<LinearElastic>(mesh.num_regions(), analysis.model.material);
-  std::vector<LinearElastic> materials(mesh.num_regions());
+    return std::vector<SharedMaterial>(mesh.num_regions(), analysis.model.material);
+  std::vector<SharedMaterial> materials(mesh.num_regions());
   std::vector<char> given(mesh.num_regions(), 0);
   for (const auto& material : analysis.materials) {
     const Index region = located(analysis, material.where, [&] { return mesh.region(material.region); });
-    materials[region] = material.elastic;
+    materials[region] = material.material;
     given[region] = 1;
   }
   std::vector<std::string> missing;
@@ -318,7 +318,7 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
                                                        .dilatation = takes_mean_dilatation(functions, result.model)});
   result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
   result_of.fields = recover_fields(result_of.elements, result_of.solution);
-  result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, region_lame(result.model, *result.mesh));
+  result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, materials_of(result.model, *result.mesh));
   return result_of;
 }
 
@@ -422,7 +422,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
     if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
     fields.displacement = lifted ? Points<Dim>(at_midpoints_too(functions.space, start)) : start;
     uncorrected =
-        mixed_distance(best.elements, best.correction.displacement, fields, region_lame(result.model, *result.mesh));
+        mixed_distance(best.elements, best.correction.displacement, fields, materials_of(result.model, *result.mesh));
   }
   Estimates estimates{.cloud = analysis.corrected ? best.correction.error : uncorrected,
                       .uncorrected = uncorrected,
@@ -478,7 +478,8 @@ template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const
   if (analysis.has_exact()) return "there is an exact solution to compare with";
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
   for (const auto& material : mesh.materials)
-    if (material.nu > 0.4) return "a material is nearly incompressible";
+    if (!is_isotropic(material)) return "a material is not isotropic, or differs from place to place";
+  if (locks_without_dilatation(analysis)) return "a material is nearly incompressible";
   for (const auto& group : analysis.groups)
     if (!is_side(group.name)) return fmt::format("\"{}\" is not a side of the image", group.name);
   return "";
@@ -491,7 +492,7 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
                      const Progress& progress) {
   const FineSpace<3> space(*mesh.mesh, 1);
   require_restrained(space, restraints(analysis.supports), tied_facets(*mesh.mesh, mesh.open_interface));
-  std::vector<LinearElastic> of_label(mesh.region_of_label.rbegin()->first + 1);
+  std::vector<SharedMaterial> of_label(mesh.region_of_label.rbegin()->first + 1);
   std::vector<Index> region_of_label(of_label.size(), -1);
   for (const auto& [label, name] : mesh.region_of_label) {
     const auto& names = mesh.mesh->region_names();
@@ -501,7 +502,7 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
         std::ranges::find_if(analysis.materials, [&](const auto& m) { return m.region.empty() || m.region == name; });
     if (material == analysis.materials.end())
       throw InputError(fmt::format("{}: no [[material]] for the region \"{}\"", analysis.materials.back().where, name));
-    of_label[label] = material->elastic;
+    of_label[label] = material->material;
   }
   const Stopwatch seconds;
   const bool fixed = says_its_mesh(analysis), asked = analysis.asks_for_accuracy();
@@ -671,15 +672,15 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   const Stage stage("output", result.times, progress);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
-  const auto lame = region_lame(result.model, *mesh.mesh);
-  if (analysis.has_exact()) result.errors = errors_against(basis, result.fields, lame, analysis.exact);
+  const auto materials = materials_of(result.model, *mesh.mesh);
+  if (analysis.has_exact()) result.errors = errors_against(basis, result.fields, materials, analysis.exact);
   if (result.probes.empty() && result.extremes.empty()) internal::read_off(analysis, result);
   if constexpr (Dim == 3)
     if (on_cells)
       result.error_density = internal::error_density(
           result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
   if (result.error_density.size() == 0)
-    result.error_density = internal::error_density(result, recovery_error(basis, result.fields, lame).squares);
+    result.error_density = internal::error_density(result, recovery_error(basis, result.fields, materials).squares);
   return result;
 }
 

@@ -23,8 +23,8 @@ template <int Dim> struct CaseMesh {
   };
 
   std::shared_ptr<const FineMesh<Dim>> mesh;
-  double size = 0.0;                     ///< edges it was made with; the longest of a file with sizes of its own
-  std::vector<LinearElastic> materials;  ///< by region of the mesh
+  double size = 0.0;                      ///< edges it was made with; the longest of a file with sizes of its own
+  std::vector<SharedMaterial> materials;  ///< by region of the mesh
   std::shared_ptr<const LabelImage<Dim>> image;  ///< whose lattice the mesh was cut out of; else none
   std::map<Label, std::string> region_of_label;  ///< of the image: names of regions
   std::string open_interface;  ///< part along which regions are not tied; empty: tied wherever they touch

@@ -10,26 +10,14 @@
 namespace efree::internal {
 namespace {
 
-template <int Dim> double von_mises_of(const CaseResult<Dim>& result, const VoigtValue<Dim>& stress, Index region) {
-  if constexpr (Dim == 3)
-    return von_mises(Voigt<3>(stress));
-  else
-    return von_mises(stress, result.model.plane, result.model.regions[region].nu);
-}
-
 /// What recovery changes in the cells around a place: the most in each, and the mean of these.
 template <int Dim> double stress_error(const CaseResult<Dim>& result, Index place) {
-  const FineMesh<Dim>& mesh = *result.mesh;
-  const auto& space = result.basis().space;
-  Index region = 0;
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    if (std::ranges::find(space.places(c), place) != space.places(c).end()) region = mesh.region(c);
   double sum = 0.0;
-  const auto cells = stress_differences(result.basis(), result.fields, region_lame(result.model, mesh), place);
+  const auto cells = stress_differences(result.basis(), result.fields, materials_of(result.model, *result.mesh), place);
   for (const auto& differences : cells) {
     double most = 0.0;
     for (Index k = 0; k < differences.cols(); ++k)
-      most = std::max(most, von_mises_of<Dim>(result, differences.col(k), region));
+      most = std::max(most, von_mises<Dim>(Voigt<Dim>(differences.col(k))));
     sum += most;
   }
   return sum / static_cast<double>(cells.size());
@@ -71,13 +59,13 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
   if (analysis.probes.empty() && analysis.reactions.empty() && result.extremes.empty()) return;
   const Stage stage("duals", result.times, progress);
   const FineSpace<Dim>& space = reference.elements.space;
-  const auto lame = region_lame(result.model, *result.mesh);
+  const auto materials = materials_of(result.model, *result.mesh);
   // Of a functional that has this value for the answer: of the reference's solution, and how far that is off.
   const auto response_to = [&](const Functional<Dim>& functional) {
     const Response<Dim> response = reference.respond(functional);
     const auto fields =
         recover_fields(reference.elements, evaluate(reference.elements, result.model, response.displacement));
-    return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, lame));
+    return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, materials));
   };
   for (std::size_t k = 0; k < analysis.probes.size(); ++k) {
     const auto& [name, values] = result.probes[k];

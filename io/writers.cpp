@@ -83,7 +83,7 @@ template <> struct VtkCell<3> {
 template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
   if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
   if (axisymmetric) return {"rr", "zz", "tt", "rz"};
-  return {"xx", "yy", "xy"};
+  return {"xx", "yy", "zz", "xy"};
 }
 
 /// 1 at places on the parts that the conditions are on, else 0.
@@ -124,20 +124,9 @@ std::string version() {
 }
 
 template <int Dim> Vector von_mises_at_places(const CaseResult<Dim>& result) {
-  const FineSpace<Dim>& space = result.basis().space;
   const auto& stress = result.fields.stress;
-  Vector mises(space.num_places());
-  if constexpr (Dim == 3) {
-    for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises(Voigt<3>(stress.col(p)));
-  } else {
-    std::vector<char> done(space.num_places(), 0);
-    for (Index c = 0; c < space.mesh().num_cells(); ++c)
-      for (const Index p : space.places(c)) {
-        if (done[p]) continue;
-        done[p] = 1;
-        mises[p] = von_mises(stress.col(p), result.model.plane, result.model.regions[space.mesh().region(c)].nu);
-      }
-  }
+  Vector mises(stress.cols());
+  for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises<Dim>(Voigt<Dim>(stress.col(p)));
   return mises;
 }
 

@@ -4,53 +4,115 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Cholesky>
 #include <cmath>
 
 namespace efree {
 
-Lame solid_lame(const LinearElastic& material) {
-  if (!(material.E > 0.0) || !std::isfinite(material.E))
-    throw InputError(fmt::format("Young's modulus E = {}, expected a positive number", material.E));
-  if (!(material.nu > -1.0 && material.nu < 0.5))
-    throw InputError(fmt::format("Poisson's ratio nu = {}, expected a number in (-1, 0.5)", material.nu));
-  const double mu = material.E / (2.0 * (1.0 + material.nu));
-  const double lambda = material.E * material.nu / ((1.0 + material.nu) * (1.0 - 2.0 * material.nu));
-  return {lambda, mu};
+Lame solid_lame(const IsotropicModuli& moduli) {
+  const auto [E, nu] = moduli;
+  if (!(E > 0.0) || !std::isfinite(E))
+    throw InputError(fmt::format("Young's modulus E = {}, expected a positive number", E));
+  if (!(nu > -1.0 && nu < 0.5))
+    throw InputError(fmt::format("Poisson's ratio nu = {}, expected a number in (-1, 0.5)", nu));
+  return {E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))};
 }
 
-Lame plane_lame(const LinearElastic& material, Plane plane) {
-  const auto [lambda, mu] = solid_lame(material);
+Lame plane_lame(const IsotropicModuli& moduli, Plane plane) {
+  const auto [lambda, mu] = solid_lame(moduli);
   return {plane == Plane::stress ? 2.0 * lambda * mu / (lambda + 2.0 * mu) : lambda, mu};
 }
 
-template <int Dim, int Normals> VoigtMatrix<Dim, Normals> stiffness(const Lame& lame) {
-  VoigtMatrix<Dim, Normals> C = VoigtMatrix<Dim, Normals>::Zero();
-  C.template topLeftCorner<Normals, Normals>().setConstant(lame.lambda);
-  C.diagonal().template head<Normals>().array() += 2.0 * lame.mu;
-  C.diagonal().template tail<voigt_size<Dim, Normals> - Normals>().setConstant(lame.mu);
-  return C;
+LinearElastic::LinearElastic(Parameter E, Parameter nu) : E_(std::move(E)), nu_(std::move(nu)) {
+  const Vec<3> nowhere = Vec<3>::Zero();
+  solid_lame({E_.is_constant() ? E_.at(nowhere) : 1.0, nu_.is_constant() ? nu_.at(nowhere) : 0.0});
 }
 
 namespace {
 
-double von_mises(double xx, double yy, double zz, double shear_squared) {
-  return std::sqrt(0.5 * ((xx - yy) * (xx - yy) + (yy - zz) * (yy - zz) + (zz - xx) * (zz - xx)) + 3.0 * shear_squared);
+/// The unit tensor, flattened.
+Vec<9> unit() {
+  return Mat<3>::Identity().reshaped();
+}
+
+/// P = C : (F - I), the energy and the tangent of a point.
+void respond_linearly(const MaterialResponse::Tangent& C, const Deformation& given, Index p,
+                      MaterialResponse& response) {
+  const Vec<9> H = given.F.col(p) - unit();
+  response.P.col(p).noalias() = C * H;
+  response.energy[p] = 0.5 * H.dot(response.P.col(p));
+  if (response.tangent) response.tangent_at(p) = C;
 }
 
 }  // namespace
 
-double von_mises(const VoigtValue<2>& stress, Plane plane, double nu) {
-  const double xx = stress[0], yy = stress[1];
-  if (plane == Plane::axisymmetric) return von_mises(xx, yy, stress[2], stress[3] * stress[3]);
-  return von_mises(xx, yy, plane == Plane::strain ? nu * (xx + yy) : 0.0, stress[2] * stress[2]);
+void LinearElastic::respond(const Deformation& given, MaterialResponse& response) const {
+  for (Index p = 0; p < given.size(); ++p) {
+    const Vec<3> X = given.X.col(p);
+    Lame one;
+    try {
+      one = solid_lame({E_.at(X), nu_.at(X)});
+    } catch (const InputError& error) {
+      throw InputError(fmt::format("at ({:.6g}): {}", fmt::join(X, ", "), error.what()));
+    }
+    const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
+    response.stress(p) = one.lambda * H.trace() * Mat<3>::Identity() + one.mu * (H + H.transpose());
+    response.energy[p] = 0.5 * response.stress(p).cwiseProduct(H).sum();
+    if (!response.tangent) continue;
+    auto A = response.tangent_at(p);
+    A = one.lambda * unit() * unit().transpose();
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        A(i + 3 * j, i + 3 * j) += one.mu;
+        A(i + 3 * j, j + 3 * i) += one.mu;
+      }
+  }
 }
 
-double von_mises(const Voigt<3>& stress) {
-  return von_mises(stress[0], stress[1], stress[2], stress.tail<3>().squaredNorm());
+OrthotropicElastic::OrthotropicElastic(const OrthotropicModuli& moduli) : OrthotropicElastic(moduli, 1.0) {}
+
+OrthotropicElastic::OrthotropicElastic(const OrthotropicModuli& moduli, Parameter factor) : factor_(std::move(factor)) {
+  const auto& [E, nu, G, axes] = moduli;
+  if (!(E.minCoeff() > 0.0 && E.allFinite()))
+    throw InputError(fmt::format("Young's moduli E = ({}), expected positive numbers", fmt::join(E, ", ")));
+  if (!(G.minCoeff() > 0.0 && G.allFinite()))
+    throw InputError(fmt::format("shear moduli G = ({}), expected positive numbers", fmt::join(G, ", ")));
+  if (!((axes.transpose() * axes - Mat<3>::Identity()).norm() < 1e-9))
+    throw InputError("axes of an orthotropic material: expected orthonormal columns");
+  Mat<3> compliance = E.cwiseInverse().asDiagonal();
+  compliance(1, 2) = compliance(2, 1) = -nu[0] / E[1];
+  compliance(0, 2) = compliance(2, 0) = -nu[1] / E[0];
+  compliance(0, 1) = compliance(1, 0) = -nu[2] / E[0];
+  const Eigen::LLT<Mat<3>> cholesky(compliance);
+  if (cholesky.info() != Eigen::Success || !compliance.allFinite())
+    throw InputError(
+        fmt::format("Poisson's ratios nu_yz, nu_xz, nu_xy = ({}) make the stiffness indefinite for E = ({}); expected "
+                    "nu_ij^2 < E_i / E_j, and all three together small enough",
+                    fmt::join(nu, ", "), fmt::join(E, ", ")));
+  const Mat<3> normal = cholesky.solve(Mat<3>::Identity());
+  // Along the axes first, then turned: C_ijkl = R_ia R_jb R_kc R_ld C_abcd.
+  MaterialResponse::Tangent C = MaterialResponse::Tangent::Zero(), turn;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      C(4 * i, 4 * j) = normal(i, j);
+      if (i != j) C(i + 3 * j, i + 3 * j) = C(i + 3 * j, j + 3 * i) = G[3 - i - j];
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) turn(i + 3 * j, a + 3 * b) = axes(i, a) * axes(j, b);
+    }
+  C_ = turn * C * turn.transpose();
 }
 
-template VoigtMatrix<2> stiffness<2, 2>(const Lame&);
-template VoigtMatrix<2, 3> stiffness<2, 3>(const Lame&);
-template VoigtMatrix<3> stiffness<3, 3>(const Lame&);
+void OrthotropicElastic::respond(const Deformation& given, MaterialResponse& response) const {
+  for (Index p = 0; p < given.size(); ++p) {
+    const double factor = factor_.at(given.X.col(p));
+    if (!(factor > 0.0) || !std::isfinite(factor))
+      throw InputError(
+          fmt::format("the stiffness of an orthotropic material times {} at ({:.6g}), expected a positive "
+                      "number",
+                      factor, fmt::join(given.X.col(p), ", ")));
+    respond_linearly(factor * C_, given, p, response);
+  }
+}
 
 }  // namespace efree

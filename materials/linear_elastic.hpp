@@ -1,59 +1,62 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Isotropic linear elasticity.
+/// Linear elasticity at small strains.
 #pragma once
 
-#include "efree/core/types.hpp"
+#include "efree/materials/material.hpp"
 
 namespace efree {
 
-/// What a mesh in the plane stands for.
-enum class Plane {
-  stress,        ///< a thin plate, per unit thickness
-  strain,        ///< a slice of a body that cannot stretch along z, per unit thickness
-  axisymmetric,  ///< half of a meridian section, x the radius and y the axis: the body of revolution
-};
-
-struct LinearElastic {
+struct IsotropicModuli {
   double E = 0.0;   ///< Young's modulus [stress], positive
   double nu = 0.0;  ///< Poisson's ratio, in (-1, 0.5)
 };
+/// Isotropic: P = lambda tr(eps) I + 2 mu eps, eps the symmetric part of F - I.
+class LinearElastic final : public Material {
+ public:
+  /// Young's modulus [stress], positive, and Poisson's ratio, in (-1, 0.5). Throws InputError for numbers out of range;
+  /// `respond` does for those of fields, naming the point.
+  LinearElastic(Parameter E, Parameter nu);
+  explicit LinearElastic(const IsotropicModuli& moduli) : LinearElastic(moduli.E, moduli.nu) {}
+  bool homogeneous() const override { return E_.is_constant() && nu_.is_constant(); }
+  void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
-/// sigma = lambda tr(eps) I + 2 mu eps, in the Dim dimensions of the analysis.
+ private:
+  Parameter E_, nu_;
+};
+
+/// Stiffness along three axes that are at right angles to each other.
+struct OrthotropicModuli {
+  Vec<3> E;                          ///< Young's moduli along the axes [stress]
+  Vec<3> nu;                         ///< nu_yz, nu_xz, nu_xy: what a pull along the first of the two takes off along
+                                     ///< the second; nu_ij / E_i = nu_ji / E_j
+  Vec<3> G;                          ///< shear moduli G_yz, G_xz, G_xy [stress]
+  Mat<3> axes = Mat<3>::Identity();  ///< columns: the axes, orthonormal
+};
+/// Orthotropic (Lekhnitskii 1963): P = C : eps, eps the symmetric part of F - I.
+class OrthotropicElastic final : public Material {
+ public:
+  /// Throws InputError for moduli that are not positive, ratios that make the stiffness indefinite, axes that are not
+  /// orthonormal.
+  explicit OrthotropicElastic(const OrthotropicModuli& moduli);
+  /// With the moduli of x times a positive factor of the place.
+  OrthotropicElastic(const OrthotropicModuli& moduli, Parameter factor);
+  bool homogeneous() const override { return factor_.is_constant(); }
+  void respond(const Deformation& deformation, MaterialResponse& response) const override;
+
+ private:
+  MaterialResponse::Tangent C_;
+  Parameter factor_;
+};
+
+/// Lame constants, for closed forms: sigma = lambda tr(eps) I + 2 mu eps, in as many dimensions as eps has.
 struct Lame {
   double lambda = 0.0;  ///< [stress]
   double mu = 0.0;      ///< [stress]
 };
-
-/// In-plane Lame constants: 3D ones for plane strain and axisymmetry, lambda' = 2 lambda mu / (lambda + 2 mu) for plane
-/// stress. Throws InputError for E <= 0 or nu outside (-1, 0.5).
-Lame plane_lame(const LinearElastic& material, Plane plane);
-
-/// Lame constants in space. Throws like plane_lame.
-Lame solid_lame(const LinearElastic& material);
-/// Those of an analysis in Dim dimensions: plane_lame in 2D; in 3D solid_lame, and `plane` means nothing.
-template <int Dim> Lame lame_constants(const LinearElastic& material, Plane plane) {
-  if constexpr (Dim == 2)
-    return plane_lame(material, plane);
-  else
-    return solid_lame(material);
-}
-
-/// Part of the stiffness that sees volume changes: kappa = lambda + 2 mu / Normals, no shear.
-template <int Normals> Lame volumetric(const Lame& lame) {
-  return {lame.lambda + 2.0 * lame.mu / Normals, 0.0};
-}
-/// What remains: 2 mu times the deviator in as many dimensions as there are normal strains.
-template <int Normals> Lame deviatoric(const Lame& lame) {
-  return {-2.0 * lame.mu / Normals, lame.mu};
-}
-
-/// Stiffness in Voigt notation; strains carry engineering shear (gamma = 2 eps).
-template <int Dim, int Normals = Dim> VoigtMatrix<Dim, Normals> stiffness(const Lame& lame);
-
-/// von Mises stress from (xx, yy, xy), to which plane strain adds sigma_zz = nu (sigma_xx + sigma_yy), or axisymmetric
-/// from (rr, zz, tt, rz).
-double von_mises(const VoigtValue<2>& stress, Plane plane, double nu);
-/// The same from all six components.
-double von_mises(const Voigt<3>& stress);
+/// Throws InputError for E <= 0 or nu outside (-1, 0.5).
+Lame solid_lame(const IsotropicModuli& moduli);
+/// In the plane: those of the solid for plane strain and axisymmetry, lambda' = 2 lambda mu / (lambda + 2 mu) for plane
+/// stress. Throws like solid_lame.
+Lame plane_lame(const IsotropicModuli& moduli, Plane plane);
 
 }  // namespace efree

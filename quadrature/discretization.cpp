@@ -29,24 +29,26 @@ SparseRows indicators(const std::vector<Index>& column, Index cols) {
   return from_rows(cols, offsets, column, std::vector<double>(column.size(), 1.0));
 }
 
-/// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r.
-template <int Dim, int Normals> using Moment = Eigen::Matrix<double, 1 + Normals, 1>;
+/// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r:
+/// four numbers in 2D and in 3D.
+template <int Dim> using Moment = Vec<4>;
 
 /// Rows of a table with gradients, built in chunks that run concurrently and are joined in order.
 template <int Dim> class TableBuilder {
  public:
-  TableBuilder(Index rows, Index num_nodes) : rows_(rows), num_nodes_(num_nodes) {}
+  TableBuilder(Index rows, Index num_nodes, bool axisymmetric)
+      : rows_(rows), num_nodes_(num_nodes), axisymmetric_(axisymmetric) {}
 
   /// fill(begin, end, emit): calls emit.close() after the entries of every row in [begin, end).
   template <class Fill> ShapeTable<Dim> build(const Fill& fill) const {
     // Chunks large enough that scratch memory does not dominate, in waves, so that no more than one of these is there
     // twice; neither depends on the threads.
     const Index chunk = std::max<Index>(64, (rows_ + 63) / 64), wave = 8 * chunk;
-    Part all;
+    Part all(axisymmetric_);
     all.offsets.reserve(rows_ + 1);
     for (Index first = 0; first < rows_; first += wave) {
       const Index last = std::min(rows_, first + wave);
-      std::vector<Part> parts((last - first + chunk - 1) / chunk);
+      std::vector<Part> parts((last - first + chunk - 1) / chunk, Part(axisymmetric_));
       parallel_chunks(last - first, chunk,
                       [&](Index begin, Index end) { fill(first + begin, first + end, parts[begin / chunk]); });
       for (const Part& part : parts) {
@@ -70,50 +72,53 @@ template <int Dim> class TableBuilder {
   }
 
   struct Part {
-    std::vector<Index> offsets{0}, nodes;
-    std::vector<double> N;
-    std::vector<Vec<Dim>> dN;
-    std::vector<double> hoop;
-    template <int Normals> void add(Index node, const Moment<Dim, Normals>& moment) {
+    bool axisymmetric;
+    std::vector<Index> offsets{0}, nodes{};
+    std::vector<double> N{};
+    std::vector<Vec<Dim>> dN{};
+    std::vector<double> hoop{};
+    explicit Part(bool is_axisymmetric) : axisymmetric(is_axisymmetric) {}
+    void add(Index node, const Moment<Dim>& moment) {
       nodes.push_back(node);
       N.push_back(moment[0]);
       dN.push_back(moment.template segment<Dim>(1));
-      if constexpr (Normals > Dim) hoop.push_back(moment[Normals]);
+      if (axisymmetric) hoop.push_back(moment[3]);
     }
     void close() { offsets.push_back(static_cast<Index>(nodes.size())); }
   };
 
  private:
   Index rows_, num_nodes_;
+  bool axisymmetric_;
 };
 
 /// Adds `factor` times the value and gradient of the fine functions at rule point q of cell c.
-template <int Dim, int Normals> void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor,
-                                                    Accumulator<Moment<Dim, Normals>>& fine) {
+template <int Dim>
+void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor, Accumulator<Moment<Dim>>& fine) {
   const auto at = space.cell_rule().points.col(q);
   const auto N = space.values(at);
   const auto dN = space.gradients(c, at);
   const auto dofs = space.cell(c);
-  [[maybe_unused]] const double over_r = Normals > Dim ? factor / space.position(c, at)[0] : 0.0;
+  const double over_r = space.axisymmetric() ? factor / space.position(c, at)[0] : 0.0;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     auto& moment = fine[dofs[i]];
     moment[0] += factor * N[i];
     moment.template segment<Dim>(1) += factor * dN.col(i);
-    if constexpr (Normals > Dim) moment[Normals] += over_r * N[i];
+    if constexpr (Dim == 2) moment[3] += over_r * N[i];
   }
 }
 
 /// Turns moments of the fine functions into moments of the nodes: phi_I = sum_v eta_v phi_I(v).
-template <int Dim, int Normals> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim, Normals>>& fine,
-                                                Accumulator<Moment<Dim, Normals>>& nodal, double scale,
-                                                typename TableBuilder<Dim>::Part& out) {
+template <int Dim> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine,
+                                   Accumulator<Moment<Dim>>& nodal, double scale,
+                                   typename TableBuilder<Dim>::Part& out) {
   nodal.clear();
   for (Index v : fine.touched()) {
-    const Moment<Dim, Normals> moment = scale * fine[v];
+    const Moment<Dim> moment = scale * fine[v];
     const auto row = shape.row(v);
     for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * moment;
   }
-  for (Index I : nodal.sorted()) out.template add<Normals>(I, nodal[I]);
+  for (Index I : nodal.sorted()) out.add(I, nodal[I]);
   out.close();
 }
 
@@ -368,19 +373,18 @@ template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, cons
       throw NumericalError(
           fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
                       fmt::join(result.points.col(K), ", "), result.weights[K]));
-  with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-      Accumulator<Moment<Dim, Normals>> fine(space.size()), nodal(shape.num_nodes());
-      for (Index K = begin; K < end; ++K) {
-        fine.clear();
-        for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-          const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
-          add_cell_point<Dim, Normals>(space, c, q, entry.value() * space.weight(c, q), fine);
-        }
-        emit_nodes<Dim, Normals>(shape, fine, nodal, 1.0 / result.weights[K], out);
-      }
-    });
-  });
+  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes(), space.axisymmetric())
+                     .build([&](Index begin, Index end, auto& out) {
+                       Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
+                       for (Index K = begin; K < end; ++K) {
+                         fine.clear();
+                         for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+                           const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
+                           add_cell_point<Dim>(space, c, q, entry.value() * space.weight(c, q), fine);
+                         }
+                         emit_nodes<Dim>(shape, fine, nodal, 1.0 / result.weights[K], out);
+                       }
+                     });
   return result;
 }
 
@@ -393,24 +397,23 @@ template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& 
   result.on_facets = secondary.on_facets;
   result.region = secondary.region;
   result.weights = secondary_weights(space, secondary);
-  with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-      Accumulator<Moment<Dim, Normals>> fine(space.size()), nodal(shape.num_nodes());
-      for (Index K = begin; K < end; ++K) {
-        Index nearest = -1;
-        double best = std::numeric_limits<double>::infinity();
-        for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-          const Vec<Dim> x =
-              space.position(entry.col() / per_cell, space.cell_rule().points.col(entry.col() % per_cell));
-          if (const double distance = (x - result.points.col(K)).norm(); distance < best)
-            best = distance, nearest = entry.col();
-        }
-        fine.clear();
-        add_cell_point<Dim, Normals>(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
-        emit_nodes<Dim, Normals>(shape, fine, nodal, 1.0, out);
-      }
-    });
-  });
+  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes(), space.axisymmetric())
+                     .build([&](Index begin, Index end, auto& out) {
+                       Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
+                       for (Index K = begin; K < end; ++K) {
+                         Index nearest = -1;
+                         double best = std::numeric_limits<double>::infinity();
+                         for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
+                           const Vec<Dim> x = space.position(entry.col() / per_cell,
+                                                             space.cell_rule().points.col(entry.col() % per_cell));
+                           if (const double distance = (x - result.points.col(K)).norm(); distance < best)
+                             best = distance, nearest = entry.col();
+                         }
+                         fine.clear();
+                         add_cell_point<Dim>(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
+                         emit_nodes<Dim>(shape, fine, nodal, 1.0, out);
+                       }
+                     });
   return result;
 }
 
@@ -443,26 +446,25 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
   }
   result.points.array().rowwise() /= result.weights.transpose().array();
   result.on_facets = fine.on_facets * indicators(group, groups);
-  with_normals<Dim>(fine.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes()).build([&](Index begin, Index end, auto& out) {
-      Accumulator<Moment<Dim, Normals>> nodal(fine.shape.num_nodes());
-      for (Index g = begin; g < end; ++g) {
-        nodal.clear();
-        for (Index K : members[g]) {
-          const double share = fine.weights[K] / result.weights[g];
-          const auto row = fine.shape.row(K);
-          for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-            auto& moment = nodal[row.nodes[k]];
-            moment[0] += share * row.N[k];
-            moment.template segment<Dim>(1) += share * row.dN[k];
-            if constexpr (Normals > Dim) moment[Normals] += share * row.hoop[k];
-          }
-        }
-        for (Index I : nodal.sorted()) out.template add<Normals>(I, nodal[I]);
-        out.close();
-      }
-    });
-  });
+  result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes(), fine.axisymmetric())
+                     .build([&](Index begin, Index end, auto& out) {
+                       Accumulator<Moment<Dim>> nodal(fine.shape.num_nodes());
+                       for (Index g = begin; g < end; ++g) {
+                         nodal.clear();
+                         for (Index K : members[g]) {
+                           const double share = fine.weights[K] / result.weights[g];
+                           const auto row = fine.shape.row(K);
+                           for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+                             auto& moment = nodal[row.nodes[k]];
+                             moment[0] += share * row.N[k];
+                             moment.template segment<Dim>(1) += share * row.dN[k];
+                             if (!row.hoop.empty()) moment[3] += share * row.hoop[k];
+                           }
+                         }
+                         for (Index I : nodal.sorted()) out.add(I, nodal[I]);
+                         out.close();
+                       }
+                     });
   return result;
 }
 

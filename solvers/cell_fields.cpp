@@ -148,29 +148,28 @@ Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Ve
 }
 
 Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
-                       const std::vector<LinearElastic>& materials) {
+                       const std::vector<SharedMaterial>& materials) {
   const GridPoints points{solution.grid};
-  std::vector<VoigtMatrix<3>> stiffnesses, compliances;
-  for (const auto& material : materials) {
-    stiffnesses.push_back(stiffness<3>(solid_lame(material)));
-    compliances.push_back(stiffnesses.back().inverse());
-  }
+  const Materials<3> by_region(materials, Plane::strain);
   Vector errors(mesh.num_cells());
   parallel_for(mesh.num_cells(), [&](Index c) {
     const Mat<3> slope = slope_at(points, solution.displacement, place_of(solution.grid, mesh.centroid(c)));
     Voigt<3> strain;
     strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
         slope(0, 1) + slope(1, 0);
-    Voigt<3> difference = -stiffnesses[mesh.region(c)] * strain;
+    Stiffness<3> room;
+    const auto& stiffness = by_region.stiffness(mesh.region(c), mesh.centroid(c), room);
+    Voigt<3> difference = -stiffness.C * strain;
     for (int a = 0; a < 4; ++a) difference += 0.25 * fields.stress.col(mesh.cells()(a, c));
-    errors[c] = mesh.volume(c) * difference.dot(compliances[mesh.region(c)] * difference);
+    errors[c] = mesh.volume(c) * difference.dot(stiffness.S * difference);
   });
   return errors;
 }
 
 Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
-                         const std::vector<Index>& region_of_label, const std::vector<LinearElastic>& materials) {
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials) {
   const GridPoints points{solution.grid};
+  const Materials<3> by_region(materials, Plane::strain);
   std::vector<Index> region_of(mesh.num_vertices(), -1);
   for (Index c = 0; c < mesh.num_cells(); ++c)
     for (int a = 0; a < 4; ++a) region_of[mesh.cells()(a, c)] = mesh.region(c);
@@ -183,7 +182,7 @@ Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& imag
     std::vector<float> inside(region_of_label.size());
     for (std::size_t label = 0; label < inside.size(); ++label) inside[label] = region_of_label[label] == region;
     const Matrix strains = nodal_strains(solution, box_averages(image, inside, {2 * n[0], 2 * n[1], 2 * n[2]}));
-    const VoigtMatrix<3> D = stiffness<3>(solid_lame(materials[region]));
+    const VoigtMatrix<3> C = by_region.stiffness(region, Vec<3>::Zero()).C;
     parallel_for(mesh.num_vertices(), [&](Index v) {
       if (region_of[v] != region) return;
       const Place place = place_of(solution.grid, mesh.vertex(v));
@@ -203,7 +202,7 @@ Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& imag
       fields.displacement.col(v) = u;
       fields.strain.col(v) =
           all > 0.0 ? Eigen::Matrix<double, 6, 1>(strain / all) : Eigen::Matrix<double, 6, 1>::Zero();
-      fields.stress.col(v) = D * fields.strain.col(v);
+      fields.stress.col(v) = C * fields.strain.col(v);
     });
   }
   return fields;

@@ -113,14 +113,14 @@ template <class T, class V>
 #pragma GCC unroll 8
         for (int q = 0; q < 8; ++q) {
           const int yz = q >> 1, xz = (q & 1) + (q >> 2 << 1), xy = q & 3;
-          V mu, lambda;
-          load_weights(weights + q * W, mu);
-          load_weights(weights + (q + 8) * W, lambda);
-          const V twice = mu + mu, pressure = lambda * (g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
+          V shear, across;
+          load_weights(weights + q * W, shear);
+          load_weights(weights + (q + 8) * W, across);
+          const V twice = shear + shear, pressure = across * (g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
           const V xx = twice * g[0].x[yz] + pressure, yy = twice * g[1].y[xz] + pressure,
                   zz = twice * g[2].z[xy] + pressure;
-          const V shear_xy = mu * (g[0].y[xz] + g[1].x[yz]), shear_xz = mu * (g[0].z[xy] + g[2].x[yz]),
-                  shear_yz = mu * (g[1].z[xy] + g[2].y[xz]);
+          const V shear_xy = shear * (g[0].y[xz] + g[1].x[yz]), shear_xz = shear * (g[0].z[xy] + g[2].x[yz]),
+                  shear_yz = shear * (g[1].z[xy] + g[2].y[xz]);
           const bool first_x = (q & 1) == 0, first_y = (q & 2) == 0, first_z = (q & 4) == 0;
           s[0].x[yz] = first_x ? xx : s[0].x[yz] + xx;
           s[1].x[yz] = first_x ? shear_xy : s[1].x[yz] + shear_xy;
@@ -192,8 +192,8 @@ template <class T, class V> void product(const CellGrid& grid, const T* u, T* f)
 
 }  // namespace
 
-CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& mu,
-                   const std::vector<float>& lambda)
+CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& shear,
+                   const std::vector<float>& across)
     : cells(cells_), edges(edges_), row((cells_[0] + lanes - 1) / lanes * lanes), pitch(row + lanes) {
   for (int d = 0; d < 3; ++d) inverse_edges[d] = 1.0 / edges[d];
   const std::size_t blocks = static_cast<std::size_t>(row / lanes) * cells[1] * cells[2];
@@ -209,9 +209,9 @@ CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, con
           for (int q = 0; q < 8; ++q) {
             const std::size_t part =
                 2 * static_cast<std::size_t>(i) + (q & 1) + along * (2 * j + (q >> 1 & 1)) + plane * (2 * k + (q >> 2));
-            if (mu[part] == 0.0F) continue;
-            to[q * lanes] = volume * mu[part];
-            to[(q + 8) * lanes] = volume * lambda[part];
+            if (shear[part] == 0.0F) continue;
+            to[q * lanes] = volume * shear[part];
+            to[(q + 8) * lanes] = volume * across[part];
             empty[block(i, j, k)] = 0;
           }
         }
@@ -228,14 +228,14 @@ void CellGrid::apply(const double* u, double* f) const {
 namespace {
 
 /// Of parts of one material.
-CellEigenvalues of_one_ratio(const Vec<3>& edges, float lambda_over_mu) {
+CellEigenvalues of_one_ratio(const Vec<3>& edges, float across_over_shear) {
   CellEigenvalues result{};
   for (int set = 1; set < 256; ++set) {
-    std::vector<float> mu(8);
-    for (int q = 0; q < 8; ++q) mu[q] = set >> q & 1 ? 1.0F : 0.0F;
-    std::vector<float> lambda = mu;
-    for (float& value : lambda) value *= lambda_over_mu;
-    const CellGrid cell({1, 1, 1}, edges, mu, lambda);
+    std::vector<float> shear(8);
+    for (int q = 0; q < 8; ++q) shear[q] = set >> q & 1 ? 1.0F : 0.0F;
+    std::vector<float> across = shear;
+    for (float& value : across) value *= across_over_shear;
+    const CellGrid cell({1, 1, 1}, edges, shear, across);
     std::vector<double> u(cell.size(), 0.0), f(cell.size());
     const auto dof = [&](int a) {
       const int corner = a % 8;
@@ -288,38 +288,39 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
       for (Index j = 0; j < cells[1]; ++j)
         for (Index i = 0; i < cells[0]; ++i) {
           if (empty[block(i, j, k)]) continue;
-          std::array<float, 8> mu, factor{};
+          std::array<float, 8> shear, factor{};
           std::array<int, 8> order{0, 1, 2, 3, 4, 5, 6, 7};
-          for (int q = 0; q < 8; ++q) mu[q] = weight(i, j, k, q);
+          for (int q = 0; q < 8; ++q) shear[q] = weight(i, j, k, q);
           const auto uniform = [&](int first) {
             for (int q = 1; q < 8; ++q)
               if (weight(i, j, k, first + q) != weight(i, j, k, first)) return false;
             return true;
           };
           if (uniform(0) && uniform(8)) {
-            const float factor_of_all = margin * eigenvalue[255], lambda = weight(i, j, k, 8),
-                        shear = mu[0] * (whole[0] + whole[1] + whole[2]);
+            const float factor_of_all = margin * eigenvalue[255], across = weight(i, j, k, 8),
+                        by_shear = shear[0] * (whole[0] + whole[1] + whole[2]);
             for (int a = 0; a < 8; ++a) {
               float* at = result.data() + node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
-              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor_of_all * ((lambda + mu[0]) * whole[d] + shear);
+              for (int d = 0; d < 3; ++d)
+                at[d * nodes()] += factor_of_all * ((across + shear[0]) * whole[d] + by_shear);
             }
             continue;
           }
-          std::ranges::sort(order, [&](int a, int b) { return mu[a] > mu[b]; });
+          std::ranges::sort(order, [&](int a, int b) { return shear[a] > shear[b]; });
           // Weights fall from part to part: layers of sets of equal weight, one within the other.
           int set = 0;
-          for (int r = 0; r < 8 && mu[order[r]] > 0.0F; ++r) {
+          for (int r = 0; r < 8 && shear[order[r]] > 0.0F; ++r) {
             set |= 1 << order[r];
-            const float layer = mu[order[r]] - (r < 7 ? mu[order[r + 1]] : 0.0F);
-            for (int s = 0; s <= r; ++s) factor[order[s]] += margin * eigenvalue[set] * layer / mu[order[s]];
+            const float layer = shear[order[r]] - (r < 7 ? shear[order[r + 1]] : 0.0F);
+            for (int s = 0; s <= r; ++s) factor[order[s]] += margin * eigenvalue[set] * layer / shear[order[s]];
           }
           for (int a = 0; a < 8; ++a) {
             float* at = result.data() + node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
             for (int q = 0; q < 8; ++q) {
-              if (mu[q] == 0.0F) continue;
+              if (shear[q] == 0.0F) continue;
               const auto& s = squares[a][q];
-              const float lambda = weight(i, j, k, q + 8), shear = mu[q] * (s[0] + s[1] + s[2]);
-              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor[q] * ((lambda + mu[q]) * s[d] + shear);
+              const float across = weight(i, j, k, q + 8), by_shear = shear[q] * (s[0] + s[1] + s[2]);
+              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor[q] * ((across + shear[q]) * s[d] + by_shear);
             }
           }
         }

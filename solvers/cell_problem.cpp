@@ -19,6 +19,15 @@ constexpr std::array<std::string_view, 6> sides{"left", "right", "front", "back"
 
 }  // namespace
 
+bool is_isotropic(const SharedMaterial& material) {
+  if (!material->homogeneous()) return false;
+  const VoigtMatrix<3> C = Materials<3>({material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
+  VoigtMatrix<3> isotropic = VoigtMatrix<3>::Zero();
+  isotropic.topLeftCorner<3, 3>().setConstant(C(0, 1));
+  isotropic.diagonal() << Vec<3>::Constant(C(0, 1) + 2.0 * C(5, 5)), Vec<3>::Constant(C(5, 5));
+  return (C - isotropic).norm() < 1e-9 * C.norm();
+}
+
 bool is_side(const std::string& name) {
   return std::ranges::find(sides, name) != sides.end();
 }
@@ -99,47 +108,51 @@ std::optional<float> common_ratio(const std::vector<float>& a, const std::vector
   return ratio;
 }
 
-/// Moduli of the labels in units of the largest mu.
-struct Moduli {
-  std::vector<float> mu, lambda, solid;  ///< by label
-  double unit = 0.0;                     ///< [stress]
+/// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy.
+struct LabelStiffness {
+  std::vector<float> shear, across, solid;  ///< by label
+  double unit = 0.0;                        ///< [stress]
   float least_ratio = std::numeric_limits<float>::max(), most_ratio = std::numeric_limits<float>::lowest();
 
-  Moduli(const LabelImage<3>& image, const std::vector<LinearElastic>& materials)
-      : mu(materials.size(), 0.0F), lambda(mu), solid(mu) {
-    std::vector<Lame> lame(materials.size());
+  LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
+      : shear(materials.size(), 0.0F), across(shear), solid(shear) {
+    std::vector<VoigtMatrix<3>> C(materials.size(), VoigtMatrix<3>::Zero());
     for (const LabelCount& count : count_labels(image)) {
       if (count.label == 0) continue;
       if (count.label >= materials.size())
         throw InputError(fmt::format("the image has the label {}, which has no material", count.label));
-      lame[count.label] = solid_lame(materials[count.label]);
+      if (!is_isotropic(materials[count.label]))
+        throw InputError(fmt::format(
+            "on cells materials are isotropic and the same at all points of a label; that of label {} is not",
+            count.label));
+      C[count.label] = Materials<3>({materials[count.label]}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
       solid[count.label] = 1.0F;
-      unit = std::max(unit, lame[count.label].mu);
+      unit = std::max(unit, C[count.label](5, 5));
     }
     if (unit == 0.0) throw InputError("all of the image is void");
-    for (std::size_t l = 0; l < lame.size(); ++l) {
+    for (std::size_t l = 0; l < C.size(); ++l) {
       if (solid[l] == 0.0F) continue;
-      mu[l] = static_cast<float>(lame[l].mu / unit);
-      lambda[l] = static_cast<float>(lame[l].lambda / unit);
-      const auto ratio = static_cast<float>(lame[l].lambda / lame[l].mu);
+      shear[l] = static_cast<float>(C[l](5, 5) / unit);
+      across[l] = static_cast<float>(C[l](0, 1) / unit);
+      const auto ratio = static_cast<float>(C[l](0, 1) / C[l](5, 5));
       least_ratio = std::min(least_ratio, ratio);
       most_ratio = std::max(most_ratio, ratio);
     }
   }
 };
 
-/// Lame constants by part of a grid's cells.
+/// The same by part of a grid's cells.
 struct Parts {
-  std::vector<float> mu, lambda;
+  std::vector<float> shear, across;
 };
-Parts parts_of(const LabelImage<3>& image, const Moduli& moduli, const Triple& cells, double grown) {
+Parts parts_of(const LabelImage<3>& image, const LabelStiffness& stiffness, const Triple& cells, double grown) {
   const Triple boxes{2 * cells[0], 2 * cells[1], 2 * cells[2]};
-  Parts parts{box_averages(image, moduli.mu, boxes, grown), {}};
-  if (const auto ratio = common_ratio(moduli.lambda, moduli.mu)) {
-    parts.lambda.resize(parts.mu.size());
-    for_all(parts.mu.size(), [&](std::size_t i) { parts.lambda[i] = *ratio * parts.mu[i]; });
+  Parts parts{box_averages(image, stiffness.shear, boxes, grown), {}};
+  if (const auto ratio = common_ratio(stiffness.across, stiffness.shear)) {
+    parts.across.resize(parts.shear.size());
+    for_all(parts.shear.size(), [&](std::size_t i) { parts.across[i] = *ratio * parts.shear[i]; });
   } else {
-    parts.lambda = box_averages(image, moduli.lambda, boxes, grown);
+    parts.across = box_averages(image, stiffness.across, boxes, grown);
   }
   return parts;
 }
@@ -302,7 +315,7 @@ Index CellProblem::num_cells() const {
   return std::accumulate(of_layer.begin(), of_layer.end(), Index(0));
 }
 
-CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                 const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                                 const CellOptions& options) {
   check_image(image);
@@ -312,28 +325,28 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Li
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<Triple> cells =
       grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff());
-  const Moduli moduli(image, materials);
+  const LabelStiffness stiffness(image, materials);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
-  CellProblems problems{held_sides(conditions), {}, moduli.unit * unit_length, {}};
-  Parts parts = parts_of(image, moduli, cells[0], 0.0);
+  CellProblems problems{held_sides(conditions), {}, stiffness.unit * unit_length, {}};
+  Parts parts = parts_of(image, stiffness, cells[0], 0.0);
   CellEigenvalues eigenvalues{};
   for (std::size_t l = 0; l < cells.size(); ++l) {
     const Triple& n = cells[l];
     std::array<int, 3> ratio{1, 1, 1};
     if (l > 0) {
       for (int d = 0; d < 3; ++d) ratio[d] = cells[l - 1][d] / n[d];
-      parts = {halved(parts.mu, cells[l - 1], ratio), halved(parts.lambda, cells[l - 1], ratio)};
+      parts = {halved(parts.shear, cells[l - 1], ratio), halved(parts.across, cells[l - 1], ratio)};
     }
     const Vec<3> edges = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
     if (l == 0 || ratio[0] != ratio[1] || ratio[1] != ratio[2])
-      eigenvalues = largest_eigenvalues(edges / unit_length, moduli.least_ratio, moduli.most_ratio);
+      eigenvalues = largest_eigenvalues(edges / unit_length, stiffness.least_ratio, stiffness.most_ratio);
     if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
-      const Parts less = parts_of(image, moduli, n, -0.5);
-      problems.shrunk.emplace(n, edges / unit_length, less.mu, less.lambda);
+      const Parts less = parts_of(image, stiffness, n, -0.5);
+      problems.shrunk.emplace(n, edges / unit_length, less.shear, less.across);
     }
     problems.grids.push_back(
-        std::make_unique<CellProblem>(CellProblem{CellGrid(n, edges / unit_length, parts.mu, parts.lambda),
+        std::make_unique<CellProblem>(CellProblem{CellGrid(n, edges / unit_length, parts.shear, parts.across),
                                                   image.origin,
                                                   edges,
                                                   ratio,
@@ -346,7 +359,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Li
     const auto on_side = [&](const Side& side) -> const std::vector<float>& {
       std::vector<float>& averages = sides[2 * side.axis + side.upper];
       if (averages.empty())
-        averages = side_averages(image, moduli.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
+        averages = side_averages(image, stiffness.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
       return averages;
     };
     for (const HeldSide& held : problems.held)

@@ -112,7 +112,7 @@ void tell_error(CellSolution& solution) {
 
 }  // namespace
 
-CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                             const CellOptions& options, StageTimes* times, const Progress& progress) {
   StageTimes own;

@@ -5,7 +5,7 @@
 #include "efree/core/progress.hpp"
 #include "efree/geometry/label_image.hpp"
 #include "efree/geometry/lattice_mesh.hpp"
-#include "efree/materials/linear_elastic.hpp"
+#include "efree/materials/material.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <map>
@@ -17,6 +17,9 @@ namespace efree {
 /// Whether a part of the boundary is a side of an image's frame: "left", "right" (x), "front", "back" (y), "bottom",
 /// "top" (z).
 bool is_side(const std::string& name);
+
+/// Whether a material is isotropic and the same everywhere, as cells take it. Throws InputError for none.
+bool is_isotropic(const SharedMaterial& material);
 
 /// Memory that solve_on_cells takes [bytes to a point of the grid].
 inline constexpr double cell_memory = 320.0;
@@ -69,10 +72,10 @@ struct CellSolution {
 /// "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the grid's points. Bodies that
 /// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
-/// Throws InputError for a broken image, a size that is not positive, a label without material, moduli out of range,
-/// conditions elsewhere than on sides, body forces, a body that is loaded but not held, or too little memory;
-/// NumericalError if the iterations break down or do not end.
-CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+/// Throws InputError for a broken image, a size that is not positive, a label without material or with one that is not
+/// isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not held, or too little
+/// memory; NumericalError if the iterations break down or do not end.
+CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                             const CellOptions& options = {}, StageTimes* times = nullptr,
                             const Progress& progress = {});
@@ -83,13 +86,13 @@ Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Ve
 /// By cell of the mesh, with the fields recovered on it: the square of the distance, in the energy norm, between their
 /// stress at the centroid and that of the solution's gradients there [force * length]. `materials` by region.
 Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
-                       const std::vector<LinearElastic>& materials);
+                       const std::vector<SharedMaterial>& materials);
 
 /// Displacement, strain and stress at the vertices of a mesh of the image, each of one region (cut_regions).
 /// Displacements are interpolated; strains are linear fits around the points of the grid to those of the cells,
 /// weighted with how much of the region is at them, and interpolated in between. `region_of_label` by label: region of
 /// the mesh, -1 where there is none; `materials` by region. Bitwise the same on any number of threads.
 Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
-                         const std::vector<Index>& region_of_label, const std::vector<LinearElastic>& materials);
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials);
 
 }  // namespace efree

@@ -56,42 +56,19 @@ cholmod_sparse symmetric_view(Index size, const Index* offsets, const Index* row
   return view;
 }
 
-}  // namespace
-
-struct Cholesky::Impl {
-  mutable cholmod_common common{};
-  cholmod_factor* factor = nullptr;
-
-  Impl() {
+/// CHOLMOD's settings and workspace; a factor is read by as many of them as solve at once.
+struct Common {
+  cholmod_common common{};
+  Common() {
     openblas_set_num_threads(1);  // threaded BLAS sums in an order that depends on the number of threads
     cholmod_start(&common);
     common.print = 0;
-    common.supernodal = CHOLMOD_SUPERNODAL;
     common.quick_return_if_not_posdef = 1;
   }
-  ~Impl() {
-    cholmod_free_factor(&factor, &common);
-    cholmod_finish(&common);
-  }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-
-  /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
-  std::vector<Index> node_order(const Pattern& pattern, const std::vector<Index>& node_of) {
-    const Index nodes = static_cast<Index>(pattern.offsets.size()) - 1;
-    cholmod_sparse view = symmetric_view(nodes, pattern.offsets.data(), pattern.rows.data(), nullptr);
-    const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, &common); };
-    const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, &common), free);
-    check(node_of.size());
-    const std::span permutation(static_cast<const Index*>(analysis->Perm), static_cast<std::size_t>(nodes));
-    std::vector<Index> first(nodes + 1, 0), order;
-    for (const Index node : node_of) ++first[node + 1];
-    std::partial_sum(first.begin(), first.end(), first.begin());
-    order.reserve(node_of.size());
-    for (const Index node : permutation)
-      for (Index unknown = first[node]; unknown < first[node + 1]; ++unknown) order.push_back(unknown);
-    return order;
-  }
+  ~Common() { cholmod_finish(&common); }
+  Common(const Common&) = delete;
+  Common& operator=(const Common&) = delete;
+  cholmod_common* get() { return &common; }
 
   void check(std::size_t unknowns) const {
     if (common.status == CHOLMOD_TOO_LARGE)
@@ -103,44 +80,123 @@ struct Cholesky::Impl {
   }
 };
 
-Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : impl_(std::make_unique<Impl>()) {
-  cholmod_sparse view =
-      symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(), lower.valuePtr());
-  if (node_of.empty()) {
-    impl_->factor = cholmod_analyze(&view, &impl_->common);
-  } else {
-    require(static_cast<Index>(node_of.size()) == lower.rows() && std::ranges::is_sorted(node_of),
-            "Cholesky: a node for each unknown expected, ascending");
-    std::vector<Index> order = impl_->node_order(node_pattern(lower, node_of), node_of);
-    impl_->common.nmethods = 1;
-    impl_->common.method[0].ordering = CHOLMOD_GIVEN;
-    impl_->factor = cholmod_analyze_p(&view, order.data(), nullptr, 0, &impl_->common);
-  }
-  const auto unknowns = static_cast<std::size_t>(lower.rows());
-  impl_->check(unknowns);
-  require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", lower.rows()),
-                 "use a wider cloud spacing or a coarser mesh");
-  on_one_thread([&] { cholmod_factorize(&view, impl_->factor, &impl_->common); });
-  impl_->check(unknowns);
-  if (impl_->common.status == CHOLMOD_NOT_POSDEF || impl_->factor->minor < impl_->factor->n) {
-    const auto* permutation = static_cast<const int*>(impl_->factor->Perm);
-    throw NumericalError(fmt::format("the matrix is not positive definite (at unknown {} of {})",
-                                     permutation[impl_->factor->minor], lower.rows()));
-  }
-  // Rounding can hide a zero pivot; what it leaves is no stiffness.
-  constexpr double smallest_pivot_ratio = 1e-13;
-  if (const double ratio = cholmod_rcond(impl_->factor, &impl_->common); ratio < smallest_pivot_ratio)
-    throw NumericalError(
-        fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
-}
+}  // namespace
 
+struct Cholesky::Impl {
+  Common common;
+  cholmod_factor* factor = nullptr;
+  std::vector<Index> order;  ///< of the unknowns, if it was given
+  std::size_t unknowns = 0, entries = 0;
+  Index negative = 0;
+
+  ~Impl() { cholmod_free_factor(&factor, common.get()); }
+
+  /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
+  std::vector<Index> node_order(const Pattern& pattern, const std::vector<Index>& node_of) {
+    const Index nodes = static_cast<Index>(pattern.offsets.size()) - 1;
+    cholmod_sparse view = symmetric_view(nodes, pattern.offsets.data(), pattern.rows.data(), nullptr);
+    const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, common.get()); };
+    const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, common.get()), free);
+    common.check(node_of.size());
+    const std::span permutation(static_cast<const Index*>(analysis->Perm), static_cast<std::size_t>(nodes));
+    std::vector<Index> first(nodes + 1, 0), ordered;
+    for (const Index node : node_of) ++first[node + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    ordered.reserve(node_of.size());
+    for (const Index node : permutation)
+      for (Index unknown = first[node]; unknown < first[node + 1]; ++unknown) ordered.push_back(unknown);
+    return ordered;
+  }
+
+  static cholmod_sparse view_of(const SymmetricMatrix& lower) {
+    return symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(),
+                          lower.valuePtr());
+  }
+
+  /// Symbolic factor of this kind, with the ordering that there is.
+  void prepare(cholmod_sparse& view, bool supernodal) {
+    cholmod_free_factor(&factor, common.get());
+    common.common.supernodal = supernodal ? CHOLMOD_SUPERNODAL : CHOLMOD_SIMPLICIAL;
+    common.common.nmethods = order.empty() ? 0 : 1;  // 0: CHOLMOD's own strategy
+    if (!order.empty()) common.common.method[0].ordering = CHOLMOD_GIVEN;
+    factor = order.empty() ? cholmod_analyze(&view, common.get())
+                           : cholmod_analyze_p(&view, order.data(), nullptr, 0, common.get());
+    common.check(unknowns);
+    require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", unknowns),
+                   "use a wider cloud spacing or a coarser mesh");
+  }
+  double factor_entries() const { return static_cast<double>(factor->is_super ? factor->xsize : factor->nzmax); }
+
+  /// Whether all pivots could be divided by.
+  bool is_factored(cholmod_sparse& view) {
+    on_one_thread([&] { cholmod_factorize(&view, factor, common.get()); });
+    common.check(unknowns);
+    return common.common.status != CHOLMOD_NOT_POSDEF && factor->minor >= factor->n;
+  }
+  /// The unknown at which it ended.
+  int ended_at() const { return static_cast<const int*>(factor->Perm)[factor->minor]; }
+  void require_regular() {
+    // Rounding can hide a zero pivot; what it leaves is no stiffness.
+    constexpr double smallest_pivot_ratio = 1e-13;
+    if (const double ratio = cholmod_rcond(factor, common.get()); ratio < smallest_pivot_ratio)
+      throw NumericalError(
+          fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
+  }
+};
+
+Cholesky::Cholesky() : impl_(std::make_unique<Impl>()) {}
+Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : Cholesky() {
+  analyse(lower, node_of);
+  cholmod_sparse view = Impl::view_of(lower);
+  if (!impl_->is_factored(view))
+    throw NumericalError(
+        fmt::format("the matrix is not positive definite (at unknown {} of {})", impl_->ended_at(), lower.rows()));
+  impl_->require_regular();
+}
 Cholesky::~Cholesky() = default;
 Cholesky::Cholesky(Cholesky&&) noexcept = default;
 Cholesky& Cholesky::operator=(Cholesky&&) noexcept = default;
 
+void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of) {
+  impl_->unknowns = static_cast<std::size_t>(pattern.rows());
+  impl_->entries = static_cast<std::size_t>(pattern.nonZeros());
+  impl_->order.clear();
+  if (!node_of.empty()) {
+    require(static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of),
+            "Cholesky: a node for each unknown expected, ascending");
+    impl_->order = impl_->node_order(node_pattern(pattern, node_of), node_of);
+  }
+  cholmod_sparse view = Impl::view_of(pattern);
+  impl_->prepare(view, true);
+}
+
+void Cholesky::factorize(const SymmetricMatrix& lower) {
+  if (static_cast<std::size_t>(lower.rows()) != impl_->unknowns ||
+      static_cast<std::size_t>(lower.nonZeros()) != impl_->entries)
+    throw InputError(fmt::format("Cholesky: {} entries in {} rows, but {} in {} were analysed", lower.nonZeros(),
+                                 lower.rows(), impl_->entries, impl_->unknowns));
+  cholmod_sparse view = Impl::view_of(lower);
+  impl_->negative = 0;
+  if (!impl_->factor->is_super) impl_->prepare(view, true);
+  if (!impl_->is_factored(view)) {
+    impl_->prepare(view, false);
+    if (!impl_->is_factored(view))
+      throw NumericalError(
+          fmt::format("the matrix is singular (at unknown {} of {})", impl_->ended_at(), lower.rows()));
+    const auto* offsets = static_cast<const int*>(impl_->factor->p);
+    const auto* values = static_cast<const double*>(impl_->factor->x);
+    for (std::size_t column = 0; column < impl_->unknowns; ++column) impl_->negative += values[offsets[column]] < 0.0;
+  }
+  impl_->require_regular();
+}
+
+Index Cholesky::negative_pivots() const {
+  return impl_->negative;
+}
+
 Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
-  if (B.rows() != static_cast<Eigen::Index>(impl_->factor->n))
-    throw InputError(fmt::format("Cholesky solve: {} rows, expected {}", B.rows(), impl_->factor->n));
+  if (B.rows() != static_cast<Eigen::Index>(impl_->unknowns))
+    throw InputError(fmt::format("Cholesky solve: {} rows, expected {}", B.rows(), impl_->unknowns));
   Matrix copy = B;
   cholmod_dense view{};
   view.nrow = view.d = static_cast<std::size_t>(copy.rows());
@@ -149,15 +205,16 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
   view.x = copy.data();
   view.xtype = CHOLMOD_REAL;
   view.dtype = CHOLMOD_DOUBLE;
-  cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor, &view, &impl_->common);
-  impl_->check(impl_->factor->n);
+  Common own;  // others may solve at the same time
+  cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor, &view, own.get());
+  own.check(impl_->unknowns);
   copy = Eigen::Map<const Matrix>(static_cast<const double*>(X->x), copy.rows(), copy.cols());
-  cholmod_free_dense(&X, &impl_->common);
+  cholmod_free_dense(&X, own.get());
   return copy;
 }
 
 double Cholesky::factor_entries() const {
-  return static_cast<double>(impl_->factor->is_super ? impl_->factor->xsize : impl_->factor->nzmax);
+  return impl_->factor_entries();
 }
 
 }  // namespace efree

@@ -1,29 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Sparse Cholesky factorisation by CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008), supernodal, BLAS on one thread.
+/// Sparse Cholesky factorisation by CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008), BLAS on one thread.
 #pragma once
 
-#include "efree/assembly/operators.hpp"
+#include "efree/solvers/linear_solver.hpp"
 
 #include <memory>
 #include <vector>
 
 namespace efree {
 
-/// Analyses and factors once; solves any number of right-hand sides. Bitwise reproducible for any number of threads.
-class Cholesky {
+/// Supernodal L L^T; simplicial L D L^T where that ends at a pivot that is not positive. Bitwise reproducible for any
+/// number of threads.
+class Cholesky final : public LinearSolver {
  public:
-  /// `node_of` numbers the node of each unknown, ascending: then nodes are ordered, not unknowns, which is several
-  /// times faster and gives factors as sparse. Without it every unknown is a node. Throws InputError for nodes that are
-  /// not as many or not ascending, more unknowns than CHOLMOD can number, or too little memory for the factor;
-  /// NumericalError naming the first unknown at which the matrix is not positive definite, or if its pivots span more
-  /// than 13 orders of magnitude.
+  Cholesky();
+  /// Analyses and factors. Throws as these do, and NumericalError naming the first unknown at which the matrix is not
+  /// positive definite.
   explicit Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of = {});
-  ~Cholesky();
+  ~Cholesky() override;
   Cholesky(Cholesky&&) noexcept;
   Cholesky& operator=(Cholesky&&) noexcept;
 
-  /// X with A X = B, one column per right-hand side. Throws InputError if B has not a row for each unknown.
-  Matrix solve(const Eigen::Ref<const Matrix>& B) const;
+  /// Throws InputError for nodes that are not as many or not ascending, more unknowns than CHOLMOD can number, or too
+  /// little memory for the factor.
+  void analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of = {}) override;
+  /// Throws InputError for a matrix of another size or pattern than was analysed.
+  void factorize(const SymmetricMatrix& lower) override;
+  Index negative_pivots() const override;
+  Matrix solve(const Eigen::Ref<const Matrix>& B) const override;
   /// Entries of the factor.
   double factor_entries() const;
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/correction.hpp"
 
-#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/bodies.hpp"
 #include "efree/assembly/finite_elements.hpp"
 #include "efree/assembly/internal/gather.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/assembly/nitsche.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/coarse_space.hpp"
@@ -145,14 +148,12 @@ template <int Dim> struct Members {
   std::vector<double> shares;  ///< by item of `dofs`, summing to one at every node
 };
 template <int Dim>
-Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, const std::vector<Lame>& lame) {
+Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, const Materials<Dim>& materials) {
   std::vector<double> stiffness(space.size(), 1.0), total(nodes.count, 0.0);
-  if (lame.size() > 1)
+  if (materials.num_regions() > 1)
     for (Index c = 0; c < space.mesh().num_cells(); ++c)
-      for (const Index dof : space.cell(c)) {
-        const Lame& one = lame[space.mesh().region(c)];
-        stiffness[dof] = one.lambda + 2.0 * one.mu;
-      }
+      for (const Index dof : space.cell(c))
+        stiffness[dof] = materials.tangent(space.mesh().region(c), space.points().col(dof))(0, 0);
   Members<Dim> result;
   result.dofs.offsets.assign(nodes.count + 1, 0);
   for (Index dof = 0; dof < space.size(); ++dof) {
@@ -381,14 +382,14 @@ namespace {
 
 /// Adds what holds restraints weakly.
 template <int Dim>
-WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes, const std::vector<Lame>& lame,
+WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes& nodes, const Materials<Dim>& materials,
                                 const std::vector<Restraint<Dim>>& weak, bool mean_dilatation, BlockMatrix<Dim>& K) {
   WeakConditions<Dim> conditions{Points<Dim>::Zero(Dim, nodes.count), {}};
   if (weak.empty()) return conditions;
   const auto elements = approximate<Dim>(space.mesh(), {.kind = space.degree() == 1 ? BasisKind::p1 : BasisKind::p2,
                                                         .axisymmetric = space.axisymmetric(),
                                                         .dilatation = mean_dilatation});
-  auto system = nitsche<Dim>(space, elements.shape, stiffness_terms(elements, lame), weak);
+  auto system = nitsche<Dim>(space, elements.shape, stiffness_terms(elements, materials), weak);
   for (Index dof = 0; dof < space.size(); ++dof)
     conditions.rhs.col(nodes.at[dof]) += system.rhs.template segment<Dim>(Dim * dof);
   for (Index column = 0; column < system.matrix.cols(); ++column)
@@ -405,10 +406,9 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
 }  // namespace
 
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model) {
-  constexpr double bearable = 0.49;
-  const auto is_beyond = [](const LinearElastic& material) { return material.nu > bearable; };
-  return approximation.averaged &&
-         (model.regions.empty() ? is_beyond(model.material) : std::ranges::any_of(model.regions, is_beyond));
+  constexpr double bearable = 50.0;
+  const FineMesh<Dim>& mesh = approximation.space.mesh();
+  return approximation.averaged && materials_of(model, mesh).incompressibility(mesh) > bearable;
 }
 
 template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
@@ -420,18 +420,18 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   require(!approximation.averaged || space.degree() == 2,
           "correction: linear elements lock where the dilatation has to be averaged (nearly incompressible materials): "
           "in_quadratic_space");
-  const auto lame = region_lame(model, space.mesh());
+  const auto materials = materials_of(model, space.mesh());
   const auto ties = tied_facets(space.mesh(), model.open_interface);
   const auto restrained = restraints(conditions);
   require_restrained(space, restrained, ties);
   const bool mean_dilatation = takes_mean_dilatation(approximation, model);
   ElementNodes nodes = element_nodes(space, ties);
-  auto K = element_stiffness(space, nodes, lame, mean_dilatation);
+  auto K = element_stiffness(space, nodes, materials, mean_dilatation);
   std::vector<Restraint<Dim>> nodal, others;
   for (const auto& restraint : restrained) (can_be_nodal(space, restraint) ? nodal : others).push_back(restraint);
-  auto weak = hold_weakly(space, nodes, lame, others, mean_dilatation, K);
+  auto weak = hold_weakly(space, nodes, materials, others, mean_dilatation, K);
   const Supports<Dim> supports(nodal_conditions(space, nodes.at, nodal), nodes.count);
-  Members<Dim> dofs_of = members(space, nodes, lame);
+  Members<Dim> dofs_of = members(space, nodes, materials);
   const auto free = [&](Index node) { return supports.free(node); };
   const bool on_elements = Dim == 2 && space.degree() == 2 && !approximation.averaged;
   const double nodes_apart = on_elements ? 0.0 : steps_apart(K, approximation.node_dofs, nodes, space.degree());

@@ -30,8 +30,9 @@ template <int Dim> struct Correction {
 };
 
 /// Whether the finite elements that a corrector leads to take the mean of the dilatation in each cell: where the
-/// approximation averages dilatations (B-bar) and some nu is beyond 0.49. Up to there quadratic elements do not lock as
-/// they are, and on smooth solutions they are several times as accurate.
+/// approximation averages dilatations (B-bar) and a material is nearly incompressible (nu = 0.49: incompressibility
+/// beyond 50). Up to there quadratic elements do not lock as they are, and on smooth solutions they are several times
+/// as accurate.
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model);
 
 /// Two-level conjugate gradients on the finite element problem of the fine mesh (deflation; Tang, Nabben, Vuik &

@@ -121,68 +121,62 @@ template <int Size, class F> Eigen::Array<double, Size, 1> sum_cells(Index cells
   return total;
 }
 
-/// Columns `dofs` of a field with `Rows` components (or any number up to 6: Eigen::Dynamic); stays on the stack.
-template <int Dim, int Rows, class Values> auto gather(const Values& values, std::span<const Index> dofs) {
-  constexpr int most = Rows == Eigen::Dynamic ? 6 : Rows;
-  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, most, FineSpace<Dim>::max_cell_size> local(
-      values.rows(), static_cast<Index>(dofs.size()));
+/// Columns `dofs` of a field with `Rows` components; stays on the stack.
+template <int Dim, int Rows> auto gather(const Points<Rows>& values, std::span<const Index> dofs) {
+  Eigen::Matrix<double, Rows, Eigen::Dynamic, 0, Rows, FineSpace<Dim>::max_cell_size> local(
+      Rows, static_cast<Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) local.col(static_cast<Index>(i)) = values.col(dofs[i]);
   return local;
 }
 
 /// Strains of a displacement at the fine degrees of freedom as the stiffness sees them: in finite elements with
 /// averaged dilatations its mean in the cell takes the dilatation's place.
-template <int Dim, int Normals> class CellStrains {
+template <int Dim> class CellStrains {
  public:
   CellStrains(const Approximation<Dim>& approximation, const Points<Dim>& u)
       : space_(approximation.space),
         u_(u),
         averaged_(approximation.averaged && approximation.dilatation.size() == space_.mesh().num_cells()) {}
-  /// Strain at any barycentric point of cell c.
+  /// Strain at any barycentric point of cell c, with the stiffness there.
   auto in(Index c) const {
     double mean = 0.0, volume = 0.0;
     const auto& rule = space_.cell_rule();
     for (Index q = 0; averaged_ && q < rule.weights.size(); ++q) {
       const double weight = space_.weight(c, q);
-      mean += weight * at(c, rule.points.col(q)).template head<Normals>().sum();
+      mean += weight * at(c, rule.points.col(q)).template head<3>().sum();
       volume += weight;
     }
     if (averaged_) mean /= volume;
-    return [this, c, mean](const typename FineSpace<Dim>::Barycentric& x) {
-      Voigt<Dim, Normals> eps = at(c, x);
-      if (averaged_) eps.template head<Normals>().array() += (mean - eps.template head<Normals>().sum()) / Normals;
+    return [this, c, mean](const typename FineSpace<Dim>::Barycentric& x, const Stiffness<Dim>& stiffness) {
+      Voigt<Dim> eps = at(c, x);
+      if (averaged_) eps += (mean - eps.template head<3>().sum()) * stiffness.swelling;
       return eps;
     };
   }
 
  private:
-  Voigt<Dim, Normals> at(Index c, const typename FineSpace<Dim>::Barycentric& x) const {
-    return strain_at<Dim, Normals>(space_, c, x, u_);
+  Voigt<Dim> at(Index c, const typename FineSpace<Dim>::Barycentric& x) const {
+    return strain_at<Dim>(space_, c, x, u_);
   }
   const FineSpace<Dim>& space_;
   const Points<Dim>& u_;
   bool averaged_;
 };
 
-/// Errors in an analysis with `Normals` normal strains.
-template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                                   const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
+}  // namespace
+
+template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                         const Materials<Dim>& materials, const ExactSolution<Dim>& exact) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(4);
-  using Strains = Voigt<Dim, Normals>;
-  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses, compliances;
-  for (const Lame& one : lame) {
-    stiffnesses.push_back(stiffness<Dim, Normals>(one));
-    compliances.push_back(stiffnesses.back().inverse());
-  }
   enum { u_error, u_norm, energy_error, recovered_error, energy_norm, count };
-  const CellStrains<Dim, Normals> strains(approximation, fields.displacement);
+  const CellStrains<Dim> strains(approximation, fields.displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto dofs = space.cell(c);
     const auto strain = strains.in(c);
-    const auto u = gather<Dim, Dim>(fields.displacement, dofs);
-    const auto sigma = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.places(c));
-    const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
+    const auto u = gather<Dim>(fields.displacement, dofs);
+    const auto sigma = gather<Dim>(fields.stress, space.places(c));
+    Stiffness<Dim> room;
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const Vec<Dim> x = space.position(c, rule.points.col(q));
       const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(x);
@@ -193,13 +187,10 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
         sum[u_norm] += dV * reference.squaredNorm();
       }
       if (exact.stress) {
-        const VoigtValue<Dim> given = exact.stress(x);
-        if (given.size() != voigt_size<Dim, Normals>)
-          throw InputError(
-              fmt::format("the exact stress has {} components, expected {}", given.size(), voigt_size<Dim, Normals>));
-        const Strains reference = given;
-        const auto energy = [&](const Strains& s) { return dV * s.dot(compliance * s); };
-        sum[energy_error] += energy(C * strain(rule.points.col(q)) - reference);
+        const Voigt<Dim> reference = exact.stress(x);
+        const Stiffness<Dim>& stiffness = materials.stiffness(space.mesh().region(c), x, room);
+        const auto energy = [&](const Voigt<Dim>& stress) { return dV * stress.dot(stiffness.S * stress); };
+        sum[energy_error] += energy(stiffness.C * strain(rule.points.col(q), stiffness) - reference);
         sum[recovered_error] += energy(sigma * N - reference);
         sum[energy_norm] += energy(reference);
       }
@@ -221,62 +212,61 @@ template <int Dim, int Normals> Errors errors_with(const Approximation<Dim>& app
   return errors;
 }
 
+namespace {
+
 /// What recovered stresses are off those of the displacement's gradients.
-template <int Dim, int Normals> class RecoveryDifference {
+template <int Dim> class RecoveryDifference {
  public:
-  RecoveryDifference(const Approximation<Dim>& approximation, const Fields<Dim>& fields, const std::vector<Lame>& lame)
-      : space_(approximation.space), stress_(fields.stress), strains_(approximation, fields.displacement) {
-    for (const Lame& one : lame) stiffnesses_.push_back(stiffness<Dim, Normals>(one));
-  }
-  /// Calls visit(difference of the stresses, strain) for a barycentric point of cell c.
+  RecoveryDifference(const Approximation<Dim>& approximation, const Fields<Dim>& fields)
+      : space_(approximation.space), stress_(fields.stress), strains_(approximation, fields.displacement) {}
+  /// Difference of the stresses, and the strain, at a barycentric point of cell c with the stiffness there.
   auto in(Index c) const {
-    return [this, c, strain = strains_.in(c), sigma = gather<Dim, voigt_size<Dim, Normals>>(stress_, space_.places(c))](
-               const typename FineSpace<Dim>::Barycentric& at) {
-      const Voigt<Dim, Normals> eps = strain(at);
-      return std::pair<Voigt<Dim, Normals>, Voigt<Dim, Normals>>(
-          sigma * space_.values(at) - stiffnesses_[space_.mesh().region(c)] * eps, eps);
+    return [this, strain = strains_.in(c), sigma = gather<Dim>(stress_, space_.places(c))](
+               const typename FineSpace<Dim>::Barycentric& at, const Stiffness<Dim>& stiffness) {
+      const Voigt<Dim> eps = strain(at, stiffness);
+      return std::pair<Voigt<Dim>, Voigt<Dim>>(sigma * space_.values(at) - stiffness.C * eps, eps);
     };
   }
-  const auto& stiffnesses() const { return stiffnesses_; }
 
  private:
   const FineSpace<Dim>& space_;
   const VoigtPoints<Dim>& stress_;
-  CellStrains<Dim, Normals> strains_;
-  std::vector<VoigtMatrix<Dim, Normals>> stiffnesses_;
+  CellStrains<Dim> strains_;
 };
 
-template <int Dim, int Normals>
-std::vector<VoigtMatrix<Dim, Normals>> inverses(const std::vector<VoigtMatrix<Dim, Normals>>& stiffnesses) {
-  std::vector<VoigtMatrix<Dim, Normals>> result;
-  for (const auto& C : stiffnesses) result.push_back(C.inverse());
-  return result;
+/// Calls visit(point, its volume of the body, stiffness there) for the points of a rule that integrates squares of
+/// strains in cell c.
+template <int Dim, class Visit> void for_each_point(const FineSpace<Dim>& space, const SimplexRule<Dim>& rule, Index c,
+                                                    const Materials<Dim>& materials, const Visit& visit) {
+  Stiffness<Dim> room;
+  for (Index q = 0; q < rule.weights.size(); ++q) {
+    const typename FineSpace<Dim>::Barycentric at = rule.points.col(q);
+    const Vec<Dim> x = space.position(c, at);
+    visit(at, space.mesh().volume(c) * rule.weights[q] * space.measure(x),
+          materials.stiffness(space.mesh().region(c), x, room));
+  }
 }
 
-template <int Dim, int Normals> RecoveryError recovery_error_with(const Approximation<Dim>& approximation,
-                                                                  const Fields<Dim>& fields,
-                                                                  const std::vector<Lame>& lame) {
+}  // namespace
+
+template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
+                                                const Materials<Dim>& materials) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
-  const auto& stiffnesses = differences.stiffnesses();
-  const auto compliances = inverses<Dim, Normals>(stiffnesses);
+  const RecoveryDifference<Dim> differences(approximation, fields);
   Vector squares(space.mesh().num_cells());
   enum { error, norm, rounding, count };
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto difference_at = differences.in(c);
-    const double moved = gather<Dim, Dim>(fields.displacement, space.cell(c)).colwise().squaredNorm().maxCoeff();
-    sum[rounding] += space.volume(c) * 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm() *
-                     stiffnesses[space.mesh().region(c)](0, 0);
-    const auto &C = stiffnesses[space.mesh().region(c)], &compliance = compliances[space.mesh().region(c)];
+    const double moved = gather<Dim>(fields.displacement, space.cell(c)).colwise().squaredNorm().maxCoeff();
+    const double smallest = 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm();
     double square = 0.0;
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const auto at = rule.points.col(q);
-      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      const auto [difference, eps] = difference_at(at);
-      square += dV * difference.dot(compliance * difference);
-      sum[norm] += dV * eps.dot(C * eps);
-    }
+    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
+      const auto [difference, eps] = difference_at(at, stiffness);
+      square += dV * difference.dot(stiffness.S * difference);
+      sum[norm] += dV * eps.dot(stiffness.C * eps);
+      sum[rounding] += dV * smallest * stiffness.C(0, 0);
+    });
     squares[c] = square;
     sum[error] += square;
   });
@@ -284,133 +274,93 @@ template <int Dim, int Normals> RecoveryError recovery_error_with(const Approxim
   return {sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0, std::move(squares)};
 }
 
-template <int Dim, int Normals> Vector recovery_products_with(const Approximation<Dim>& approximation,
-                                                              const Fields<Dim>& a, const Fields<Dim>& b,
-                                                              const std::vector<Lame>& lame) {
+template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
+                                            const Fields<Dim>& b, const Materials<Dim>& materials) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  const RecoveryDifference<Dim, Normals> of_a(approximation, a, lame), of_b(approximation, b, lame);
-  const auto compliances = inverses<Dim, Normals>(of_a.stiffnesses());
+  const RecoveryDifference<Dim> of_a(approximation, a), of_b(approximation, b);
   Vector products(space.mesh().num_cells());
   parallel_for(space.mesh().num_cells(), [&](Index c) {
     const auto first = of_a.in(c), second = of_b.in(c);
     double sum = 0.0;
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const auto at = rule.points.col(q);
-      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      sum += dV * first(at).first.dot(compliances[space.mesh().region(c)] * second(at).first);
-    }
+    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
+      sum += dV * first(at, stiffness).first.dot(stiffness.S * second(at, stiffness).first);
+    });
     products[c] = sum;
   });
   return products;
 }
 
-template <int Dim, int Normals> double functional_error_with(const Approximation<Dim>& elements, const Fields<Dim>& u,
-                                                             const Fields<Dim>& z, const std::vector<Lame>& lame) {
+template <int Dim> double functional_error(const Approximation<Dim>& elements, const Fields<Dim>& u,
+                                           const Fields<Dim>& z, const Materials<Dim>& materials) {
   const auto& space = elements.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  const RecoveryDifference<Dim, Normals> of_u(elements, u, lame), of_z(elements, z, lame);
-  const auto compliances = inverses<Dim, Normals>(of_u.stiffnesses());
+  const RecoveryDifference<Dim> of_u(elements, u), of_z(elements, z);
   enum { signed_sum, bound, count };
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto first = of_u.in(c), second = of_z.in(c);
-    const auto& compliance = compliances[space.mesh().region(c)];
     double uz = 0.0, uu = 0.0, zz = 0.0;
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const auto at = rule.points.col(q);
-      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      const auto a = first(at).first, b = second(at).first;
-      const Voigt<Dim, Normals> strain = compliance * b;
+    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
+      const Voigt<Dim> a = first(at, stiffness).first, b = second(at, stiffness).first, strain = stiffness.S * b;
       uz += dV * a.dot(strain);
-      uu += dV * a.dot(compliance * a);
+      uu += dV * a.dot(stiffness.S * a);
       zz += dV * b.dot(strain);
-    }
+    });
     sum[signed_sum] += uz;
     sum[bound] += std::sqrt(std::max(0.0, uu) * std::max(0.0, zz));
   });
   return std::max(space.degree() * std::abs(sums[signed_sum]), 0.1 * sums[bound]);
 }
 
-template <int Dim, int Normals> double mixed_distance_with(const Approximation<Dim>& elements,
-                                                           const Points<Dim>& displacement, const Fields<Dim>& fields,
-                                                           const std::vector<Lame>& lame) {
+template <int Dim> double mixed_distance(const Approximation<Dim>& elements, const Points<Dim>& displacement,
+                                         const Fields<Dim>& fields, const Materials<Dim>& materials) {
   const auto& space = elements.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  std::vector<VoigtMatrix<Dim, Normals>> shear;
-  for (const Lame& one : lame) shear.push_back(stiffness<Dim, Normals>(deviatoric<Normals>(one)));
   enum { distance, norm, count };
-  const CellStrains<Dim, Normals> strains(elements, displacement);
+  const CellStrains<Dim> strains(elements, displacement);
   const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
     const auto strain = strains.in(c);
-    const auto stress = gather<Dim, voigt_size<Dim, Normals>>(fields.stress, space.places(c));
-    const auto& C = shear[space.mesh().region(c)];
-    const double kappa = volumetric<Normals>(lame[space.mesh().region(c)]).lambda;
-    for (Index q = 0; q < rule.weights.size(); ++q) {
-      const auto at = rule.points.col(q);
-      const double dV = space.mesh().volume(c) * rule.weights[q] * space.measure(space.position(c, at));
-      const Voigt<Dim, Normals> eps = strain(at);
-      const Voigt<Dim, Normals> difference = strain_at<Dim, Normals>(space, c, at, fields.displacement) - eps;
-      const double p = kappa * eps.template head<Normals>().sum();
-      const double apart = (stress * space.values(at)).template head<Normals>().mean() - p;
-      sum[distance] += dV * (difference.dot(C * difference) + apart * apart / kappa);
-      sum[norm] += dV * (eps.dot(C * eps) + p * p / kappa);
-    }
+    const auto stress = gather<Dim>(fields.stress, space.places(c));
+    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
+      const double kappa = stiffness.kappa;
+      // Energy of what a strain has beside its dilatation.
+      const auto shear = [&](const Voigt<Dim>& eps) {
+        const double dilatation = eps.template head<3>().sum();
+        return eps.dot(stiffness.C * eps) - kappa * dilatation * dilatation;
+      };
+      const Voigt<Dim> eps = strain(at, stiffness);
+      const double p = kappa * eps.template head<3>().sum();
+      const double apart = stiffness.swelling.dot(stress * space.values(at)) - p;
+      sum[distance] += dV * (shear(strain_at<Dim>(space, c, at, fields.displacement) - eps) + apart * apart / kappa);
+      sum[norm] += dV * (shear(eps) + p * p / kappa);
+    });
   });
   return sums[norm] > 0.0 ? std::sqrt(sums[distance] / sums[norm]) : 0.0;
 }
 
-}  // namespace
-
-template <int Dim> double mixed_distance(const Approximation<Dim>& elements, const Points<Dim>& displacement,
-                                         const Fields<Dim>& fields, const std::vector<Lame>& lame) {
-  return with_normals<Dim>(elements.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return mixed_distance_with<Dim, Normals>(elements, displacement, fields, lame);
-  });
-}
-
-template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                                const std::vector<Lame>& lame) {
-  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return recovery_error_with<Dim, Normals>(approximation, fields, lame);
-  });
-}
-
-template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
-                                            const Fields<Dim>& b, const std::vector<Lame>& lame) {
-  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return recovery_products_with<Dim, Normals>(approximation, a, b, lame);
-  });
-}
-
-template <int Dim> double functional_error(const Approximation<Dim>& elements, const Fields<Dim>& u,
-                                           const Fields<Dim>& z, const std::vector<Lame>& lame) {
-  return with_normals<Dim>(elements.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return functional_error_with<Dim, Normals>(elements, u, z, lame);
-  });
-}
-
 template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approximation<Dim>& approximation,
                                                                     const Fields<Dim>& fields,
-                                                                    const std::vector<Lame>& lame, Index place) {
+                                                                    const Materials<Dim>& materials, Index place) {
   using Barycentric = typename FineSpace<Dim>::Barycentric;
   const auto& space = approximation.space;
   std::vector<Barycentric> at;  // of the degrees of freedom of a cell
   for (int i = 0; i <= Dim; ++i) at.push_back(Barycentric::Unit(i));
   for (int i = 0; i <= Dim && space.degree() == 2; ++i)
     for (int j = i + 1; j <= Dim; ++j) at.push_back(0.5 * (Barycentric::Unit(i) + Barycentric::Unit(j)));
-  return with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    const RecoveryDifference<Dim, Normals> differences(approximation, fields, lame);
-    std::vector<VoigtPoints<Dim>> result;
-    for (Index c = 0; c < space.mesh().num_cells(); ++c) {
-      const auto around = space.places(c);
-      if (std::ranges::find(around, place) == around.end()) continue;
-      const auto difference_at = differences.in(c);
-      VoigtPoints<Dim> in_cell(voigt_size<Dim, Normals>, static_cast<Index>(at.size()));
-      for (std::size_t k = 0; k < at.size(); ++k) in_cell.col(static_cast<Index>(k)) = difference_at(at[k]).first;
-      result.push_back(std::move(in_cell));
-    }
-    return result;
-  });
+  const RecoveryDifference<Dim> differences(approximation, fields);
+  std::vector<VoigtPoints<Dim>> result;
+  Stiffness<Dim> room;
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) {
+    const auto around = space.places(c);
+    if (std::ranges::find(around, place) == around.end()) continue;
+    const auto difference_at = differences.in(c);
+    VoigtPoints<Dim> in_cell(voigt_size<Dim>, static_cast<Index>(at.size()));
+    for (std::size_t k = 0; k < at.size(); ++k)
+      in_cell.col(static_cast<Index>(k)) =
+          difference_at(at[k], materials.stiffness(space.mesh().region(c), space.position(c, at[k]), room)).first;
+    result.push_back(std::move(in_cell));
+  }
+  return result;
 }
 
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
@@ -420,11 +370,9 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   values << solution.strain, solution.stress;
   const FineSpace<Dim>& space = approximation.space;
   const Matrix fits = fit_at_nodes(approximation, fit_weights(space, approximation.quadrature), values);
-  const Matrix field = with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) -> Matrix {
-    // Finite elements have the value of the fit at every node, and so at every place.
-    if (space.num_places() > space.size()) return fits.topRows(values.rows());
-    return blend<Dim, 2 * voigt_size<Dim, Normals>>(approximation, fits);
-  });
+  // Finite elements of several regions have the value of the fit at every node, and so at every place.
+  const Matrix field = space.num_places() > space.size() ? Matrix(fits.topRows(values.rows()))
+                                                         : blend<Dim, 2 * voigt_size<Dim>>(approximation, fits);
   if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
   return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
 }
@@ -451,45 +399,31 @@ template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fie
   const auto [cell, inside] = locate(space.mesh(), at);
   const auto N = space.values(inside);
   const auto places = space.places(cell);
-  return {gather<Dim, Dim>(fields.displacement, space.cell(cell)) * N,
-          gather<Dim, Eigen::Dynamic>(fields.strain, places) * N,
-          gather<Dim, Eigen::Dynamic>(fields.stress, places) * N};
+  return {gather<Dim>(fields.displacement, space.cell(cell)) * N, gather<Dim>(fields.strain, places) * N,
+          gather<Dim>(fields.stress, places) * N};
 }
 
-template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const std::vector<Lame>& lame, const ExactSolution<Dim>& exact) {
-  return with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return errors_with<Dim, Normals>(approximation, fields, lame, exact);
-  });
-}
-
-template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&,
-                                  const std::vector<Lame>&);
-template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&);
-template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&,
-                                     const std::vector<Lame>&);
+template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&, const Materials<2>&);
+template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&);
+template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template std::pair<Index, FineSpace<2>::Barycentric> locate<2>(const FineMesh<2>&, const Vec<2>&);
-template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&,
-                                    const std::vector<Lame>&);
+template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template std::vector<VoigtPoints<2>> stress_differences<2>(const Approximation<2>&, const Fields<2>&,
-                                                           const std::vector<Lame>&, Index);
+                                                           const Materials<2>&, Index);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
-template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const std::vector<Lame>&,
+template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&,
                                   const ExactSolution<2>&);
-template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&,
-                                  const std::vector<Lame>&);
-template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&);
-template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&,
-                                     const std::vector<Lame>&);
+template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&, const Materials<3>&);
+template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&);
+template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template std::pair<Index, FineSpace<3>::Barycentric> locate<3>(const FineMesh<3>&, const Vec<3>&);
-template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&,
-                                    const std::vector<Lame>&);
+template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template std::vector<VoigtPoints<3>> stress_differences<3>(const Approximation<3>&, const Fields<3>&,
-                                                           const std::vector<Lame>&, Index);
+                                                           const Materials<3>&, Index);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
-template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const std::vector<Lame>&,
+template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&,
                                   const ExactSolution<3>&);
 
 }  // namespace efree

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/functional.hpp"
 
-#include "efree/assembly/boundary.hpp"
 #include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/static_analysis.hpp"
@@ -111,17 +111,14 @@ template <int Dim> double work_beyond(const FineSpace<Dim>& space, const Restrai
       const auto at = space.facet_point(f, rule.points.col(q));
       const auto N = space.values(at);
       Vec<Dim> beyond = -of_part;
-      VoigtValue<Dim> sigma = VoigtValue<Dim>::Zero(stress.rows());
+      Voigt<Dim> sigma = Voigt<Dim>::Zero();
       for (std::size_t i = 0; i < dofs.size(); ++i) {
         beyond += N[static_cast<Index>(i)] * motion.col(dofs[i]);
         sigma += N[static_cast<Index>(i)] * stress.col(places[i]);
       }
       const Vec<Dim> held_part = shares.solve(on_facet.all * beyond);
-      with_normals<Dim>(space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-        const Vec<Dim> traction = strain_matrix<Dim, Normals>(n).transpose() * Voigt<Dim, Normals>(sigma);
-        work += space.mesh().facet_measure(f) * rule.weights[q] *
-                space.measure(space.position(space.mesh().facet_cell(f), at)) * traction.dot(held_part);
-      });
+      work += space.mesh().facet_measure(f) * rule.weights[q] *
+              space.measure(space.position(space.mesh().facet_cell(f), at)) * traction<Dim>(sigma, n).dot(held_part);
     }
   }
   return work;

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/static_analysis.hpp"
 
-#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/bodies.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/assembly/nitsche.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/internal/flat_cells.hpp"
@@ -16,7 +19,7 @@
 namespace efree {
 
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
-                                                                   const std::vector<Lame>& lame,
+                                                                   const Materials<Dim>& materials,
                                                                    double stabilisation) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
@@ -27,52 +30,20 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
   if (stabilised && approximation.fine.size() == 0)
     throw InputError(
         fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
-  if (!unions && !stabilised) return {{&approximation.quadrature, lame}};
-  const auto of_all = [&](const auto& part) {
-    std::vector<Lame> result;
-    for (const Lame& one : lame) result.push_back(part(one));
-    return result;
-  };
-  const bool solid = Dim == 3 || approximation.space.axisymmetric();
-  const auto sheared = [&](double share) {
-    return of_all([&](const Lame& one) {
-      const Lame dev = solid ? deviatoric<3>(one) : deviatoric<2>(one);
-      return Lame{share * dev.lambda, share * dev.mu};
-    });
-  };
+  if (!unions && !stabilised) return {{&approximation.quadrature, materials.tangents(approximation.quadrature)}};
+  const double share = stabilised ? 1.0 - stabilisation : 1.0;
   std::vector<StiffnessTerm<Dim>> terms;
-  terms.push_back({&approximation.quadrature, sheared(stabilised ? 1.0 - stabilisation : 1.0)});
-  if (stabilised) terms.push_back({&approximation.fine, sheared(stabilisation)});
   terms.push_back(
-      {unions ? &approximation.dilatation : &approximation.quadrature, of_all(solid ? volumetric<3> : volumetric<2>)});
+      {&approximation.quadrature, materials.tangents(approximation.quadrature, StiffnessPart::deviatoric, share)});
+  if (stabilised)
+    terms.push_back(
+        {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
+  const auto& volumetric = unions ? approximation.dilatation : approximation.quadrature;
+  terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
   return terms;
 }
 
 namespace {
-
-template <int Dim, int Normals> std::vector<VoigtMatrix<Dim, Normals>> stiffnesses(const std::vector<Lame>& lame) {
-  std::vector<VoigtMatrix<Dim, Normals>> C;
-  for (const Lame& one : lame) C.push_back(stiffness<Dim, Normals>(one));
-  return C;
-}
-
-template <int Dim> SymmetricMatrix stiffness_matrix(const StiffnessTerm<Dim>& term) {
-  return with_normals<Dim>(term.discretization->axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    return stiffness_matrix(*term.discretization, stiffnesses<Dim, Normals>(term.lame));
-  });
-}
-
-/// C of each point's region times its strain.
-template <int Dim> VoigtPoints<Dim> stress_at_points(const Discretization<Dim>& discretization,
-                                                     const std::vector<Lame>& lame, const VoigtPoints<Dim>& strain) {
-  return with_normals<Dim>(discretization.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    const auto C = stiffnesses<Dim, Normals>(lame);
-    VoigtPoints<Dim> stress(strain.rows(), strain.cols());
-    for (Index K = 0; K < strain.cols(); ++K)
-      stress.col(K) = C[discretization.region[K]] * Voigt<Dim, Normals>(strain.col(K));
-    return stress;
-  });
-}
 
 /// Lower triangle of T^T K T for a block diagonal T of frames at a few nodes.
 template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalConditions<Dim>& conditions) {
@@ -94,10 +65,11 @@ template <int Dim> SymmetricMatrix rotate(const SymmetricMatrix& K, const NodalC
 }
 
 /// Twice the shear energy per shear modulus of a Voigt strain: |dev eps|^2.
-template <int Dim, int Normals> double deviator_squared(const Voigt<Dim, Normals>& strain) {
-  const double mean = strain.template head<Normals>().mean();
-  return (strain.template head<Normals>().array() - mean).square().sum() +
-         0.5 * strain.template tail<voigt_size<Dim, Normals> - Normals>().squaredNorm();
+template <int Dim> double deviator_squared(const Voigt<Dim>& strain, bool axisymmetric) {
+  const int normals = Dim == 2 && !axisymmetric ? 2 : 3;  // that there are
+  const double mean = strain.head(normals).mean();
+  return (strain.head(normals).array() - mean).square().sum() +
+         0.5 * strain.template tail<voigt_size<Dim> - 3>().squaredNorm();
 }
 
 /// Whether a cell is so flat that gradients in it are those of interpolation, not of the field: less than a thousandth
@@ -109,14 +81,14 @@ template <int Dim> bool is_sliver(const FineMesh<Dim>& mesh, Index c) {
 
 /// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.
 /// Compares the distortion the quadrature sees with that of the field itself on the fine mesh, slivers left out.
-template <int Dim, int Normals>
-void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
+template <int Dim> void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U) {
   constexpr double smallest_share = 0.05;
   const auto& space = approximation.space;
   const auto& mesh = space.mesh();
+  const VoigtPoints<Dim> strain = efree::strain(approximation.quadrature, U);
   double seen = 0.0;
   for (Index K = 0; K < approximation.quadrature.size(); ++K)
-    seen += approximation.quadrature.weights[K] * deviator_squared<Dim, Normals>(strain.col(K));
+    seen += approximation.quadrature.weights[K] * deviator_squared<Dim>(strain.col(K), space.axisymmetric());
   const Points<Dim> u = interpolate(approximation.shape, U);
   const auto& rule = space.cell_rule();
   double there = 0.0, worst = 0.0;
@@ -125,8 +97,8 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
     if (is_sliver(mesh, c)) continue;
     double of_cell = 0.0;
     for (Index q = 0; q < rule.weights.size(); ++q)
-      of_cell +=
-          space.weight(c, q) * deviator_squared<Dim, Normals>(strain_at<Dim, Normals>(space, c, rule.points.col(q), u));
+      of_cell += space.weight(c, q) *
+                 deviator_squared<Dim>(strain_at<Dim>(space, c, rule.points.col(q), u), space.axisymmetric());
     there += of_cell;
     if (of_cell > worst) {
       worst = of_cell;
@@ -146,24 +118,29 @@ void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& 
 }
 
 /// Strains, stresses and energy of the field with these coefficients.
-template <int Dim> Solution<Dim> derived(const Approximation<Dim>& approximation, const std::vector<Lame>& lame,
+template <int Dim> Solution<Dim> derived(const Approximation<Dim>& approximation, const Materials<Dim>& materials,
                                          const std::vector<StiffnessTerm<Dim>>& terms, Points<Dim> coefficients) {
   Solution<Dim> solution;
   solution.coefficients = std::move(coefficients);
   for (const auto& term : terms) {
-    const VoigtPoints<Dim> eps = strain(*term.discretization, solution.coefficients);
-    const VoigtPoints<Dim> sigma = stress_at_points(*term.discretization, term.lame, eps);
+    const Gradients<Dim> H = gradient(*term.discretization, solution.coefficients);
     for (Index K = 0; K < term.discretization->size(); ++K)
-      solution.strain_energy += 0.5 * term.discretization->weights[K] * sigma.col(K).dot(eps.col(K));
+      solution.strain_energy += 0.5 * term.discretization->weights[K] * H.col(K).dot(term.tangents[K] * H.col(K));
   }
-  solution.strain = strain(approximation.quadrature, solution.coefficients);
-  solution.stress = stress_at_points(approximation.quadrature, lame, solution.strain);
-  if (approximation.dilatation.size() > 0) {  // the pressure lives on the unions
-    const StiffnessTerm<Dim>& volumetric = terms.back();
-    const VoigtPoints<Dim> mean = strain(approximation.dilatation, solution.coefficients);
-    solution.stress += stress_at_points(approximation.quadrature, volumetric.lame,
-                                        VoigtPoints<Dim>(mean(Eigen::all, approximation.union_of) - solution.strain));
-  }
+  const auto& quadrature = approximation.quadrature;
+  solution.strain = strain(quadrature, solution.coefficients);
+  solution.stress.resizeLike(solution.strain);
+  VoigtPoints<Dim> mean;
+  if (approximation.dilatation.size() > 0) mean = strain(approximation.dilatation, solution.coefficients);
+  parallel_for(quadrature.size(), [&](Index K) {
+    Stiffness<Dim> room;
+    const Stiffness<Dim>& stiffness = materials.stiffness(quadrature.region[K], quadrature.points.col(K), room);
+    Voigt<Dim> eps = solution.strain.col(K);
+    solution.strain(2, K) += stiffness.thinning.dot(eps);
+    if (mean.size() > 0)  // the pressure lives on the unions
+      eps += (mean.col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
+    solution.stress.col(K) = stiffness.C * eps;
+  });
   if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
     throw NumericalError(
         fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
@@ -180,20 +157,19 @@ template <int Dim> bool is_identity(const std::vector<Mat<Dim>>& frames) {
 
 }  // namespace
 
-template <int Dim> std::vector<Lame> region_lame(const ElasticModel& model, const FineMesh<Dim>& mesh) {
-  if (model.regions.empty())
-    return std::vector<Lame>(mesh.num_regions(), lame_constants<Dim>(model.material, model.plane));
-  if (static_cast<Index>(model.regions.size()) != mesh.num_regions())
+template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh) {
+  require(Dim == 3 || model.plane.has_value(),
+          "a model in 2D does not say what its plane stands for: expected Plane::stress, strain or axisymmetric");
+  if (!model.regions.empty() && static_cast<Index>(model.regions.size()) != mesh.num_regions())
     throw InputError(fmt::format("{} materials for {} regions ({}), expected one for each", model.regions.size(),
                                  mesh.num_regions(), fmt::join(mesh.region_names(), ", ")));
-  std::vector<Lame> lame;
-  for (const LinearElastic& material : model.regions) lame.push_back(lame_constants<Dim>(material, model.plane));
-  return lame;
+  return {model.regions.empty() ? std::vector<SharedMaterial>(mesh.num_regions(), model.material) : model.regions,
+          model.plane.value_or(Plane::strain)};
 }
 
 template <int Dim> struct ElasticSolver<Dim>::Impl {
   const Approximation<Dim>& approximation;
-  std::vector<Lame> lame;  ///< by region
+  Materials<Dim> materials;
   std::vector<StiffnessTerm<Dim>> terms;
   Vector prescribed_rhs;  ///< what the displacement conditions add to the right-hand side
 
@@ -215,7 +191,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
     require_restrained(approximation.space, restrained, ties);
     SymmetricMatrix K;
     for (const auto& term : terms) {
-      const SymmetricMatrix part = stiffness_matrix(term);
+      const SymmetricMatrix part = stiffness_matrix(*term.discretization, term.tangents);
       K = K.size() ? SymmetricMatrix(K + part) : part;
     }
     prescribed_rhs = Vector::Zero(K.rows());
@@ -311,15 +287,15 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
                                                      StageTimes* times, const Progress& progress)
-    : impl_(
-          new Impl{approximation, region_lame(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}, {}, {}}) {
+    : impl_(new Impl{
+          approximation, materials_of(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}, {}, {}}) {
   if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
   StageTimes unused;
   StageTimes& clock = times ? *times : unused;
-  impl_->terms = stiffness_terms(approximation, impl_->lame, model.stabilisation);
+  impl_->terms = stiffness_terms(approximation, impl_->materials, model.stabilisation);
   SymmetricMatrix K;
   {
     Stage stage("assembly", clock, progress);
@@ -348,19 +324,17 @@ template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const {
 
 template <int Dim>
 Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticModel& model, Points<Dim> coefficients) {
-  const auto lame = region_lame(model, approximation.space.mesh());
-  return derived(approximation, lame, stiffness_terms(approximation, lame, model.stabilisation),
+  const auto materials = materials_of(model, approximation.space.mesh());
+  return derived(approximation, materials, stiffness_terms(approximation, materials, model.stabilisation),
                  std::move(coefficients));
 }
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
   const auto& approximation = impl_->approximation;
   Solution<Dim> solution = derived(
-      approximation, impl_->lame, impl_->terms,
+      approximation, impl_->materials, impl_->terms,
       impl_->solve(load_vector(approximation.space, approximation.shape, loads), impl_->prescribed_rhs, impl_->fixed));
-  with_normals<Dim>(approximation.space.axisymmetric(), [&]<int Normals>(Number<Normals>) {
-    require_stable<Dim, Normals>(approximation, solution.coefficients, solution.strain);
-  });
+  require_stable<Dim>(approximation, solution.coefficients);
   return solution;
 }
 
@@ -394,14 +368,14 @@ template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Di
   return {.displacement = problem.solve(forces, given, held), .value = value};
 }
 
-template std::vector<Lame> region_lame<2>(const ElasticModel&, const FineMesh<2>&);
-template std::vector<Lame> region_lame<3>(const ElasticModel&, const FineMesh<3>&);
+template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
+template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
 template Solution<2> evaluate<2>(const Approximation<2>&, const ElasticModel&, Points<2>);
 template class ElasticSolver<2>;
 template Solution<3> evaluate<3>(const Approximation<3>&, const ElasticModel&, Points<3>);
 template class ElasticSolver<3>;
 
-template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const std::vector<Lame>&, double);
-template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const std::vector<Lame>&, double);
+template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double);
+template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double);
 
 }  // namespace efree

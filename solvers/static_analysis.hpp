@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/assembly/conditions.hpp"
-#include "efree/materials/linear_elastic.hpp"
+#include "efree/assembly/materials.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/functional.hpp"
 
@@ -20,22 +20,23 @@ enum class Essential {
 };
 
 struct ElasticModel {
-  LinearElastic material;
-  Plane plane = Plane::stress;  ///< axisymmetric exactly if the approximation is; means nothing in 3D
+  SharedMaterial material{};
+  std::optional<Plane> plane{};  ///< needed in 2D; axisymmetric exactly if the approximation is
   Essential essential = Essential::nitsche;
   double stabilisation =
       0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
-  std::vector<LinearElastic> regions{};  ///< by region of the mesh; empty: `material` everywhere
-  std::string open_interface{};          ///< boundary part along which regions are not tied to each other (a crack)
+  std::vector<SharedMaterial> regions{};  ///< by region of the mesh; empty: `material` everywhere
+  std::string open_interface{};           ///< boundary part along which regions are not tied to each other (a crack)
 };
 
-/// Lame constants by region. Throws InputError for moduli out of range or regions without a material.
-template <int Dim> std::vector<Lame> region_lame(const ElasticModel& model, const FineMesh<Dim>& mesh);
+/// The materials by region. Throws InputError for moduli out of range, regions without a material, a model in 2D that
+/// does not say its plane.
+template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh);
 
 /// Coefficients and what is derived at the quadrature points.
 template <int Dim> struct Solution {
   Points<Dim> coefficients;    ///< Dim x N; not nodal displacements: use interpolate(shape, coefficients)
-  VoigtPoints<Dim> strain;     ///< at quadrature points, engineering shear
+  VoigtPoints<Dim> strain;     ///< at quadrature points, engineering shear; in plane stress with that across the plane
   VoigtPoints<Dim> stress;     ///< at quadrature points
   double strain_energy = 0.0;  ///< [force * length], in the plane per thickness
 };
@@ -90,7 +91,7 @@ std::pair<Index, typename FineSpace<Dim>::Barycentric> locate(const FineMesh<Dim
 /// Fields at one point. Throws InputError (with the nearest point of the body) if it lies outside.
 template <int Dim> struct ProbeValues {
   Vec<Dim> displacement;
-  VoigtValue<Dim> strain, stress;
+  Voigt<Dim> strain, stress;
 };
 template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at);
 
@@ -104,53 +105,46 @@ template <int Dim> struct ExactSolution {
   VectorField<Dim> displacement;  ///< may be empty
   VoigtField<Dim> stress;         ///< may be empty
 };
-/// `lame` by region.
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const std::vector<Lame>& lame, const ExactSolution<Dim>& exact);
-/// The same for one material.
-template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                         const Lame& lame, const ExactSolution<Dim>& exact) {
-  return errors_against(approximation, fields, std::vector<Lame>(approximation.space.mesh().num_regions(), lame),
-                        exact);
-}
+                                         const Materials<Dim>& materials, const ExactSolution<Dim>& exact);
 
 /// Error of the displacement against the exact solution, in the energy norm, as far as the recovered stresses are
 /// exact: the distance between these and those of the displacement's gradients, on the fine mesh (Zienkiewicz & Zhu
-/// 1987). For finite elements it tends to the true error as the mesh is refined. `lame` by region.
+/// 1987). For finite elements it tends to the true error as the mesh is refined.
 struct RecoveryError {
   double relative;  ///< of the body; 0 without any stress
   Vector squares;   ///< by cell: square of the distance [force * length]
 };
 template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
-                                                const std::vector<Lame>& lame);
+                                                const Materials<Dim>& materials);
 
 /// By cell: the integral of the work of the difference between recovered stress and that of the displacement's
 /// gradients of `a` on the strains that belong to the same difference of `b` [force * length]. With a = b these are the
 /// squares of recovery_error; with the dual solution of a functional as b the sum is what the mesh leaves of that
 /// functional, with its sign.
 template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
-                                            const Fields<Dim>& b, const std::vector<Lame>& lame);
+                                            const Fields<Dim>& b, const Materials<Dim>& materials);
 
 /// What a mesh leaves of a functional, from the recovered fields of the finite elements' solution and of the
 /// functional's dual one, as an absolute value: the sum of recovery_products, for quadratic cells twice that, but at
 /// least a tenth of what these products could be in each cell (so that what cancels by chance is not taken for none).
 /// Chosen on bench_dual: for linear cells 0.67 to 2 times the true error in four cases of five, for quadratic ones 0.5
-/// to 2 in three of four. `lame` by region.
+/// to 2 in three of four.
 template <int Dim> double functional_error(const Approximation<Dim>& elements, const Fields<Dim>& u,
-                                           const Fields<Dim>& z, const std::vector<Lame>& lame);
+                                           const Fields<Dim>& z, const Materials<Dim>& materials);
 
 /// In each cell around a place of the space (of its region), at the degrees of freedom of the cell: recovered stress
 /// less that of the displacement's gradients.
 template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approximation<Dim>& approximation,
                                                                     const Fields<Dim>& fields,
-                                                                    const std::vector<Lame>& lame, Index place);
+                                                                    const Materials<Dim>& materials, Index place);
 
 /// Relative distance in the energy norm of fields with a pressure of their own, as averaged dilatations (B-bar) give
 /// it, from a displacement of finite elements: of the deviators of the strains, and of the pressures. What the
 /// pointwise divergence of the displacement would cost is not in it: towards nu = 1/2 it grows beyond bounds and means
-/// nothing. `fields` and `displacement` at the degrees of freedom of elements.space; `lame` by region. 0 without any
+/// nothing. `fields` and `displacement` at the degrees of freedom of elements.space; 0 without any
 /// stress.
 template <int Dim> double mixed_distance(const Approximation<Dim>& elements, const Points<Dim>& displacement,
-                                         const Fields<Dim>& fields, const std::vector<Lame>& lame);
+                                         const Fields<Dim>& fields, const Materials<Dim>& materials);
 
 }  // namespace efree

@@ -5,6 +5,7 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/geometry/image_mesh.hpp"
 #include "efree/geometry/planar_domain.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
@@ -87,6 +88,11 @@ inline Body body(const std::string& name) {
   throw std::invalid_argument("no body named " + name);
 }
 
+/// Stiffness of an isotropic material.
+template <int Dim> VoigtMatrix<Dim> hooke(const IsotropicModuli& moduli, Plane plane = Plane::strain) {
+  return Materials<Dim>({LinearElastic(moduli)}, plane).stiffness(0, Vec<Dim>::Zero()).C;
+}
+
 /// u(x) = shift + H x.
 template <int Dim> struct LinearField {
   const char* name;
@@ -94,10 +100,10 @@ template <int Dim> struct LinearField {
   Vec<Dim> shift;
 
   Vec<Dim> displacement(const Vec<Dim>& x) const { return shift + H * x; }
-  Voigt<Dim> stress(const Lame& lame) const {
-    Voigt<Dim> strain = Voigt<Dim>::Zero();
-    for (int i = 0; i < Dim; ++i) strain += strain_matrix<Dim>(Vec<Dim>::Unit(i)) * H.col(i);
-    return stiffness<Dim>(lame) * strain;
+  Voigt<Dim> strain() const {
+    Gradient<Dim> gradient = Gradient<Dim>::Zero();
+    gradient.template head<Dim * Dim>() = H.reshaped();
+    return strain_of<Dim>(gradient);
   }
 };
 template <int Dim> std::vector<LinearField<Dim>> linear_fields() {
@@ -109,9 +115,6 @@ template <int Dim> std::vector<LinearField<Dim>> linear_fields() {
   return {{"tension", tension, shift}, {"shear", shear, shift}, {"rotation", rotation, shift}};
 }
 
-template <int Dim> Vec<Dim> traction_of(const Voigt<Dim>& stress, const Vec<Dim>& n) {
-  return strain_matrix<Dim>(n).transpose() * stress;
-}
 /// Every component prescribed.
 template <int Dim> DisplacementCondition<Dim> displacement(std::string on, const VectorField<Dim>& u) {
   DisplacementCondition<Dim> condition{std::move(on), {}, {}};
@@ -130,21 +133,21 @@ struct PatchError {
 template <int Dim> PatchError patch_error(const Approximation<Dim>& approximation, const ElasticModel& model,
                                           const LinearField<Dim>& field, const std::vector<std::string>& held,
                                           const std::vector<std::string>& loaded) {
-  const Lame lame = lame_constants<Dim>(model.material, model.plane);
-  const Voigt<Dim> stress = field.stress(lame);
+  const VoigtMatrix<Dim> C = materials_of(model, approximation.space.mesh()).stiffness(0, Vec<Dim>::Zero()).C;
+  const Voigt<Dim> stress = C * field.strain();
   const VectorField<Dim> u = [&](const Vec<Dim>& x) { return field.displacement(x); };
   std::vector<DisplacementCondition<Dim>> conditions;
   for (const auto& part : held) conditions.push_back(displacement<Dim>(part, u));
   Loads<Dim> loads;
   for (const auto& part : loaded)
-    loads.tractions.push_back({part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction_of<Dim>(stress, n); }});
+    loads.tractions.push_back({part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction<Dim>(stress, n); }});
   const auto solution = ElasticSolver<Dim>(approximation, model, conditions).solve(loads);
   const auto fields = recover_fields(approximation, solution);
 
   const auto& vertices = approximation.space.points();
   Points<Dim> exact(Dim, vertices.cols());
   for (Index v = 0; v < exact.cols(); ++v) exact.col(v) = u(vertices.col(v));
-  const double scale = (lame.lambda + 2.0 * lame.mu) * field.H.norm();
+  const double scale = C(0, 0) * field.H.norm();
   return {(fields.displacement - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff(),
           (solution.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale,
           (fields.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale};

@@ -63,6 +63,21 @@ if(sources_seen EQUAL 0)
   message(FATAL_ERROR "no sources in ${CMAKE_CURRENT_SOURCE_DIR}")
 endif()
 
+# Equations and solvers ask materials, and know no modulus.
+foreach(room assembly solvers)
+  file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${room}/*.hpp ${room}/*.cpp)
+  foreach(source IN LISTS sources)
+    file(STRINGS ${source} lines REGEX "LinearElastic|Orthotropic|Moduli|Lame|linear_elastic|(^|[^A-Za-z0-9_])(E|nu|lambda|mu)([^A-Za-z0-9_]|$)")
+    foreach(line IN LISTS lines)
+      string(REGEX REPLACE "//.*" "" code "${line}")
+      string(REGEX REPLACE "\"[^\"]*\"" "" code "${code}")
+      if(code MATCHES "LinearElastic|Orthotropic|Moduli|Lame|linear_elastic|(^|[^A-Za-z0-9_])(E|nu|lambda|mu)([^A-Za-z0-9_]|$)")
+        complain(${source} "knows a modulus: '${line}'")
+      endif()
+    endforeach()
+  endforeach()
+endforeach()
+
 # The umbrella header leaves nothing out.
 list(TRANSFORM rooms APPEND /*.hpp OUTPUT_VARIABLE globs)
 file(GLOB headers RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${globs})

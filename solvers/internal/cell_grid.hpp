@@ -12,7 +12,7 @@ namespace efree::internal {
 /// By set of parts (bit q: part q = x + 2 y + 4 z): the largest eigenvalue of the stiffness of a cell with material in
 /// these parts, over its diagonal.
 using CellEigenvalues = std::array<float, 256>;
-/// For lambda / mu between two values. Cells of any size, but of these proportions.
+/// For a ratio across / shear between two values. Cells of any size, but of these proportions.
 CellEigenvalues largest_eigenvalues(const Vec<3>& edges, float least, float most);
 
 /// A body in a grid of cells (finite cells; Parvizian, Duester & Rank 2007): strains are taken at eight points of a
@@ -29,12 +29,13 @@ struct CellGrid {
   Vec<3> edges = Vec<3>::Ones();  ///< of a cell [length]
   std::array<double, 3> inverse_edges{};
   Index row = 0, pitch = 0;      ///< cells in a padded row, nodes in one
-  std::vector<float> stiffness;  ///< by `lanes` cells: mu of their 8 parts and lambda of their 8 parts, times volume
+  std::vector<float> stiffness;  ///< by `lanes` cells: shear of their 8 parts and across of their 8 parts, times volume
   std::vector<char> empty;       ///< by `lanes` cells
 
-  /// Lame constants by part, x fastest, two parts to a cell along each axis.
-  CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const std::vector<float>& mu,
-           const std::vector<float>& lambda);
+  /// Isotropic stiffness by part, C_xyxy (`shear`) and C_xxyy (`across`), x fastest, two parts to a cell along each
+  /// axis.
+  CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const std::vector<float>& shear,
+           const std::vector<float>& across);
 
   std::size_t node(Index i, Index j, Index k) const {
     return static_cast<std::size_t>(i) +
@@ -47,7 +48,7 @@ struct CellGrid {
             static_cast<std::size_t>(row) * (j + static_cast<std::size_t>(cells[1]) * k)) /
            lanes;
   }
-  /// mu of part q = x + 2 y + 4 z of a cell, times its volume; lambda with q + 8.
+  /// shear of part q = x + 2 y + 4 z of a cell, times its volume; across with q + 8.
   float weight(Index i, Index j, Index k, int q) const {
     return stiffness[(block(i, j, k) * 16 + q) * lanes + i % lanes];
   }
@@ -60,7 +61,7 @@ struct CellGrid {
   std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
 
-/// Lame constants by part of a coarser grid, from those of a grid of so many cells: `ratio`, 1 or 2 along each axis.
+/// Stiffness by part of a coarser grid, from those of a grid of so many cells: `ratio`, 1 or 2 along each axis.
 std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
                           const std::array<int, 3>& ratio);
 

@@ -78,7 +78,7 @@ struct CellProblems {
 };
 
 /// Throws as solve_on_cells says, but for NumericalError.
-CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<LinearElastic>& materials,
+CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                 const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                                 const CellOptions& options);
 

@@ -2,16 +2,16 @@
 /// What the stiffness of an approximation is made of.
 #pragma once
 
-#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/nitsche.hpp"
 #include "efree/quadrature/approximation.hpp"
 
 namespace efree {
 
 /// The stiffness as a sum of terms with their own quadrature: the share `stabilisation` of the deviatoric part by full
 /// integration, the volumetric part on coarser unions where the approximation has them. They refer to the
-/// approximation. `lame` by region. Throws InputError for a stabilisation out of range or without full integration.
+/// approximation. Throws InputError for a stabilisation out of range or without full integration.
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
-                                                                   const std::vector<Lame>& lame,
+                                                                   const Materials<Dim>& materials,
                                                                    double stabilisation = 0.0);
 
 }  // namespace efree

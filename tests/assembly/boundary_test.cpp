@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/assembly/boundary.hpp"
+#include "efree/assembly/bodies.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/tests/bodies.hpp"
 

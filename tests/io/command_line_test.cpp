@@ -206,7 +206,8 @@ TEST(CommandLine, FieldsCanBeReadByVtk) {
                  *stress = grid->GetPointData()->GetArray("stress"), *strain = grid->GetPointData()->GetArray("strain"),
                  *mises = grid->GetPointData()->GetArray("von_mises");
     ASSERT_TRUE(u && stress && strain && mises);
-    EXPECT_STREQ(stress->GetComponentName(2), "xy");
+    EXPECT_STREQ(stress->GetComponentName(2), "zz");
+    EXPECT_STREQ(stress->GetComponentName(3), "xy");
     for (vtkIdType p = 0; p < grid->GetNumberOfPoints(); ++p) {
       ASSERT_NEAR(u->GetComponent(p, 0), grid->GetPoint(p)[0], 1e-10);
       ASSERT_NEAR(u->GetComponent(p, 1), -0.3 * grid->GetPoint(p)[1], 1e-10);

@@ -29,7 +29,7 @@ std::vector<Vec<2>> plate_points(double margin) {
 
 TEST(KirschSolution, StressBelongsToTheDisplacement) {
   const Case<2> plate = kirsch();
-  const VoigtMatrix<2> C = stiffness<2>(plane_lame(plate.model.material, plate.model.plane));
+  const VoigtMatrix<2> C = Materials<2>({plate.model.material}, *plate.model.plane).stiffness(0, Vec<2>::Zero()).C;
   constexpr double h = 1e-4;
   for (const Vec<2>& x : plate_points(0.01)) {
     const auto difference = [&](int j) {
@@ -37,7 +37,7 @@ TEST(KirschSolution, StressBelongsToTheDisplacement) {
       return Vec<2>((plate.exact.displacement(x + step) - plate.exact.displacement(x - step)) / (2 * h));
     };
     const Vec<2> dx = difference(0), dy = difference(1);
-    const Voigt<2> strain(dx[0], dy[1], dx[1] + dy[0]);
+    const Voigt<2> strain(dx[0], dy[1], 0.0, dx[1] + dy[0]);
     EXPECT_LT((C * strain - plate.exact.stress(x)).cwiseAbs().maxCoeff(), 1e-6) << x.transpose();
   }
 }
@@ -50,8 +50,8 @@ TEST(KirschSolution, IsInEquilibrium) {
         (plate.exact.stress(x + h * Vec<2>::UnitX()) - plate.exact.stress(x - h * Vec<2>::UnitX())) / (2 * h);
     const Voigt<2> dy =
         (plate.exact.stress(x + h * Vec<2>::UnitY()) - plate.exact.stress(x - h * Vec<2>::UnitY())) / (2 * h);
-    EXPECT_NEAR(dx[0] + dy[2], 0.0, 1e-5) << x.transpose();
-    EXPECT_NEAR(dx[2] + dy[1], 0.0, 1e-5) << x.transpose();
+    EXPECT_NEAR(dx[0] + dy[3], 0.0, 1e-5) << x.transpose();
+    EXPECT_NEAR(dx[3] + dy[1], 0.0, 1e-5) << x.transpose();
   }
 }
 
@@ -60,9 +60,7 @@ TEST(KirschSolution, LeavesTheHoleFreeAndTriplesTheTensionAboveIt) {
   for (int i = 0; i <= 90; ++i) {
     const double t = i * std::acos(-1.0) / 180.0;
     const Vec<2> n(std::cos(t), std::sin(t));
-    const Voigt<2> s = plate.exact.stress(n);
-    EXPECT_NEAR(s[0] * n[0] + s[2] * n[1], 0.0, 1e-12);
-    EXPECT_NEAR(s[2] * n[0] + s[1] * n[1], 0.0, 1e-12);
+    EXPECT_LT(traction<2>(plate.exact.stress(n), n).norm(), 1e-12);
   }
   EXPECT_NEAR(plate.exact.stress(Vec<2>(0, 1))[0], 3.0, 1e-12);
   EXPECT_NEAR(plate.exact.displacement(Vec<2>(0, 2))[0], 0.0, 1e-12);
@@ -74,9 +72,9 @@ TEST(KirschSolution, LoadsAreItsStresses) {
   ASSERT_EQ(plate.loads.tractions.size(), 2u);
   const Vec<2> right(4, 1.7), top(2.1, 4);
   EXPECT_EQ(plate.loads.tractions[0].traction(right, Vec<2>::UnitX()),
-            Vec<2>(plate.exact.stress(right)[0], plate.exact.stress(right)[2]));
+            traction<2>(plate.exact.stress(right), Vec<2>::UnitX()));
   EXPECT_EQ(plate.loads.tractions[1].traction(top, Vec<2>::UnitY()),
-            Vec<2>(plate.exact.stress(top)[2], plate.exact.stress(top)[1]));
+            traction<2>(plate.exact.stress(top), Vec<2>::UnitY()));
 }
 
 TEST(Examples, ThickCylinderIsWithinAPercentWithEightNodesThroughTheWall) {

@@ -416,11 +416,11 @@ TEST(ImageCase, RegionsThatDoNotMatchAreErrorsThatListThoseThere) {
     return complaint<2>(work);
   };
   expect_matches(with("region = \"stiff\"", "region = \"stif\""),
-                 R"(^case.toml:20: no region is named "stif"; the mesh has "soft", "stiff")");
+                 R"(^case.toml:19: no region is named "stif"; the mesh has "soft", "stiff")");
   expect_matches(with("[[material]]\nregion = \"stiff\"\nE = 20\nnu = 0\n", ""),
-                 R"(^case.toml:16: no \[\[material\]\] for the region "stiff"; the mesh has "soft", "stiff")");
+                 R"(^case.toml:15: no \[\[material\]\] for the region "stiff"; the mesh has "soft", "stiff")");
   expect_matches(with("region = \"stiff\"", "region = \"soft\""),
-                 R"(^case.toml:19: the region "soft" has a material already, from case.toml:16)");
+                 R"(^case.toml:19: the region "soft" has a material already, from case.toml:15)");
   expect_matches(with("region = \"stiff\"", ""), R"(^case.toml:18: key "region" is missing in \[\[material\]\])");
   expect_matches(with("2 = \"stiff\"", "3 = \"stiff\""), R"(^case.toml:3: .*3)");
   expect_matches(with("2 = \"stiff\"", "two = \"stiff\""), R"(^case.toml:7: "two" is no label)");

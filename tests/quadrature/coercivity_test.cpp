@@ -11,7 +11,7 @@ namespace efree {
 namespace {
 
 Matrix dense_stiffness(const Discretization<2>& discretization) {
-  const auto C = stiffness<2>(plane_lame({1.0, 0.3}, Plane::stress));
+  const auto C = Materials<2>({LinearElastic(1.0, 0.3)}, Plane::stress).tangents(discretization);
   return Matrix(SymmetricMatrix(stiffness_matrix(discretization, C).selfadjointView<Eigen::Lower>()));
 }
 

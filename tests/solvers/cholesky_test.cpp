@@ -4,6 +4,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+#include <array>
+#include <memory>
+#include <thread>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -58,6 +63,56 @@ TEST(Cholesky, ChainThatHoldsNowhereIsSingular) {
 
 TEST(Cholesky, IndefiniteMatrixIsRefused) {
   EXPECT_THROW(Cholesky factor(chain(5, -3.0)), NumericalError);
+}
+
+TEST(LinearSolver, NegativePivotsAreNegativeEigenvalues) {
+  // Springs in a row under a dead load: -s on the diagonal takes stiffness until the chain buckles, again and again.
+  const Index size = 40;
+  const SymmetricMatrix held = chain(size, 1.0);
+  const Vector eigenvalues =
+      Eigen::SelfAdjointEigenSolver<Matrix>(Matrix(held.selfadjointView<Eigen::Lower>() * Matrix::Identity(size, size)))
+          .eigenvalues();
+  const std::unique_ptr<LinearSolver> solver = std::make_unique<Cholesky>();
+  solver->analyse(held);
+  const Matrix rhs = Matrix::Random(size, 2);
+  for (const Index lost : {0, 1, 3, 0, 20, 39}) {
+    SymmetricMatrix loaded = held;
+    const double shift = lost == 0 ? 0.0 : 0.5 * (eigenvalues[lost - 1] + eigenvalues[lost]);
+    for (Index i = 0; i < size; ++i) loaded.coeffRef(i, i) -= shift;
+    solver->factorize(loaded);
+    EXPECT_EQ(solver->negative_pivots(), lost);
+    const Matrix product = loaded.selfadjointView<Eigen::Lower>() * solver->solve(rhs);
+    EXPECT_LT((product - rhs).cwiseAbs().maxCoeff(), 1e-10) << lost;
+  }
+}
+
+TEST(LinearSolver, FactorsNewValuesInAnAnalysedPatternAndRefusesAnotherOne) {
+  Cholesky solver;
+  solver.analyse(chain(30, 1.0));
+  for (const double wall : {1.0, 5.0, 0.1}) {
+    const SymmetricMatrix lower = chain(30, wall);
+    solver.factorize(lower);
+    EXPECT_EQ(solver.solve(Vector::Ones(30)), Cholesky(lower).solve(Vector::Ones(30))) << "bit for bit";
+  }
+  EXPECT_THAT([&] { solver.factorize(chain(31, 1.0)); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("were analysed")));
+  EXPECT_THAT([&] { solver.factorize(chain(30, 0.0)); },
+              ::testing::ThrowsMessage<NumericalError>(::testing::HasSubstr("singular")));
+}
+
+TEST(LinearSolver, ThreadsSolveWithOneFactorAtOnce) {
+  const Index size = 2000;
+  const Cholesky solver(chain(size, 1.0));
+  const Matrix rhs = Matrix::Random(size, 8);
+  const Matrix one_by_one = solver.solve(rhs);
+  std::array<Matrix, 4> found;
+  std::vector<std::thread> threads;
+  for (Matrix& mine : found)
+    threads.emplace_back([&] {
+      for (int again = 0; again < 20; ++again) mine = solver.solve(rhs);
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const Matrix& mine : found) EXPECT_EQ(mine, one_by_one);
 }
 
 }  // namespace

@@ -22,7 +22,9 @@ class BothWays : public ::testing::TestWithParam<std::tuple<SecondaryKind, Essen
             .secondary = secondary,
             .vanish_on = essential == Essential::strong ? held : std::vector<std::string>{}};
   }
-  ElasticModel model() const { return {.material = {1.0, 0.3}, .essential = std::get<1>(GetParam())}; }
+  ElasticModel model() const {
+    return {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = std::get<1>(GetParam())};
+  }
 };
 
 TEST_P(BothWays, TensionAlongAnInclinedBarThatSlidesOnTwoSidesIsExact) {
@@ -43,7 +45,7 @@ TEST_P(BothWays, TensionAlongAnInclinedBarThatSlidesOnTwoSidesIsExact) {
   }
   EXPECT_LE(error, 1e-11);
   const Vec<2> a = turn * Vec<2>::UnitX();
-  const Voigt<2> stress(a.x() * a.x(), a.y() * a.y(), a.x() * a.y());
+  const Voigt<2> stress(a.x() * a.x(), a.y() * a.y(), 0.0, a.x() * a.y());
   EXPECT_LE((solution.stress.colwise() - stress).cwiseAbs().maxCoeff(), 1e-11);
   EXPECT_NEAR(solution.strain_energy, 0.5 * 2.0, 1e-11);
 }
@@ -83,7 +85,7 @@ TEST_P(BothWays, ReactionsAreThereWithoutLoads) {
   const auto solution =
       ElasticSolver<2>(approximation, model(), {{"left", {}, zero}, {"right", {}, stretch}, {"bottom", {}, zero}})
           .solve({});
-  EXPECT_LE((solution.stress.colwise() - Voigt<2>(0.01, 0.0, 0.0)).cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_LE((solution.stress.colwise() - Voigt<2>(0.01, 0.0, 0.0, 0.0)).cwiseAbs().maxCoeff(), 1e-13);
 }
 
 INSTANTIATE_TEST_SUITE_P(Conditions, BothWays,
@@ -97,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(Conditions, BothWays,
 TEST(ElasticSolverInput, BadInputIsRefusedWithAReason) {
   const auto body = testing::body("square");
   const auto approximation = approximate(body.mesh, {.spacing = body.spacing});
-  const ElasticModel good{.material = {1.0, 0.3}};
+  const ElasticModel good{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
   const auto refuses = [&](const ElasticModel& model, const std::vector<DisplacementCondition<2>>& conditions,
                            const char* text) {
     EXPECT_THAT([&] { ElasticSolver<2>(approximation, model, conditions); },
@@ -106,12 +108,14 @@ TEST(ElasticSolverInput, BadInputIsRefusedWithAReason) {
   refuses(good, {}, "underconstrained");
   refuses(good, {{"left", {zero, nullptr}, {}}}, "translation along y");
   refuses(good, {clamp<2>("lfet")}, "lfet");
-  refuses({.material = {-1.0, 0.3}}, {clamp<2>("left")}, "E = -1");
-  refuses({.material = {1.0, 0.5}}, {clamp<2>("left")}, "nu = 0.5");
-  refuses({.material = {1.0, 0.3}, .stabilisation = 1.5}, {clamp<2>("left")}, "stabilisation = 1.5");
-  refuses({.material = {1.0, 0.3}, .stabilisation = 0.5}, {clamp<2>("left")},
+  refuses({.plane = Plane::stress}, {clamp<2>("left")}, "no material");
+  refuses({.material = LinearElastic(1.0, 0.3)}, {clamp<2>("left")}, "expected Plane::stress");
+  refuses({.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .stabilisation = 1.5}, {clamp<2>("left")},
+          "stabilisation = 1.5");
+  refuses({.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .stabilisation = 0.5}, {clamp<2>("left")},
           "stabilisation");  // full integration was not built
-  refuses({.material = {1.0, 0.3}, .essential = Essential::strong}, {clamp<2>("left")}, "does not vanish");
+  refuses({.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = Essential::strong},
+          {clamp<2>("left")}, "does not vanish");
 }
 
 TEST(ElasticSolverInput, TooFewQuadraturePointsAreSaidToBeTheReason) {
@@ -119,7 +123,8 @@ TEST(ElasticSolverInput, TooFewQuadraturePointsAreSaidToBeTheReason) {
   const auto approximation = approximate(mesh, {.spacing = 0.15, .ratio = 0.3});
   EXPECT_THAT(
       [&] {
-        ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("left")});
+        ElasticSolver<2>(approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+                         {clamp<2>("left")});
       },
       ThrowsMessage<NumericalError>(HasSubstr("too few quadrature points per node")));
 }
@@ -131,20 +136,22 @@ TEST(ElasticSolverInput, NumbersTooLargeToComputeWithAreRefused) {
     const auto solve = [&] {
       const DisplacementCondition<2> sheared{"left", {[&](const Vec<2>& x) { return shear * x.y(); }, zero}, {}};
       const auto pull = [&](const Vec<2>&, const Vec<2>& n) -> Vec<2> { return traction * n; };
-      ElasticSolver<2>(approximation, {.material = {E, 0.3}}, {sheared}).solve({{{"right", pull}}, {}});
+      ElasticSolver<2>(approximation, {.material = LinearElastic(E, 0.3), .plane = Plane::stress}, {sheared})
+          .solve({{{"right", pull}}, {}});
     };
     EXPECT_THAT(solve, ThrowsMessage<NumericalError>(HasSubstr(text)));
   };
   refuses(1.0, 1e200, 1.0, "loads or displacements are too large");
   refuses(1.0, 0.0, 1e305, "loads or displacements are too large");
-  refuses(1e300, 1e-3, 1.0, "moduli are too large");
   refuses(1e307, 1e-3, 1.0, "moduli are too large");
 }
 
 TEST(Probe, OutsideTheBodyIsRefusedWithTheNearestPoint) {
   const auto body = testing::body("square");
   const auto approximation = approximate(body.mesh, {.spacing = body.spacing});
-  const auto solution = ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("left")}).solve({});
+  const auto solution =
+      ElasticSolver<2>(approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress}, {clamp<2>("left")})
+          .solve({});
   const auto fields = recover_fields(approximation, solution);
   EXPECT_THAT(
       [&] {
@@ -160,7 +167,8 @@ TEST(Bodies, TwoHeldBodiesDoNotFeelEachOther) {
   two.boundary.push_back({"other", {{2.05, 0}, {2.05, 1}, {1.05, 1}, {1.05, 0}}});
   const auto mesh = triangulate(two, {.size = 0.05});
   const auto approximation = approximate(mesh, {.spacing = 0.25});
-  const auto solution = ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("left"), clamp<2>("foot")})
+  const auto solution = ElasticSolver<2>(approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+                                         {clamp<2>("left"), clamp<2>("foot")})
                             .solve({{{"right", [](const Vec<2>&, const Vec<2>& n) -> Vec<2> { return n; }}}, {}});
   const Points<2> u = recover_fields(approximation, solution).displacement;
   double other = 0.0;

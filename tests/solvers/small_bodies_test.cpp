@@ -61,7 +61,7 @@ template <int Dim> void expect_linear_fields_exact(const FineMesh<Dim>& mesh, Ap
     options.vanish_on = essential == Essential::strong ? std::vector<std::string>{"all"} : std::vector<std::string>{};
     const auto approximation = approximate(mesh, options);
     EXPECT_GE(approximation.small_bodies, 2);
-    const ElasticModel model{.material = {1.0, 0.3}, .essential = essential};
+    const ElasticModel model{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential};
     for (const auto& field : testing::linear_fields<Dim>()) {
       const auto error = testing::patch_error<Dim>(approximation, model, field, {"all"}, {});
       EXPECT_LE(error.displacement, 1e-11) << field.name;
@@ -101,7 +101,7 @@ TEST(SmallBodies, SpecksHeldAndBentAreFiniteElements) {
   const DisplacementCondition<3> bent = testing::displacement<3>("all", [](const Vec<3>& x) -> Vec<3> {
     return {x[1] * x[2], 0.0, x[0] * x[0]};
   });
-  const ElasticModel model{.material = {1.0, 0.3}};
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3)};
   const auto of_cloud = ElasticSolver<3>(cloud, model, {bent}).solve({}),
              of_elements = ElasticSolver<3>(elements, model, {bent}).solve({});
   EXPECT_NEAR(of_cloud.strain_energy, of_elements.strain_energy, 1e-12 * of_elements.strain_energy);
@@ -115,7 +115,7 @@ TEST(SmallBodies, LinearFieldsAreExactOnIslandsOfNoisyLabels) {
   const auto approximation = approximate<3>(mesh, {.spacing = 3.0});
   EXPECT_GE(approximation.small_bodies, 2);
   for (const auto& field : testing::linear_fields<3>()) {
-    const auto error = testing::patch_error<3>(approximation, {.material = {1.0, 0.3}}, field, sides, {});
+    const auto error = testing::patch_error<3>(approximation, {.material = LinearElastic(1.0, 0.3)}, field, sides, {});
     EXPECT_LE(error.displacement, 1e-10) << field.name;
     EXPECT_LE(error.stress, 1e-10 * 1e3) << field.name;  // cells are as flat as a thousandth
   }
@@ -127,7 +127,7 @@ TEST(SmallBodies, CorrectionsOnNoisyLabelsEndAtTheFiniteElements) {
     const auto made = mesh_image(bench::noise_of_three_labels(8, passes, 1), {.size = 1.0});
     const FineMesh<3> whole(made), parted(cut_regions(made));
     ElasticModel model;
-    model.regions = {{1.0, 0.3}, {10.0, 0.3}, {100.0, 0.3}};
+    model.regions = {LinearElastic(1.0, 0.3), LinearElastic(10.0, 0.3), LinearElastic(100.0, 0.3)};
     const std::vector<DisplacementCondition<3>> supports = bench::pulled({.size = {8, 8, 8}}, 1.0, {1.0}).supports;
     const auto cloud = approximate<3>(parted, {.spacing = 3.0});
     const auto solution = ElasticSolver<3>(cloud, model, supports).solve({});

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/assembly/bodies.hpp"
+
+#include "efree/assembly/internal/boundary_points.hpp"
+
+#include <Eigen/Geometry>
+#include <functional>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+using internal::BoundaryPoint;
+using internal::for_each_point;
+
+/// Rigid motions of Dim dimensions: translations along the axes, then rotations about them (one in the plane).
+template <int Dim> constexpr int rigid_motions = Dim*(Dim + 1) / 2;
+template <int Dim> using Motion = Eigen::Matrix<double, rigid_motions<Dim>, 1>;
+
+/// Displacement along d, at `arm` from the centre, of each rigid motion; rotations by 1/radius.
+template <int Dim> Motion<Dim> motion_along(const Vec<Dim>& d, const Vec<Dim>& arm, double radius) {
+  Motion<Dim> motion;
+  motion.template head<Dim>() = d;
+  if constexpr (Dim == 2)
+    motion[2] = (arm.x() * d.y() - arm.y() * d.x()) / radius;
+  else
+    motion.template tail<3>() = arm.cross(d) / radius;
+  return motion;
+}
+
+/// Names of motions that span the columns of `free` (orthonormal): translations along axes first, then the rest.
+template <int Dim> std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre, double radius) {
+  std::vector<std::string> names;
+  const auto is_free = [&](const Motion<Dim>& motion) {
+    return free.cols() > 0 && (motion - free * (free.transpose() * motion)).norm() < 1e-4 * motion.norm();
+  };
+  Matrix rest = free;  // the named translations are taken out
+  const char* axes = "xyz";
+  for (int i = 0; i < Dim; ++i)
+    if (is_free(Motion<Dim>::Unit(i))) {
+      names.push_back(fmt::format("translation along {}", axes[i]));
+      rest.row(i).setZero();
+    }
+  if (Dim == 2 && free.cols() == rigid_motions<Dim>) return {names[0], names[1], "rotation"};
+  if (Dim == 3)
+    for (int i = 0; i < 3; ++i)
+      if (is_free(Motion<Dim>::Unit(Dim + i))) {
+        names.push_back(fmt::format("rotation about an axis along {}", axes[i]));
+        rest.row(Dim + i).setZero();
+      }
+  const Index missing = free.cols() - static_cast<Index>(names.size());
+  if (missing <= 0) return names;
+  // What is left has no axis of its own: the dominant motions of the remainder.
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(rest * rest.transpose());
+  for (Index k = 0; k < missing; ++k) {
+    const Motion<Dim> motion = eigen.eigenvectors().col(rigid_motions<Dim> - 1 - k);
+    const Vec<Dim> shift = motion.template head<Dim>();
+    const auto spin = motion.template tail<rigid_motions<Dim> - Dim>().eval();
+    if (spin.norm() <= 1e-6) {
+      names.push_back(fmt::format("translation along ({:.4g})", fmt::join(shift.normalized(), ", ")));
+    } else if constexpr (Dim == 2) {
+      const double rate = spin[0] / radius;
+      names.push_back(
+          fmt::format("rotation about ({:.4g}, {:.4g})", centre[0] - shift[1] / rate, centre[1] + shift[0] / rate));
+    } else {
+      const Vec<3> rate = spin / radius, at = centre + rate.cross(shift) / rate.squaredNorm();
+      names.push_back(fmt::format("rotation about the axis through ({:.4g}) along ({:.4g})", fmt::join(at, ", "),
+                                  fmt::join(rate.normalized(), ", ")));
+    }
+  }
+  return names;
+}
+
+/// Number of the body each component of the mesh belongs to, tied ones together, counted from 0.
+template <int Dim> std::vector<Index> tied_bodies(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties) {
+  std::vector<Index> parent(mesh.num_components());
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](Index c) {
+    while (parent[c] != c) c = parent[c] = parent[parent[c]];
+    return c;
+  };
+  for (const auto& [f, other] : ties) {
+    const Index a = root(mesh.component()[mesh.facets()(0, f)]), b = root(mesh.component()[mesh.facets()(0, other)]);
+    parent[std::max(a, b)] = std::min(a, b);
+  }
+  std::vector<Index> number(mesh.num_components(), -1), body;
+  Index count = 0;
+  for (Index c = 0; c < mesh.num_components(); ++c) {
+    Index& of_root = number[root(c)];
+    if (of_root < 0) of_root = count++;
+    body.push_back(of_root);
+  }
+  return body;
+}
+
+}  // namespace
+
+template <int Dim> Bodies<Dim> find_bodies(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                                           const std::vector<TiedFacets>& ties) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  Bodies<Dim> bodies;
+  bodies.of_component = tied_bodies(mesh, ties);
+  const Index count = 1 + *std::ranges::max_element(bodies.of_component);
+  const auto body_at = [&](Index v) { return bodies.of_component[mesh.component()[v]]; };
+  // Centre and radius of gyration of each body, so that translations and rotations weigh alike.
+  Vector& volume = bodies.volumes;
+  Points<Dim>& centre = bodies.centres;
+  volume.setZero(count);
+  centre.setZero(Dim, count);
+  Vector polar = Vector::Zero(count);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const Index body = body_at(mesh.cells()(0, c));
+    volume[body] += mesh.volume(c);
+    centre.col(body) += mesh.volume(c) * mesh.centroid(c);
+  }
+  for (Index body = 0; body < count; ++body) centre.col(body) /= volume[body];
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const Index body = body_at(mesh.cells()(0, c));
+    double square = (mesh.centroid(c) - centre.col(body)).squaredNorm();
+    for (int i = 0; i <= Dim; ++i)  // so that a single cell has a radius, too
+      square += (mesh.vertex(mesh.cells()(i, c)) - mesh.centroid(c)).squaredNorm() / ((Dim + 1) * (Dim + 2));
+    polar[body] += mesh.volume(c) * square;
+  }
+  const auto radius = [&](Index body) { return std::sqrt(polar[body] / volume[body]); };
+  using Gram = Eigen::Matrix<double, rigid_motions<Dim>, rigid_motions<Dim>>;
+  std::vector<Gram> gram(count, Gram::Zero());
+  std::vector<double> held(count, 0.0);
+  for (const auto& restraint : restraints)
+    for_each_point<Dim>(space, mesh.group(restraint.on), [&](const BoundaryPoint<Dim>& point) {
+      const Index body = body_at(mesh.facets()(0, point.facet));
+      const Motion<Dim> motion =
+          motion_along<Dim>(restraint.direction(point.n), point.x - centre.col(body), radius(body));
+      gram[body] += point.weight * motion * motion.transpose();
+      held[body] += point.weight;
+    });
+
+  bodies.free_motions.resize(count);
+  for (Index body = 0; body < count; ++body) {
+    if (space.axisymmetric()) {
+      // Hoops resist every motion but the one along the axis.
+      const double along_axis = gram[body](1, 1);
+      gram[body] = std::max(held[body], 1e-300) * Gram::Identity();
+      gram[body](1, 1) = along_axis;
+    }
+    const Eigen::SelfAdjointEigenSolver<Gram> eigen(gram[body]);
+    const double scale = std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
+    const int nullity = static_cast<int>((eigen.eigenvalues().array() < 1e-10 * scale).count());
+    if (nullity == 0) continue;
+    bodies.free_motions[body] =
+        space.axisymmetric()
+            ? std::vector<std::string>{"translation along the axis of revolution, y"}
+            : motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
+  }
+  return bodies;
+}
+
+template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+                                           const std::vector<TiedFacets>& ties) {
+  constexpr std::size_t most_named = 5;
+  const Bodies<Dim> bodies = find_bodies(space, restraints, ties);
+  std::vector<Index> free;
+  for (Index body = 0; body < bodies.size(); ++body)
+    if (bodies.is_free(body)) free.push_back(body);
+  if (free.empty()) return;
+  if (free.size() > most_named)
+    std::ranges::stable_sort(free, std::greater<>{}, [&](Index body) { return bodies.volumes[body]; });
+  std::vector<std::string> named;
+  for (std::size_t k = 0; k < std::min(free.size(), most_named); ++k) {
+    const std::string motions = fmt::format("{}", fmt::join(bodies.free_motions[free[k]], ", "));
+    named.push_back(bodies.size() == 1 ? motions
+                                       : fmt::format("body around ({:.4g}): {}",
+                                                     fmt::join(bodies.centres.col(free[k]), ", "), motions));
+  }
+  if (free.size() > most_named) named.push_back(fmt::format("and {} smaller bodies", free.size() - most_named));
+  throw InputError(
+      fmt::format("underconstrained: free to move ({}); prescribe displacements that hold it", fmt::join(named, "; ")));
+}
+
+template Bodies<2> find_bodies<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&,
+                                  const std::vector<TiedFacets>&);
+template void require_restrained<2>(const FineSpace<2>&, const std::vector<Restraint<2>>&,
+                                    const std::vector<TiedFacets>&);
+template Bodies<3> find_bodies<3>(const FineSpace<3>&, const std::vector<Restraint<3>>&,
+                                  const std::vector<TiedFacets>&);
+template void require_restrained<3>(const FineSpace<3>&, const std::vector<Restraint<3>>&,
+                                    const std::vector<TiedFacets>&);
+
+}  // namespace efree

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/assembly/materials.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+
+namespace efree {
+namespace {
+
+/// Strains that there are, in Voigt order.
+template <int Dim> std::vector<int> strains_in(Plane plane) {
+  if (Dim == 3) return {0, 1, 2, 3, 4, 5};
+  return plane == Plane::axisymmetric ? std::vector<int>{0, 1, 2, 3} : std::vector<int>{0, 1, 3};
+}
+
+template <int Dim> Points<3> in_space(const Points<Dim>& X) {
+  Points<3> result = Points<3>::Zero(3, X.cols());
+  result.template topRows<Dim>() = X;
+  return result;
+}
+
+}  // namespace
+
+template <int Dim> Materials<Dim>::Materials(std::vector<SharedMaterial> by_region, Plane plane)
+    : materials_(std::move(by_region)), plane_(plane), uniform_(materials_.size()) {
+  for (Index region = 0; region < num_regions(); ++region)
+    if (materials_[region]->homogeneous()) uniform_[region] = ask(region, Points<Dim>::Zero(Dim, 1)).front();
+}
+
+template <int Dim> Gradient<Dim> Materials<Dim>::trace() const {
+  Gradient<Dim> m = trace_direction<Dim>();
+  if (Dim == 2 && plane_ != Plane::axisymmetric) m[4] = 0.0;
+  return m;
+}
+
+template <int Dim>
+std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, const Points<Dim>& X) const {
+  const Material& material = *materials_[region];
+  const auto response = respond(material, Deformation::none(in_space<Dim>(X), material.history_size()), true);
+  const std::vector<int> there = strains_in<Dim>(plane_);
+  std::vector<Answer> answers;
+  answers.reserve(X.cols());
+  for (Index p = 0; p < static_cast<Index>(X.cols()); ++p) {
+    MaterialResponse::Tangent whole = response.tangent_at(p);
+    Answer answer{{}, {{}, VoigtMatrix<Dim>::Zero(), 0.0, {}, Voigt<Dim>::Zero()}};
+    if constexpr (Dim == 2)
+      if (plane_ == Plane::stress) {
+        const auto follow = PlaneStress::strains_across(whole);
+        whole = PlaneStress::condensed(whole);
+        answer.stiffness.thinning = {follow(0, 0), follow(0, 4), 0.0, 0.5 * (follow(0, 1) + follow(0, 3))};
+      }
+    for (int a = 0; a < gradient_size<Dim>; ++a)
+      for (int b = 0; b < gradient_size<Dim>; ++b) answer.A(a, b) = whole(tensor_places<Dim>[a], tensor_places<Dim>[b]);
+    auto& [C, S, kappa, swelling, thinning] = answer.stiffness;
+    C = voigt_of<Dim>(answer.A);
+    const Matrix C_there = C(there, there);
+    const Eigen::LLT<Matrix> cholesky(C_there);
+    if (!answer.A.allFinite() || (answer.A - answer.A.transpose()).norm() > 1e-9 * answer.A.norm() ||
+        cholesky.info() != Eigen::Success)
+      throw InputError(
+          fmt::format("the tangent of the material at ({:.6g}), undeformed, is not symmetric and positive definite",
+                      fmt::join(X.col(p), ", ")));
+    const Matrix S_there = cholesky.solve(Matrix(Matrix::Identity(C_there.rows(), C_there.cols())));
+    S(there, there) = S_there;
+    const Voigt<Dim> m = strain_of<Dim>(trace()), by_pressure = S * m;
+    kappa = 1.0 / m.dot(by_pressure);
+    swelling = kappa * by_pressure;
+    answers.push_back(answer);
+  }
+  return answers;
+}
+
+template <int Dim>
+const Stiffness<Dim>& Materials<Dim>::stiffness(Index region, const Vec<Dim>& X, Stiffness<Dim>& room) const {
+  if (is_uniform(region)) return uniform_[region]->stiffness;
+  return room = ask(region, X).front().stiffness;
+}
+
+template <int Dim> Tangent<Dim> Materials<Dim>::part_of(const Tangent<Dim>& A, double kappa, StiffnessPart part) const {
+  if (part == StiffnessPart::all) return A;
+  const Gradient<Dim> m = trace();
+  const Tangent<Dim> volumetric = kappa * m * m.transpose();
+  return part == StiffnessPart::volumetric ? volumetric : Tangent<Dim>(A - volumetric);
+}
+
+template <int Dim> Tangent<Dim> Materials<Dim>::tangent(Index region, const Vec<Dim>& X, StiffnessPart part) const {
+  if (is_uniform(region)) return part_of(uniform_[region]->A, uniform_[region]->stiffness.kappa, part);
+  const Answer answer = ask(region, X).front();
+  return part_of(answer.A, answer.stiffness.kappa, part);
+}
+
+template <int Dim> PointTangents<Dim> Materials<Dim>::tangents(const Discretization<Dim>& discretization,
+                                                               StiffnessPart part, double share) const {
+  PointTangents<Dim> result;
+  result.at = discretization.region;
+  result.values.resize(num_regions());
+  for (Index region = 0; region < num_regions(); ++region) {
+    if (is_uniform(region)) {
+      result.values[region] = share * tangent(region, Vec<Dim>::Zero(), part);
+      continue;
+    }
+    std::vector<Index> points;
+    for (Index K = 0; K < discretization.size(); ++K)
+      if (discretization.region[K] == region) points.push_back(K);
+    const auto answers = ask(region, discretization.points(Eigen::all, points));
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      result.at[points[k]] = static_cast<Index>(result.values.size());
+      result.values.push_back(share * part_of(answers[k].A, answers[k].stiffness.kappa, part));
+    }
+  }
+  return result;
+}
+
+template <int Dim> double Materials<Dim>::incompressibility(const FineMesh<Dim>& mesh) const {
+  double largest = 0.0;
+  for (Index region = 0; region < num_regions(); ++region) {
+    std::vector<Index> cells;  // to be asked at
+    for (Index c = 0; c < mesh.num_cells(); ++c)
+      if (mesh.region(c) == region && (cells.empty() || !is_uniform(region))) cells.push_back(c);
+    Points<Dim> centres(Dim, cells.size());
+    for (std::size_t k = 0; k < cells.size(); ++k) centres.col(static_cast<Index>(k)) = mesh.centroid(cells[k]);
+    const Material& material = *materials_[region];
+    const auto response = respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
+    for (Index p = 0; p < static_cast<Index>(centres.cols()); ++p)
+      largest = std::max(largest, efree::incompressibility(response.tangent_at(p)));
+  }
+  return largest;
+}
+
+template class Materials<2>;
+template class Materials<3>;
+
+}  // namespace efree

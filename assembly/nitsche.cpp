@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/assembly/nitsche.hpp"
+
+#include "efree/assembly/internal/boundary_points.hpp"
+#include "efree/assembly/internal/gather.hpp"
+
+#include <array>
+
+namespace efree {
+namespace {
+
+using internal::BoundaryPoint;
+using internal::contradict;
+using internal::for_each_point;
+using internal::held_by;
+using internal::place_text;
+using internal::prescribed;
+using internal::to_nodes;
+
+/// Sums blocks with equal keys; input in any order, output sorted by key.
+template <class Key, class Block> void combine(std::vector<std::pair<Key, Block>>& entries) {
+  std::stable_sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::size_t out = 0;
+  for (std::size_t in = 0; in < entries.size(); ++in) {
+    if (out > 0 && entries[out - 1].first == entries[in].first)
+      entries[out - 1].second += entries[in].second;
+    else
+      entries[out++] = entries[in];
+  }
+  entries.resize(out);
+}
+
+/// The same while the blocks come, so that there are never many more than different keys near each other.
+template <class Key, class Block> class Combiner {
+ public:
+  void add(const Key& key, const Block& block) {
+    recent_.emplace_back(key, block);
+    if (recent_.size() == most) settle();
+  }
+  /// All of them, sorted by key.
+  std::vector<std::pair<Key, Block>> take() {
+    settle();
+    combine(settled_);
+    return std::move(settled_);
+  }
+
+ private:
+  static constexpr std::size_t most = 1 << 16;
+  void settle() {
+    combine(recent_);
+    settled_.insert(settled_.end(), recent_.begin(), recent_.end());
+    recent_.clear();
+  }
+  std::vector<std::pair<Key, Block>> recent_, settled_;
+};
+
+/// A point of the boundary where displacements are held to a value (one side) or to each other (two sides).
+template <int Dim> struct Constraint {
+  struct Side {
+    BoundaryPoint<Dim> point;
+    double sign;  ///< of its displacement in the jump
+  };
+  std::vector<Side> sides;
+  Vec<Dim> n;           ///< outward normal of the first side
+  Mat<Dim> directions;  ///< sum of d d^T over an orthonormal set of directions held
+  Vec<Dim> value;       ///< displacement along them
+  double weight() const { return sides.front().point.weight; }
+};
+
+/// Coordinates on `other` of the facet rule's points on f; the two facets have their vertices in the same places.
+template <int Dim>
+std::vector<Eigen::Matrix<double, Dim, 1>> points_on_twin(const FineSpace<Dim>& space, Index f, Index other) {
+  const auto& mesh = space.mesh();
+  std::vector<Eigen::Matrix<double, Dim, 1>> points;
+  for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+    Eigen::Matrix<double, Dim, 1> at;
+    for (int k = 0; k < Dim; ++k)
+      for (int l = 0; l < Dim; ++l)
+        if (mesh.vertex(mesh.facets()(k, other)) == mesh.vertex(mesh.facets()(l, f)))
+          at[k] = space.facet_rule().points(l, g);
+    points.push_back(at);
+  }
+  return points;
+}
+
+/// The restraints on each restrained facet: (facet, number of the restraint), ascending.
+template <int Dim> std::vector<std::pair<Index, std::size_t>> by_facet(const FineMesh<Dim>& mesh,
+                                                                       const std::vector<Restraint<Dim>>& restraints) {
+  std::vector<std::pair<Index, std::size_t>> pairs;
+  for (std::size_t r = 0; r < restraints.size(); ++r)
+    for (const Index f : mesh.group(restraints[r].on)) pairs.emplace_back(f, r);
+  std::ranges::sort(pairs);
+  return pairs;
+}
+
+/// What restraints hold at a point: the sum of d d^T over an orthonormal set of directions, and the displacement along
+/// them.
+template <int Dim> struct HeldPoint {
+  Mat<Dim> directions = Mat<Dim>::Zero();
+  Vec<Dim> value = Vec<Dim>::Zero();
+};
+
+/// What all restraints on a facet hold at one of its points, every direction once however many prescribe it.
+template <int Dim>
+HeldPoint<Dim> held_at(const BoundaryPoint<Dim>& point, const std::vector<const Restraint<Dim>*>& restraints) {
+  HeldPoint<Dim> result;
+  std::vector<Vec<Dim>> directions;
+  std::vector<double> values;
+  bool orthogonal = true;
+  for (const Restraint<Dim>* restraint : restraints) {
+    const Vec<Dim> d = restraint->direction(point.n);
+    for (const Vec<Dim>& other : directions) orthogonal = orthogonal && d.dot(other) == 0.0;
+    directions.push_back(d);
+    values.push_back(prescribed(*restraint, point.x));
+  }
+  if (orthogonal) {
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      result.directions += directions[k] * directions[k].transpose();
+      result.value += values[k] * directions[k];
+    }
+    return result;
+  }
+  const auto held = held_by<Dim>(directions, values);
+  if (!held) {
+    std::vector<std::string> parts;
+    for (const Restraint<Dim>* restraint : restraints) parts.push_back(restraint->on);
+    contradict(parts, place_text<Dim>(point.x));
+  }
+  const auto span = held->frame.leftCols(held->rank);
+  result.directions = span * span.transpose();
+  result.value = held->value;
+  return result;
+}
+
+/// The constraints of all restraints, then those of the ties, always in the same order. What is prescribed is evaluated
+/// once.
+template <int Dim> class Constraints {
+ public:
+  Constraints(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
+              const std::vector<TiedFacets>& ties)
+      : space_(space), ties_(ties) {
+    const auto pairs = by_facet(space.mesh(), restraints);
+    for (std::size_t s = 0; s < pairs.size();) {
+      const Index f = pairs[s].first;
+      std::vector<const Restraint<Dim>*> on_facet;
+      for (; s < pairs.size() && pairs[s].first == f; ++s) on_facet.push_back(&restraints[pairs[s].second]);
+      facets_.push_back(f);
+      for_each_point<Dim>(space, {f},
+                          [&](const BoundaryPoint<Dim>& point) { held_.push_back(held_at(point, on_facet)); });
+    }
+  }
+
+  template <class Visit> void for_each(const Visit& visit) const {
+    auto held = held_.begin();
+    for_each_point<Dim>(space_, facets_, [&](const BoundaryPoint<Dim>& point) {
+      visit(Constraint<Dim>{{{point, 1.0}}, point.n, held->directions, held->value});
+      ++held;
+    });
+    for (const auto& [f, other] : ties_) {
+      const auto twins = points_on_twin(space_, f, other);
+      const Index per_facet = static_cast<Index>(twins.size());
+      const Index c = space_.mesh().facet_cell(other);
+      Index g = 0;
+      for_each_point<Dim>(space_, {f}, [&](const BoundaryPoint<Dim>& point) {
+        BoundaryPoint<Dim> twin = point;
+        twin.facet = other;
+        // Phi_K of the far side at the rule point nearest to this one: the rule is symmetric, so it is the same place.
+        Index row = 0;
+        for (Index q = 0; q < per_facet; ++q)
+          if ((space_.facet_rule().points.col(q) - twins[g]).squaredNorm() <
+              (space_.facet_rule().points.col(row) - twins[g]).squaredNorm())
+            row = q;
+        twin.row = other * per_facet + row;
+        twin.n = -point.n;
+        twin.dofs = space_.cell(c);
+        twin.N = space_.values(space_.facet_point(other, twins[g]));
+        visit(Constraint<Dim>{{{point, 1.0}, {twin, -1.0}}, point.n, Mat<Dim>::Identity(), Vec<Dim>::Zero()});
+        ++g;
+      });
+    }
+  }
+
+ private:
+  const FineSpace<Dim>& space_;
+  const std::vector<TiedFacets>& ties_;
+  std::vector<Index> facets_;         ///< restrained ones, ascending
+  std::vector<HeldPoint<Dim>> held_;  ///< at their points
+};
+
+/// Stiffness along a normal: the largest (P n . d)^2 / (H : P) over unit directions d and all gradients H.
+template <int Dim> double normal_stiffness(const Tangent<Dim>& A, const Vec<Dim>& n) {
+  const NodalGradient<Dim> along{n};
+  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(along.forces(along.stress(A)), Eigen::EigenvaluesOnly)
+      .eigenvalues()
+      .maxCoeff();
+}
+
+/// beta_K of one term at all its quadrature points; zero away from the constraints, and for pressures, which
+/// `consistency` holds by their own means.
+template <int Dim> std::vector<double> penalties(const StiffnessTerm<Dim>& term, const Constraints<Dim>& constraints) {
+  const auto& discretization = *term.discretization;
+  std::vector<double> penalty(discretization.size(), 0.0);
+  if (term.pressure) return penalty;
+  constraints.for_each([&](const Constraint<Dim>& constraint) {
+    // Once for every direction held: more than the inequality asks for where all are.
+    const double times = constraint.sides.size() == 1 ? std::round(constraint.directions.trace()) : 1.0;
+    for (const auto& [point, sign] : constraint.sides)
+      for (SparseRows::InnerIterator phi(discretization.on_facets, point.row); phi; ++phi) {
+        const Index K = static_cast<Index>(phi.col());
+        penalty[K] += 4.0 * normal_stiffness<Dim>(term.tangents[K], point.n) / discretization.weights[K] * times *
+                      std::abs(point.weight * phi.value());
+      }
+  });
+  return penalty;
+}
+
+/// beta at a boundary point: the sum over the terms.
+template <int Dim> double penalty_at(const std::vector<StiffnessTerm<Dim>>& terms,
+                                     const std::vector<std::vector<double>>& penalty, const BoundaryPoint<Dim>& point) {
+  double beta = 0.0;
+  for (std::size_t t = 0; t < terms.size(); ++t)
+    for (SparseRows::InnerIterator phi(terms[t].discretization->on_facets, point.row); phi; ++phi)
+      beta += std::abs(phi.value()) * penalty[t][phi.col()];
+  return beta;
+}
+
+/// Share of each side in the flux, and the penalty of the constraint.
+struct Shares {
+  std::array<double, 2> flux;
+  double beta;
+};
+template <int Dim> Shares shares(const std::vector<StiffnessTerm<Dim>>& terms,
+                                 const std::vector<std::vector<double>>& penalty, const Constraint<Dim>& constraint) {
+  const double first = penalty_at(terms, penalty, constraint.sides[0].point);
+  if (constraint.sides.size() == 1) return {{1.0, 0.0}, first};
+  const double second = penalty_at(terms, penalty, constraint.sides[1].point);
+  return {{second / (first + second), first / (first + second)}, first * second / (first + second)};
+}
+
+/// -int (flux of u).[v] and its transpose, for one term of the stiffness; what belongs on the right goes to rhs. The
+/// pressure kappa theta_K of a K sees of v only the volume J_K(v) = int Phi_K [v].n that crosses the boundary, so that
+/// the penalty 4 kappa / w_K J_K(u) J_K(v) is enough for it. Held point by point, with a stiffness that grows beyond
+/// all bounds as materials become incompressible, functions that are not interpolatory would lock.
+template <int Dim>
+SymmetricMatrix consistency(const ShapeTable<Dim>& shape, const std::vector<StiffnessTerm<Dim>>& terms,
+                            const std::vector<std::vector<double>>& penalty, const Constraints<Dim>& constraints,
+                            const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
+  using Block = Eigen::Matrix<double, Dim, gradient_size<Dim>>;
+  Combiner<std::pair<Index, Index>, Block> all_jumps;  // (K, fine v): int Phi_K eta_v sum_d d (d n^T)
+  Combiner<Index, Gradient<Dim>> all_values;           // K: int Phi_K sum_d g d n^T
+  constraints.for_each([&](const Constraint<Dim>& constraint) {
+    Block normal;
+    for (int i = 0; i < Dim; ++i) normal.row(i) = NodalGradient<Dim>{constraint.n}.of(Vec<Dim>::Unit(i)).transpose();
+    const Block block = constraint.directions * normal;
+    const Shares share = shares(terms, penalty, constraint);
+    for (std::size_t s = 0; s < constraint.sides.size(); ++s)
+      for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi) {
+        const double factor = constraint.weight() * share.flux[s] * phi.value();
+        all_values.add(phi.col(), factor * (normal.transpose() * constraint.value));
+        for (const auto& [point, sign] : constraint.sides)
+          for (std::size_t i = 0; i < point.dofs.size(); ++i)
+            if (point.N[i] != 0.0)
+              all_jumps.add(std::pair(phi.col(), point.dofs[i]), sign * factor * point.N[i] * block);
+      }
+  });
+  const auto jumps = all_jumps.take();
+  const auto values = all_values.take();
+
+  const auto& discretization = *term.discretization;
+  for (const auto& [K, q] : values) {
+    const auto row = discretization.shape.row(K);
+    const Gradient<Dim> flux = term.tangents[K] * q;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) rhs.col(row.nodes[k]) -= nodal_gradient(row, k).force(flux);
+  }
+
+  // One row for each K on the boundary: the nodes whose stress or whose jump it sees.
+  struct Entry {
+    Block jump = Block::Zero();  // int Phi_K phi_a sum_d d (B(n) d)^T
+    Block flux = Block::Zero();  // stresses of the node, transposed
+  };
+  Ragged<Index> nodes;
+  std::vector<Entry> entries;
+  Accumulator<Block> nodal(shape.num_nodes());
+  const Gradient<Dim> trace = trace_direction<Dim>();
+  auto value = values.begin();
+  for (std::size_t s = 0; s < jumps.size();) {
+    const Index K = jumps[s].first.first;
+    while (value->first != K) ++value;
+    const double kappa = term.pressure ? term.tangents[K](0, 0) : 0.0;
+    const double penalty_of_pressure = 4.0 * kappa / discretization.weights[K];
+    nodal.clear();
+    for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
+      const auto row = shape.row(jumps[s].first.second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * jumps[s].second;
+    }
+    const auto row = discretization.shape.row(K);
+    for (Index node : row.nodes) nodal[node];  // those that only the stress sees
+    std::size_t k = 0;
+    for (Index node : nodal.sorted()) {
+      Entry entry{nodal[node]};
+      if (k < row.nodes.size() && row.nodes[k] == node)
+        entry.flux = nodal_gradient(row, k++).stress(term.tangents[K]).transpose();
+      if (penalty_of_pressure > 0.0) {
+        const Vec<Dim> crossing = entry.jump * trace;
+        entry.flux -= 0.5 * penalty_of_pressure * crossing * trace.transpose();  // half of it from each of the two
+        rhs.col(node) += penalty_of_pressure * trace.dot(value->second) * crossing;
+      }
+      nodes.items.push_back(node);
+      entries.push_back(entry);
+    }
+    nodes.close_row();
+  }
+  const auto by_node = places_of_nodes(shape.num_nodes(), nodes.rows(), [&](Index row) { return nodes[row]; });
+  return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    for (const auto& [row, k] : by_node[a]) {
+      const auto row_nodes = nodes[row];
+      const Entry* of_row = entries.data() + nodes.offsets[row];
+      for (std::size_t l = k; l < row_nodes.size(); ++l)
+        sums[row_nodes[l]].noalias() -=
+            of_row[l].jump * of_row[k].flux.transpose() + of_row[l].flux * of_row[k].jump.transpose();
+    }
+  });
+}
+
+/// int beta [u].[v] along the directions held.
+template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                  const std::vector<StiffnessTerm<Dim>>& terms,
+                                                  const std::vector<std::vector<double>>& penalty,
+                                                  const Constraints<Dim>& constraints, Points<Dim>& rhs) {
+  Combiner<std::pair<Index, Index>, Mat<Dim>> all;
+  Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
+  constraints.for_each([&](const Constraint<Dim>& constraint) {
+    const double factor = constraint.weight() * shares(terms, penalty, constraint).beta;
+    for (const auto& [at, sign] : constraint.sides)
+      for (std::size_t i = 0; i < at.dofs.size(); ++i) {
+        if (at.N[i] == 0.0) continue;
+        fine_rhs.col(at.dofs[i]) += sign * factor * at.N[i] * constraint.value;
+        for (const auto& [other, other_sign] : constraint.sides)
+          for (std::size_t j = 0; j < other.dofs.size(); ++j)
+            if (other.N[j] != 0.0)
+              all.add(std::pair(at.dofs[i], other.dofs[j]),
+                      (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
+      }
+  });
+  const auto fine = all.take();
+  rhs += to_nodes(shape, fine_rhs);
+
+  // One row for each fine v on the boundary: its nodes against the sum over its neighbours w there.
+  std::vector<Index> vertices;
+  Ragged<Index> columns;
+  std::vector<Mat<Dim>> sums_over_neighbours;
+  Accumulator<Mat<Dim>> nodal(shape.num_nodes());
+  for (std::size_t s = 0; s < fine.size();) {
+    const Index v = fine[s].first.first;
+    nodal.clear();
+    for (; s < fine.size() && fine[s].first.first == v; ++s) {
+      const auto row = shape.row(fine[s].first.second);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * fine[s].second;
+    }
+    vertices.push_back(v);
+    for (Index node : nodal.sorted()) columns.items.push_back(node), sums_over_neighbours.push_back(nodal[node]);
+    columns.close_row();
+  }
+  const auto by_node = places_of_nodes(shape.num_nodes(), static_cast<Index>(vertices.size()),
+                                       [&](Index row) { return shape.row(vertices[row]).nodes; });
+  return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
+    for (const auto& [row, k] : by_node[a]) {
+      const double N = shape.row(vertices[row]).N[k];
+      const auto others = columns[row];
+      const auto first = std::lower_bound(others.begin(), others.end(), a) - others.begin();
+      for (std::size_t l = first; l < others.size(); ++l)
+        sums[others[l]] += N * sums_over_neighbours[columns.offsets[row] + l].transpose();
+    }
+  });
+}
+
+}  // namespace
+
+template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                              const std::vector<StiffnessTerm<Dim>>& terms,
+                                              const std::vector<Restraint<Dim>>& restraints,
+                                              const std::vector<TiedFacets>& ties) {
+  Points<Dim> rhs = Points<Dim>::Zero(Dim, shape.num_nodes());
+  const Constraints<Dim> constraints(space, restraints, ties);
+  std::vector<std::vector<double>> penalty;
+  for (const auto& term : terms) penalty.push_back(penalties(term, constraints));
+  NitscheSystem<Dim> system;
+  system.matrix = penalty_matrix(space, shape, terms, penalty, constraints, rhs);
+  for (const auto& term : terms) system.matrix += consistency(shape, terms, penalty, constraints, term, rhs);
+  system.rhs = rhs.reshaped();
+  return system;
+}
+
+template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<StiffnessTerm<2>>&,
+                                     const std::vector<Restraint<2>>&, const std::vector<TiedFacets>&);
+template NitscheSystem<3> nitsche<3>(const FineSpace<3>&, const ShapeTable<3>&, const std::vector<StiffnessTerm<3>>&,
+                                     const std::vector<Restraint<3>>&, const std::vector<TiedFacets>&);
+
+}  // namespace efree

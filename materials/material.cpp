@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/materials/material.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <cmath>
+
+namespace efree {
+
+Deformation Deformation::none(Points<3> X, Index history_size) {
+  const Eigen::Index n = X.cols();
+  const Mat<3> identity = Mat<3>::Identity();
+  return {std::move(X), Eigen::Map<const Vec<9>>(identity.data()).replicate(1, n), Matrix::Zero(history_size, n), 0.0};
+}
+
+MaterialResponse respond(const Material& material, const Deformation& deformation, bool tangent) {
+  const Index n = deformation.size(), history = material.history_size();
+  if (deformation.history.rows() != history || deformation.history.cols() != n)
+    throw InputError(fmt::format("a history of {} x {}, expected {} x {}", deformation.history.rows(),
+                                 deformation.history.cols(), history, n));
+  MaterialResponse response{Tensors::Zero(9, n), deformation.history, Vector::Zero(n), {}, tangent};
+  if (tangent) response.A.setZero(81, n);
+  material.respond(deformation, response);
+  return response;
+}
+
+double incompressibility(const MaterialResponse::Tangent& A) {
+  // Symmetric tensors in an orthonormal basis (Mandel).
+  Eigen::Matrix<double, 9, 6> basis = Eigen::Matrix<double, 9, 6>::Zero();
+  for (int i = 0, c = 3; i < 3; ++i) {
+    basis(4 * i, i) = 1.0;
+    for (int j = i + 1; j < 3; ++j, ++c) basis(i + 3 * j, c) = basis(j + 3 * i, c) = std::sqrt(0.5);
+  }
+  const Mat<6> C = basis.transpose() * A * basis;
+  Vec<6> m = Vec<6>::Zero();
+  m.head<3>().setOnes();
+  const double K = 1.0 / m.dot(C.ldlt().solve(m));
+  const Mat<6> rest = C - K * m * m.transpose();
+  return 2.0 * K / Eigen::SelfAdjointEigenSolver<Mat<6>>(rest, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff();
+}
+
+const Material& SharedMaterial::operator*() const {
+  require(material_ != nullptr, "no material is given");
+  return *material_;
+}
+
+namespace {
+
+using Across = Eigen::Matrix<double, 9, 3>;
+/// Strains across the plane as changes of F: zz, then yz and xz, symmetric.
+const Across across = [] {
+  Across columns = Across::Zero();
+  columns(8, 0) = 1.0;
+  columns(5, 1) = columns(7, 1) = 1.0;  // (2,1), (1,2)
+  columns(2, 2) = columns(6, 2) = 1.0;  // (2,0), (0,2)
+  return columns;
+}();
+
+}  // namespace
+
+Eigen::Matrix<double, 3, 9> PlaneStress::strains_across(const MaterialResponse::Tangent& A) {
+  const Mat<3> stiffness = across.transpose() * A * across;
+  return -stiffness.partialPivLu().solve(across.transpose() * A);
+}
+
+MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent& A) {
+  MaterialResponse::Tangent left = A + A * across * strains_across(A);
+  left.row(8).setZero();
+  left.col(8).setZero();
+  return left;
+}
+
+void PlaneStress::respond(const Deformation& given, MaterialResponse& response) const {
+  constexpr int most = 50;
+  const Index inner_size = of_->history_size();
+  for (Index p = 0; p < given.size(); ++p) {
+    Deformation one{given.X.col(p), given.F.col(p), given.history.col(p).head(inner_size), given.dt};
+    Vec<3> strain = given.history.col(p).tail<3>();
+    MaterialResponse inner;
+    MaterialResponse::Tangent A;
+    for (int k = 0;; ++k) {
+      one.F = given.F.col(p) + across * strain;
+      inner = efree::respond(*of_, one, true);
+      A = inner.tangent_at(0);
+      const Mat<3> stiffness = across.transpose() * A * across;
+      const Vec<3> step = stiffness.partialPivLu().solve(across.transpose() * inner.P.col(0));
+      if (step.norm() <= 1e-12 * (1.0 + strain.norm())) {
+        inner.P.col(0) -= A * (across * step);
+        break;
+      }
+      strain -= step;
+      if (k == most || !strain.allFinite())
+        throw NumericalError(fmt::format("plane stress: no strain across the plane without stress at ({:.6g})",
+                                         fmt::join(given.X.col(p), ", ")));
+    }
+    response.P.col(p) = inner.P.col(0);
+    response.P(8, p) = 0.0;
+    response.energy[p] = inner.energy[0];
+    response.history.col(p) << inner.history.col(0), strain;
+    if (response.tangent) response.tangent_at(p) = condensed(A);
+  }
+}
+
+}  // namespace efree
