@@ -18,6 +18,20 @@ template <int Dim> std::vector<int> strains_in(Plane plane) {
   return plane == Plane::axisymmetric ? std::vector<int>{0, 1, 2, 3} : std::vector<int>{0, 1, 3};
 }
 
+/// Throws InputError for a stress that is there before anything happened, or one that turning the body would change.
+template <int Dim> void require_at_rest(const Vec<9>& P, const MaterialResponse::Tangent& A, const Vec<Dim>& X) {
+  const double scale = 1e-9 * A.norm();
+  if (P.norm() > scale)
+    throw InputError(
+        fmt::format("the material at ({:.6g}) has stress where nothing has happened: that is not taken into account",
+                    fmt::join(X, ", ")));
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < i; ++j)
+      if ((A.col(i + 3 * j) - A.col(j + 3 * i)).norm() > scale)
+        throw InputError(fmt::format("the tangent of the material at ({:.6g}), undeformed, has stress for rotations",
+                                     fmt::join(X, ", ")));
+}
+
 template <int Dim> Points<3> in_space(const Points<Dim>& X) {
   Points<3> result = Points<3>::Zero(3, X.cols());
   result.template topRows<Dim>() = X;
@@ -47,6 +61,7 @@ std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, c
   answers.reserve(X.cols());
   for (Index p = 0; p < static_cast<Index>(X.cols()); ++p) {
     MaterialResponse::Tangent whole = response.tangent_at(p);
+    require_at_rest<Dim>(response.P.col(p), whole, X.col(p));
     Answer answer{{}, {{}, VoigtMatrix<Dim>::Zero(), 0.0, {}, Voigt<Dim>::Zero()}};
     if constexpr (Dim == 2)
       if (plane_ == Plane::stress) {
@@ -65,11 +80,18 @@ std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, c
       throw InputError(
           fmt::format("the tangent of the material at ({:.6g}), undeformed, is not symmetric and positive definite",
                       fmt::join(X.col(p), ", ")));
-    const Matrix S_there = cholesky.solve(Matrix(Matrix::Identity(C_there.rows(), C_there.cols())));
-    S(there, there) = S_there;
-    const Voigt<Dim> m = strain_of<Dim>(trace()), by_pressure = S * m;
+    // Pressure is solved for by itself: in S its compliance is what is left of entries that are larger by the
+    // incompressibility.
+    const Voigt<Dim> m = strain_of<Dim>(trace());
+    Voigt<Dim> by_pressure = Voigt<Dim>::Zero();
+    const Vector pressed = cholesky.solve(Vector(m(there)));
+    by_pressure(there) = pressed;
     kappa = 1.0 / m.dot(by_pressure);
     swelling = kappa * by_pressure;
+    const Matrix S_there = cholesky.solve(Matrix(Matrix::Identity(C_there.rows(), C_there.cols())));
+    S(there, there) = 0.5 * (S_there + S_there.transpose());
+    const VoigtMatrix<Dim> without_pressure = VoigtMatrix<Dim>::Identity() - m * swelling.transpose();
+    S = without_pressure.transpose() * S * without_pressure + swelling * by_pressure.transpose();
     answers.push_back(answer);
   }
   return answers;

@@ -236,17 +236,24 @@ template <int Dim> class MaterialReader {
           std::abs(first.dot(second)) < 1e-9 * first.norm() * second.norm()))
       section.fail("axes", "the first two axes are not at right angles to each other");
     result.col(0) = first.normalized();
-    result.col(1) = second.normalized();
+    result.col(1) = (second - result.col(0).dot(second) * result.col(0)).normalized();
     result.col(2) = result.col(0).cross(result.col(1));
     return result;
   }
   Parameter parameter(const Section& section, const char* key, const Interval& range) const {
     if (section.has(key) && section.table().get(key)->is_string()) {
-      const auto field = expressions_.field(section.expression(key), section.where(key));
+      const std::string text = section.expression(key);
+      const auto field = expressions_.field(text, section.where(key));
+      if (!expressions_.varies(text, section.where(key))) {
+        const double value = field(Vec<Dim>::Zero());
+        if (!range.contains(value))
+          section.fail(key, fmt::format("{} is {:.6g}, expected {}", key, value, range.text()));
+        return value;
+      }
       return [field, range, what = fmt::format("{}: {}", section.where(key), key)](const Vec<3>& X) {
         const double value = field(X.head<Dim>());
         if (!range.contains(value))
-          throw InputError(fmt::format("{} is {:.6g} at ({:.6g}), expected a number {}", what, value,
+          throw InputError(fmt::format("{} is {:.6g} at ({:.6g}), expected {}", what, value,
                                        fmt::join(X.head<Dim>(), ", "), range.text()));
         return value;
       };

@@ -170,6 +170,14 @@ template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& t
   return [component = fields<1>({text}, where)](const Vec<Dim>& x) { return component(x)[0]; };
 }
 
+template <int Dim> bool Expressions<Dim>::varies(const std::string& text, const std::string& where) const {
+  Program<Dim> program;
+  for (const Definition& definition : definitions_) program.define(definition.name, definition.text, where);
+  program.add_result(text, where);
+  program.prune();
+  return program.varies();
+}
+
 template <int Dim> template <std::size_t Size>
 std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
     const std::array<std::string, Size>& texts, const std::string& where) const {

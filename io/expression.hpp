@@ -25,6 +25,9 @@ template <int Dim> class Expressions {
   /// field throws InputError naming expression and point where the value is not finite.
   ScalarField<Dim> field(const std::string& text, const std::string& where = {}) const;
 
+  /// Whether it depends on the position. Throws like field().
+  bool varies(const std::string& text, const std::string& where = {}) const;
+
   /// The same for as many components as a vector or a symmetric tensor has, which share what they have in common.
   template <std::size_t Size> std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> fields(
       const std::array<std::string, Size>& texts, const std::string& where = {}) const;

@@ -50,9 +50,10 @@ void respond_linearly(const MaterialResponse::Tangent& C, const Deformation& giv
 void LinearElastic::respond(const Deformation& given, MaterialResponse& response) const {
   for (Index p = 0; p < given.size(); ++p) {
     const Vec<3> X = given.X.col(p);
+    const IsotropicModuli moduli{E_.at(X), nu_.at(X)};
     Lame one;
     try {
-      one = solid_lame({E_.at(X), nu_.at(X)});
+      one = solid_lame(moduli);
     } catch (const InputError& error) {
       throw InputError(fmt::format("at ({:.6g}): {}", fmt::join(X, ", "), error.what()));
     }
@@ -90,6 +91,9 @@ OrthotropicElastic::OrthotropicElastic(const OrthotropicModuli& moduli, Paramete
         fmt::format("Poisson's ratios nu_yz, nu_xz, nu_xy = ({}) make the stiffness indefinite for E = ({}); expected "
                     "nu_ij^2 < E_i / E_j, and all three together small enough",
                     fmt::join(nu, ", "), fmt::join(E, ", ")));
+  if (factor_.is_constant() && !(factor_.at(Vec<3>::Zero()) > 0.0))
+    throw InputError(fmt::format("the stiffness of an orthotropic material times {}, expected a positive number",
+                                 factor_.at(Vec<3>::Zero())));
   const Mat<3> normal = cholesky.solve(Mat<3>::Identity());
   // Along the axes first, then turned: C_ijkl = R_ia R_jb R_kc R_ld C_abcd.
   MaterialResponse::Tangent C = MaterialResponse::Tangent::Zero(), turn;

@@ -41,7 +41,8 @@ double incompressibility(const MaterialResponse::Tangent& A) {
   m.head<3>().setOnes();
   const double K = 1.0 / m.dot(C.ldlt().solve(m));
   const Mat<6> rest = C - K * m * m.transpose();
-  return 2.0 * K / Eigen::SelfAdjointEigenSolver<Mat<6>>(rest, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff();
+  // The smallest eigenvalue is that of the strain by pressure, zero.
+  return 2.0 * K / Eigen::SelfAdjointEigenSolver<Mat<6>>(rest, Eigen::EigenvaluesOnly).eigenvalues()[1];
 }
 
 const Material& SharedMaterial::operator*() const {

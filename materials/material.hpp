@@ -68,7 +68,7 @@ MaterialResponse respond(const Material& material, const Deformation& deformatio
 
 /// Stiffness against dilatation over that against shear, of a symmetric tangent: K / G of an isotropic material. From 5
 /// (nu = 0.4) on functions begin to lock, beyond 50 (nu = 0.49) quadratic elements do. K is 1 / (I : A^-1 : I), G half
-/// of the largest eigenvalue of A - K I I.
+/// of the smallest eigenvalue of A - K I I beside the zero of the strain by pressure: soft shear is what locks.
 double incompressibility(const MaterialResponse::Tangent& A);
 
 /// A material of which there may be many copies.

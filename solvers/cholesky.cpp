@@ -56,6 +56,17 @@ cholmod_sparse symmetric_view(Index size, const Index* offsets, const Index* row
   return view;
 }
 
+/// A hash of where entries are.
+std::size_t pattern_hash(const SymmetricMatrix& lower) {
+  std::size_t hash = 14695981039346656037ULL;  // FNV-1a
+  const auto add = [&hash](std::span<const Index> numbers) {
+    for (const Index number : numbers) hash = (hash ^ static_cast<std::size_t>(number)) * 1099511628211ULL;
+  };
+  add({lower.outerIndexPtr(), static_cast<std::size_t>(lower.cols()) + 1});
+  add({lower.innerIndexPtr(), static_cast<std::size_t>(lower.nonZeros())});
+  return hash;
+}
+
 /// CHOLMOD's settings and workspace; a factor is read by as many of them as solve at once.
 struct Common {
   cholmod_common common{};
@@ -87,6 +98,8 @@ struct Cholesky::Impl {
   cholmod_factor* factor = nullptr;
   std::vector<Index> order;  ///< of the unknowns, if it was given
   std::size_t unknowns = 0, entries = 0;
+  std::size_t pattern = 0;  ///< hash of what was analysed
+  bool is_current = false;  ///< whether there are values in the factor
   Index negative = 0;
 
   ~Impl() { cholmod_free_factor(&factor, common.get()); }
@@ -152,6 +165,7 @@ Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_
     throw NumericalError(
         fmt::format("the matrix is not positive definite (at unknown {} of {})", impl_->ended_at(), lower.rows()));
   impl_->require_regular();
+  impl_->is_current = true;
 }
 Cholesky::~Cholesky() = default;
 Cholesky::Cholesky(Cholesky&&) noexcept = default;
@@ -160,6 +174,8 @@ Cholesky& Cholesky::operator=(Cholesky&&) noexcept = default;
 void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of) {
   impl_->unknowns = static_cast<std::size_t>(pattern.rows());
   impl_->entries = static_cast<std::size_t>(pattern.nonZeros());
+  impl_->pattern = pattern_hash(pattern);
+  impl_->is_current = false;
   impl_->order.clear();
   if (!node_of.empty()) {
     require(static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of),
@@ -175,7 +191,10 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
       static_cast<std::size_t>(lower.nonZeros()) != impl_->entries)
     throw InputError(fmt::format("Cholesky: {} entries in {} rows, but {} in {} were analysed", lower.nonZeros(),
                                  lower.rows(), impl_->entries, impl_->unknowns));
+  require(pattern_hash(lower) == impl_->pattern,
+          "Cholesky: entries are elsewhere than in the pattern that was analysed");
   cholmod_sparse view = Impl::view_of(lower);
+  impl_->is_current = false;
   impl_->negative = 0;
   if (!impl_->factor->is_super) impl_->prepare(view, true);
   if (!impl_->is_factored(view)) {
@@ -188,6 +207,7 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
     for (std::size_t column = 0; column < impl_->unknowns; ++column) impl_->negative += values[offsets[column]] < 0.0;
   }
   impl_->require_regular();
+  impl_->is_current = true;
 }
 
 Index Cholesky::negative_pivots() const {
@@ -197,6 +217,8 @@ Index Cholesky::negative_pivots() const {
 Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
   if (B.rows() != static_cast<Eigen::Index>(impl_->unknowns))
     throw InputError(fmt::format("Cholesky solve: {} rows, expected {}", B.rows(), impl_->unknowns));
+  require(impl_->is_current, "Cholesky solve: there is no factor, or the last matrix could not be factored");
+  if (B.cols() == 0) return B;
   Matrix copy = B;
   cholmod_dense view{};
   view.nrow = view.d = static_cast<std::size_t>(copy.rows());

@@ -98,6 +98,20 @@ TEST(Materials, SplitOfIsotropicOnesIsThatOfLame) {
   EXPECT_NEAR(kappa(Plane::stress), 2.0 / (2.0 * (1.0 - 0.4)), 1e-14);
 }
 
+TEST(Materials, SplitKeepsTheShearOfNearlyIncompressibleOnes) {
+  for (const double left : {1e-4, 1e-6, 1e-8}) {
+    const Materials<3> materials({LinearElastic(3.0, 0.5 - left)}, Plane::strain);
+    const double mu = solid_lame({3.0, 0.5 - left}).mu, rounding = 1e-15 / left;
+    const Tangent<3> rest = materials.tangent(0, Vec<3>::Zero(), StiffnessPart::deviatoric);
+    EXPECT_NEAR(rest(0, 0), 4.0 / 3.0 * mu, rounding) << left;
+    EXPECT_NEAR(rest(0, 4), -2.0 / 3.0 * mu, rounding) << left;
+    const Stiffness<3> stiffness = materials.stiffness(0, Vec<3>::Zero());
+    Voigt<3> pressure = Voigt<3>::Zero();
+    pressure.head<3>().setOnes();
+    EXPECT_NEAR(pressure.dot(stiffness.S * pressure) * stiffness.kappa, 1.0, rounding) << left;
+  }
+}
+
 TEST(Materials, PlanesPulledAlongXStretchAndThinAsTheyShould) {
   const double E = 3.0, nu = 0.25;
   const auto stiffness = [&](Plane plane) {

@@ -66,6 +66,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"E = 1.0", "E = 0", R"(^case.toml:16: E is 0, expected a number > 0)"},
         Wrong{"E = 1.0", "E = nan", R"(^case.toml:16: E is nan, expected a number > 0)"},
         Wrong{"E = 1.0", "E = \"1 +\"", R"(^case.toml:16: expression "1 \+", position)"},
+        Wrong{"E = 1.0", "E = \"-1\"", R"(^case.toml:16: E is -1, expected a number > 0)"},
         Wrong{"E = 1.0", "E = [1, 2, 3]", R"(^case.toml:16: E is an array of 3, expected a number > 0)"},
         Wrong{"nu = 0.3", "nu = 0.3\nG = [1, 1, 1]", R"(^case.toml:18: G is for model = "orthotropic")"},
         Wrong{"E = 1.0\nnu = 0.3", "model = \"orthotropic\"\nE = [1, 1]\nnu = [0, 0, 0]\nG = [1, 1, 1]",

@@ -96,8 +96,17 @@ TEST(LinearSolver, FactorsNewValuesInAnAnalysedPatternAndRefusesAnotherOne) {
   }
   EXPECT_THAT([&] { solver.factorize(chain(31, 1.0)); },
               ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("were analysed")));
+  SymmetricMatrix elsewhere = chain(30, 1.0);
+  elsewhere.coeffRef(29, 28) = 0.0;
+  elsewhere.prune([](Index row, Index column, double) { return row != 29 || column != 28; });
+  elsewhere.insert(29, 0) = -1.0;
+  elsewhere.makeCompressed();
+  EXPECT_THAT([&] { solver.factorize(elsewhere); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("elsewhere")));
   EXPECT_THAT([&] { solver.factorize(chain(30, 0.0)); },
               ::testing::ThrowsMessage<NumericalError>(::testing::HasSubstr("singular")));
+  EXPECT_THAT([&] { solver.solve(Vector::Ones(30)); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("could not be factored")));
 }
 
 TEST(LinearSolver, ThreadsSolveWithOneFactorAtOnce) {
