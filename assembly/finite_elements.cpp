@@ -184,20 +184,22 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
       if (space.axisymmetric() || !materials.is_uniform(region)) {
         dilatation.setZero();
         gradients.at_points(c, [&](const Vec<Dim>& x, double weight, const std::vector<NodalGradient<Dim>>& G) {
-          const Tangent<Dim> A = weight * materials.tangent(region, x, part);
+          const auto [tangent, stiff_by_dilatation] = materials.tangent_and_kappa(region, x, part);
+          const Tangent<Dim> A = weight * tangent;
           for (std::size_t l = 0; l < corners; ++l) {
             const GradientBlock<Dim> stress = G[l].stress(A);
             for (std::size_t k = 0; k <= l; ++k) stiffness[n * pairs + pair_of(k, l)] += G[k].forces(stress);
           }
           if (!mean_dilatation) return;
           volume += weight;
-          kappa += weight * materials.stiffness(region, x).kappa;
+          kappa += weight * stiff_by_dilatation;
           for (std::size_t k = 0; k < corners; ++k) dilatation.col(k) += weight * G[k].dilatation();
         });
       } else {
         volume = mesh.volume(c);
         const auto hats = mesh.hat_gradients(c);
-        const Tangent<Dim> A = volume * materials.tangent(region, mesh.vertex(0), part);
+        const auto [tangent, stiff_by_dilatation] = materials.tangent_and_kappa(region, mesh.vertex(0), part);
+        const Tangent<Dim> A = volume * tangent;
         std::array<Mat<Dim>, (Dim + 1) * (Dim + 1)> of_hats;
         for (int j = 0; j <= Dim; ++j) {
           const GradientBlock<Dim> stress = NodalGradient<Dim>{hats.col(j)}.stress(A);
@@ -206,7 +208,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
         for (const Share& share : shares.products())
           stiffness[n * pairs + share.pair] += share.volumes * of_hats[share.i * (Dim + 1) + share.j];
         if (mean_dilatation) {
-          kappa = volume * materials.stiffness(region, mesh.vertex(0)).kappa;
+          kappa = volume * stiff_by_dilatation;
           dilatation = volume * hats * shares.means();
         }
       }

@@ -110,10 +110,12 @@ template <int Dim> Tangent<Dim> Materials<Dim>::part_of(const Tangent<Dim>& A, d
   return part == StiffnessPart::volumetric ? volumetric : Tangent<Dim>(A - volumetric);
 }
 
-template <int Dim> Tangent<Dim> Materials<Dim>::tangent(Index region, const Vec<Dim>& X, StiffnessPart part) const {
-  if (is_uniform(region)) return part_of(uniform_[region]->A, uniform_[region]->stiffness.kappa, part);
-  const Answer answer = ask(region, X).front();
-  return part_of(answer.A, answer.stiffness.kappa, part);
+template <int Dim> std::pair<Tangent<Dim>, double> Materials<Dim>::tangent_and_kappa(Index region, const Vec<Dim>& X,
+                                                                                     StiffnessPart part) const {
+  const auto in_part = [&](const Answer& answer) {
+    return std::pair(part_of(answer.A, answer.stiffness.kappa, part), answer.stiffness.kappa);
+  };
+  return is_uniform(region) ? in_part(*uniform_[region]) : in_part(ask(region, X).front());
 }
 
 template <int Dim> PointTangents<Dim> Materials<Dim>::tangents(const Discretization<Dim>& discretization,
@@ -139,17 +141,18 @@ template <int Dim> PointTangents<Dim> Materials<Dim>::tangents(const Discretizat
 }
 
 template <int Dim> double Materials<Dim>::incompressibility(const FineMesh<Dim>& mesh) const {
+  std::vector<std::vector<Index>> cells(num_regions());  // to be asked at
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (auto& of_region = cells[mesh.region(c)]; of_region.empty() || !is_uniform(mesh.region(c)))
+      of_region.push_back(c);
   double largest = 0.0;
   for (Index region = 0; region < num_regions(); ++region) {
-    std::vector<Index> cells;  // to be asked at
-    for (Index c = 0; c < mesh.num_cells(); ++c)
-      if (mesh.region(c) == region && (cells.empty() || !is_uniform(region))) cells.push_back(c);
-    Points<Dim> centres(Dim, cells.size());
-    for (std::size_t k = 0; k < cells.size(); ++k) centres.col(static_cast<Index>(k)) = mesh.centroid(cells[k]);
+    const auto count = static_cast<Index>(cells[region].size());
+    Points<Dim> centres(Dim, count);
+    for (Index k = 0; k < count; ++k) centres.col(k) = mesh.centroid(cells[region][k]);
     const Material& material = *materials_[region];
     const auto response = respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
-    for (Index p = 0; p < static_cast<Index>(centres.cols()); ++p)
-      largest = std::max(largest, efree::incompressibility(response.tangent_at(p)));
+    for (Index p = 0; p < count; ++p) largest = std::max(largest, efree::incompressibility(response.tangent_at(p)));
   }
   return largest;
 }

@@ -7,6 +7,7 @@
 #include "efree/quadrature/discretization.hpp"
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace efree {
@@ -53,7 +54,11 @@ template <int Dim> class Materials {
   }
   /// Likewise the tangent dP/dH, or a part of it.
   bool is_uniform(Index region) const { return uniform_[region].has_value(); }
-  Tangent<Dim> tangent(Index region, const Vec<Dim>& X, StiffnessPart part = StiffnessPart::all) const;
+  Tangent<Dim> tangent(Index region, const Vec<Dim>& X, StiffnessPart part = StiffnessPart::all) const {
+    return tangent_and_kappa(region, X, part).first;
+  }
+  /// With Stiffness::kappa: the material is asked once.
+  std::pair<Tangent<Dim>, double> tangent_and_kappa(Index region, const Vec<Dim>& X, StiffnessPart part) const;
   /// `share` times a part of the tangents at the points of a discretization.
   PointTangents<Dim> tangents(const Discretization<Dim>& discretization, StiffnessPart part = StiffnessPart::all,
                               double share = 1.0) const;

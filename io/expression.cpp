@@ -150,6 +150,16 @@ template <int Dim> class Pool {
   std::array<std::atomic<Program<Dim>*>, 61> slots_{};
 };
 
+/// What evaluates expressions that use definitions.
+template <int Dim, class Definitions, class Texts>
+std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const Texts& texts, const std::string& where) {
+  auto program = std::make_unique<Program<Dim>>();
+  for (const auto& definition : definitions) program->define(definition.name, definition.text, where);
+  for (const std::string& text : texts) program->add_result(text, where);
+  program->prune();
+  return program;
+}
+
 }  // namespace
 
 template <int Dim>
@@ -171,24 +181,14 @@ template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& t
 }
 
 template <int Dim> bool Expressions<Dim>::varies(const std::string& text, const std::string& where) const {
-  Program<Dim> program;
-  for (const Definition& definition : definitions_) program.define(definition.name, definition.text, where);
-  program.add_result(text, where);
-  program.prune();
-  return program.varies();
+  return program_of<Dim>(definitions_, std::array{text}, where)->varies();
 }
 
 template <int Dim> template <std::size_t Size>
 std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
     const std::array<std::string, Size>& texts, const std::string& where) const {
   using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
-  const auto make = [definitions = definitions_, texts, where] {
-    auto program = std::make_unique<Program<Dim>>();
-    for (const Definition& definition : definitions) program->define(definition.name, definition.text, where);
-    for (const std::string& text : texts) program->add_result(text, where);
-    program->prune();
-    return program;
-  };
+  const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
   const auto check = [texts, where](const Values& values, const Vec<Dim>& x) {
     for (std::size_t k = 0; k < Size; ++k)
       if (!std::isfinite(values[static_cast<int>(k)]))

@@ -36,15 +36,6 @@ Vec<9> unit() {
   return Mat<3>::Identity().reshaped();
 }
 
-/// P = C : (F - I), the energy and the tangent of a point.
-void respond_linearly(const MaterialResponse::Tangent& C, const Deformation& given, Index p,
-                      MaterialResponse& response) {
-  const Vec<9> H = given.F.col(p) - unit();
-  response.P.col(p).noalias() = C * H;
-  response.energy[p] = 0.5 * H.dot(response.P.col(p));
-  if (response.tangent) response.tangent_at(p) = C;
-}
-
 }  // namespace
 
 void LinearElastic::respond(const Deformation& given, MaterialResponse& response) const {
@@ -115,7 +106,11 @@ void OrthotropicElastic::respond(const Deformation& given, MaterialResponse& res
           fmt::format("the stiffness of an orthotropic material times {} at ({:.6g}), expected a positive "
                       "number",
                       factor, fmt::join(given.X.col(p), ", ")));
-    respond_linearly(factor * C_, given, p, response);
+    const MaterialResponse::Tangent C = factor * C_;
+    const Vec<9> H = given.F.col(p) - unit();
+    response.P.col(p).noalias() = C * H;
+    response.energy[p] = 0.5 * H.dot(response.P.col(p));
+    if (response.tangent) response.tangent_at(p) = C;
   }
 }
 

@@ -71,7 +71,6 @@ std::size_t pattern_hash(const SymmetricMatrix& lower) {
 struct Common {
   cholmod_common common{};
   Common() {
-    openblas_set_num_threads(1);  // threaded BLAS sums in an order that depends on the number of threads
     cholmod_start(&common);
     common.print = 0;
     common.quick_return_if_not_posdef = 1;
@@ -102,6 +101,8 @@ struct Cholesky::Impl {
   bool is_current = false;  ///< whether there are values in the factor
   Index negative = 0;
 
+  /// Threaded BLAS sums in an order that depends on the number of threads.
+  Impl() { openblas_set_num_threads(1); }
   ~Impl() { cholmod_free_factor(&factor, common.get()); }
 
   /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).

@@ -150,10 +150,11 @@ template <int Dim> struct Members {
 template <int Dim>
 Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, const Materials<Dim>& materials) {
   std::vector<double> stiffness(space.size(), 1.0), total(nodes.count, 0.0);
+  Stiffness<Dim> room;
   if (materials.num_regions() > 1)
     for (Index c = 0; c < space.mesh().num_cells(); ++c)
       for (const Index dof : space.cell(c))
-        stiffness[dof] = materials.tangent(space.mesh().region(c), space.points().col(dof))(0, 0);
+        stiffness[dof] = materials.stiffness(space.mesh().region(c), space.points().col(dof), room).C(0, 0);
   Members<Dim> result;
   result.dofs.offsets.assign(nodes.count + 1, 0);
   for (Index dof = 0; dof < space.size(); ++dof) {
