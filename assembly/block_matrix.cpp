@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
 
 #include "efree/core/parallel.hpp"
 

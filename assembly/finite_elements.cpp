@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/finite_elements.hpp"
 
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/core/parallel.hpp"

@@ -2,7 +2,7 @@
 /// Lagrange functions on the fine mesh: the space every basis of the library lives in.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <algorithm>
 #include <array>

@@ -5,7 +5,7 @@
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/shape_table.hpp"
 #include "efree/core/progress.hpp"
-#include "efree/geometry/node_cloud.hpp"
+#include "efree/geometry/cloud/node_cloud.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
 namespace efree {

@@ -17,8 +17,8 @@
 /// fetched by examples/real_files/run; without their folder elephant and assembly are left out.
 #include "cavity.hpp"
 #include "clock.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/io/run_case.hpp"
 #include "gyroid.hpp"
 #include "inclusion.hpp"

@@ -3,7 +3,7 @@
 /// body on its outer sides (Goodier 1933).
 #pragma once
 
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

@@ -8,8 +8,8 @@
 ///                                                            pixels, on meshes with as few as 3 vertices to a node
 #include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 

@@ -9,8 +9,8 @@
 /// (in space once), extrapolated.
 #include "cavity.hpp"
 #include "clock.hpp"
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/solvers/correction.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"

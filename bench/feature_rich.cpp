@@ -14,8 +14,8 @@
 ///
 ///   bench_feature_rich [holes | porous | image | pulled = holes] [seeds = 3] [repeats = 3] [only methods that begin
 ///   so]
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

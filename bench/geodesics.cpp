@@ -9,8 +9,8 @@
 /// factorisation shared by all sources and not counted.
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/heatgeo/patch.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/heatgeo/internal/patch.hpp"
 
 #include <CGAL/Heat_method_3/Surface_mesh_geodesic_distances_3.h>
 #include <CGAL/Simple_cartesian.h>

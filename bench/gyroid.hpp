@@ -2,7 +2,7 @@
 /// A sheet around Schoen's gyroid, with a period of 32 voxels and walls of about four.
 #pragma once
 
-#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/input/label_image.hpp"
 
 #include <cmath>
 #include <numbers>

@@ -9,9 +9,9 @@
 #include "gyroid.hpp"
 
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/label_image.hpp"
-#include "efree/geometry/largest_body.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/cell_solver.hpp"
 #include "efree/solvers/correction.hpp"

@@ -7,9 +7,9 @@
 #include "clock.hpp"
 #include "gyroid.hpp"
 
-#include "efree/geometry/internal/flat_cells.hpp"
-#include "efree/geometry/label_image.hpp"
-#include "efree/geometry/lattice_mesh.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/mesh/internal/flat_cells.hpp"
+#include "efree/geometry/meshing/lattice_mesh.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 /// infinite one on its outer sides (complex potentials of Muskhelishvili; Hardiman 1954).
 #pragma once
 
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

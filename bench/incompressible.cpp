@@ -4,7 +4,7 @@
 ///
 ///   bench_incompressible [part of a case's name = all] [H/h = 4] [iterations = 100] [folder of the real files]
 #include "cavity.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/io/run_case.hpp"
 #include "efree/solvers/correction.hpp"
 #include "kirsch.hpp"

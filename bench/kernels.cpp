@@ -3,7 +3,7 @@
 /// Argument of each: fine cells in thousands, roughly.
 #include "efree/assembly/operators.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/cholesky.hpp"

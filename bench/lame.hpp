@@ -3,9 +3,9 @@
 /// share them.
 #pragma once
 
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/solid_shapes.hpp"
-#include "efree/geometry/spacing.hpp"
+#include "efree/geometry/cloud/spacing.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

@@ -2,7 +2,7 @@
 /// Bodies of two materials whose regions share vertices, as finite elements take them.
 #pragma once
 
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 
 #include <algorithm>
 #include <functional>

@@ -2,8 +2,8 @@
 /// Images of noise, where specks, shavings, islands and free bodies abound, and an analysis of them.
 #pragma once
 
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/io/run_case.hpp"
 #include "efree/materials/linear_elastic.hpp"
 

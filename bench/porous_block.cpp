@@ -9,11 +9,11 @@
 ///
 ///   bench_porous_block [--surface | --lattice] [voxels a side = 128] [fine size in voxels = 3] [method = all | p1 |
 ///   SPACING]
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/label_image.hpp"
-#include "efree/geometry/largest_body.hpp"
-#include "efree/geometry/selection.hpp"
-#include "efree/geometry/surface.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/input/surface.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
+#include "efree/geometry/mesh/selection.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

@@ -7,9 +7,9 @@
 ///   bench_preprocessing --solid [largest number of tetrahedra = 1e6] [repetitions = 3]
 #include "clock.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

@@ -5,7 +5,7 @@
 /// Prints a Markdown table.
 ///
 ///   bench_quadratic_patch [finest H/h = 16]
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

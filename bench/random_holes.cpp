@@ -3,7 +3,7 @@
 /// defaults against P1 finite elements on the same fine mesh. Prints a Markdown table.
 ///
 ///   bench_random_holes [spacing = 0.2] [fine mesh size = 0.05] [seeds = 3]
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

@@ -2,7 +2,7 @@
 /// Finer meshes of the same polygons.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <algorithm>
 #include <map>

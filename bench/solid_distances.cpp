@@ -5,9 +5,9 @@
 ///   bench_solid_distances [voxels a side of the porous block = 128] [repetitions = 5]
 #include "efree/bench/cavity.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/label_image.hpp"
-#include "efree/geometry/largest_body.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
 #include <algorithm>

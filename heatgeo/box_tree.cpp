@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/box_tree.hpp"
+#include "efree/heatgeo/internal/box_tree.hpp"
 
 #include <algorithm>
 

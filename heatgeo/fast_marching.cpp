@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/fast_marching.hpp"
+#include "efree/heatgeo/internal/fast_marching.hpp"
 
 #include <algorithm>
 #include <limits>

@@ -3,11 +3,11 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/heatgeo/fast_marching.hpp"
-#include "efree/heatgeo/heat.hpp"
-#include "efree/heatgeo/marching_3d.hpp"
-#include "efree/heatgeo/patch.hpp"
-#include "efree/heatgeo/visible_distance.hpp"
+#include "efree/heatgeo/internal/fast_marching.hpp"
+#include "efree/heatgeo/internal/heat.hpp"
+#include "efree/heatgeo/internal/marching_3d.hpp"
+#include "efree/heatgeo/internal/patch.hpp"
+#include "efree/heatgeo/internal/visible_distance.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -2,7 +2,7 @@
 /// Geodesic distances and heat weights from single vertices, on local patches of the fine mesh.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/heatgeo/kernel.hpp"
 
 #include <limits>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/heat.hpp"
+#include "efree/heatgeo/internal/heat.hpp"
 
 #include "efree/core/error.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/marching_3d.hpp"
+#include "efree/heatgeo/internal/marching_3d.hpp"
 
 #include <algorithm>
 #include <cmath>

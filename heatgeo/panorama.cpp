@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/panorama.hpp"
+#include "efree/heatgeo/internal/panorama.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/patch.hpp"
+#include "efree/heatgeo/internal/patch.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/sight_lines.hpp"
+#include "efree/heatgeo/internal/sight_lines.hpp"
 
-#include "efree/heatgeo/patch.hpp"
+#include "efree/heatgeo/internal/patch.hpp"
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/viewpoint.hpp"
+#include "efree/heatgeo/internal/viewpoint.hpp"
 
 #include <algorithm>
 #include <cmath>

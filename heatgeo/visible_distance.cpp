@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/heatgeo/visible_distance.hpp"
+#include "efree/heatgeo/internal/visible_distance.hpp"
 
 #include <algorithm>
 #include <limits>

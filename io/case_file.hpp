@@ -2,7 +2,7 @@
 /// Case files: a whole analysis in one TOML file. docs/case-file.md describes every key.
 #pragma once
 
-#include "efree/geometry/selection.hpp"
+#include "efree/geometry/mesh/selection.hpp"
 #include "efree/io/case_geometry.hpp"
 #include "efree/solvers/correction.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/core/error.hpp"
-#include "efree/geometry/gmsh_reader.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/image_reader.hpp"
-#include "efree/geometry/largest_body.hpp"
-#include "efree/geometry/lattice_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/solid_shapes.hpp"
-#include "efree/geometry/surface.hpp"
-#include "efree/geometry/surface_image.hpp"
+#include "efree/geometry/input/image_reader.hpp"
+#include "efree/geometry/input/surface.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
+#include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/lattice_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/geometry/meshing/surface_image.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 
 #include <fmt/format.h>

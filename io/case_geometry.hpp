@@ -3,8 +3,8 @@
 /// shapes.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
-#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <functional>
 #include <map>

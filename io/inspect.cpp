@@ -2,12 +2,12 @@
 #include "efree/io/inspect.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/geometry/gmsh_reader.hpp"
-#include "efree/geometry/image_reader.hpp"
-#include "efree/geometry/image_summary.hpp"
-#include "efree/geometry/spacing.hpp"
-#include "efree/geometry/surface_check.hpp"
-#include "efree/geometry/walls.hpp"
+#include "efree/geometry/cloud/spacing.hpp"
+#include "efree/geometry/input/image_reader.hpp"
+#include "efree/geometry/input/image_summary.hpp"
+#include "efree/geometry/input/surface_check.hpp"
+#include "efree/geometry/mesh/walls.hpp"
+#include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/io/run_case.hpp"
 
 #include <fmt/format.h>

@@ -2,7 +2,7 @@
 /// What a file holds, before anything is analysed.
 #pragma once
 
-#include "efree/geometry/summary.hpp"
+#include "efree/geometry/mesh/summary.hpp"
 
 #include <array>
 #include <filesystem>

@@ -5,8 +5,8 @@
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/mls.hpp"
 #include "efree/core/progress.hpp"
-#include "efree/geometry/node_cloud.hpp"
-#include "efree/geometry/spacing.hpp"
+#include "efree/geometry/cloud/node_cloud.hpp"
+#include "efree/geometry/cloud/spacing.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/discretization.hpp"
 

@@ -4,7 +4,7 @@
 
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/shape_table.hpp"
-#include "efree/geometry/node_cloud.hpp"
+#include "efree/geometry/cloud/node_cloud.hpp"
 
 namespace efree {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/box_averages.hpp"
+#include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cell_solver.hpp"
 
 #include <Eigen/Cholesky>

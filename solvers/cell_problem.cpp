@@ -3,7 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
-#include "efree/geometry/box_averages.hpp"
+#include "efree/geometry/input/box_averages.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "efree/core/progress.hpp"
-#include "efree/geometry/label_image.hpp"
-#include "efree/geometry/lattice_mesh.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/materials/material.hpp"
 #include "efree/solvers/static_analysis.hpp"
 

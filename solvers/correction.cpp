@@ -2,7 +2,7 @@
 #include "efree/solvers/correction.hpp"
 
 #include "efree/assembly/bodies.hpp"
-#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/finite_elements.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nitsche.hpp"

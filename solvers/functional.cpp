@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/functional.hpp"
 
-#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/finite_elements.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"

@@ -7,7 +7,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/internal/flat_cells.hpp"
+#include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "efree/assembly/operators.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -15,6 +15,12 @@ set(may_assembly core geometry heatgeo basis quadrature materials)
 set(may_solvers core geometry heatgeo basis quadrature materials assembly)
 set(may_io core geometry heatgeo basis quadrature materials assembly solvers)
 
+# Within geometry/ likewise.
+set(may_mesh)
+set(may_input mesh)
+set(may_meshing mesh input)
+set(may_cloud mesh)
+
 set(standard_headers
   algorithm array atomic bit bitset cassert cctype cfloat charconv chrono climits cmath complex concepts cstddef cstdint
   cstdio cstdlib cstring deque exception filesystem fstream functional initializer_list iomanip iosfwd iostream istream
@@ -43,6 +49,17 @@ foreach(room IN LISTS rooms)
         set(other ${CMAKE_MATCH_1})
         if(NOT other STREQUAL room AND NOT other IN_LIST may_${room})
           complain(${source} "${room}/ may not include ${header}")
+        endif()
+        if(room STREQUAL "geometry" AND header MATCHES "^efree/geometry/([a-z]+)/")
+          set(other ${CMAKE_MATCH_1})
+          if(NOT source MATCHES "^geometry/([a-z]+)/")
+            complain(${source} "expected in one of geometry's folders")
+            continue()
+          endif()
+          set(part ${CMAKE_MATCH_1})
+          if(NOT other STREQUAL part AND NOT other IN_LIST may_${part})
+            complain(${source} "geometry/${part}/ may not include ${header}")
+          endif()
         endif()
       elseif(header MATCHES "^efree" OR line MATCHES "\"")
         complain(${source} "write headers of efree as \"efree/<folder>/<file>.hpp\", others in <>: ${header}")
@@ -80,7 +97,8 @@ endforeach()
 
 # The umbrella header leaves nothing out.
 list(TRANSFORM rooms APPEND /*.hpp OUTPUT_VARIABLE globs)
-file(GLOB headers RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${globs})
+file(GLOB_RECURSE headers RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${globs})
+list(FILTER headers EXCLUDE REGEX "/internal/")
 file(READ efree.hpp umbrella)
 foreach(header IN LISTS headers)
   string(FIND "${umbrella}" "#include \"efree/${header}\"" at)

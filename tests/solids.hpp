@@ -2,7 +2,7 @@
 /// Solid bodies that the tests share, as plain meshes: no mesher in between.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

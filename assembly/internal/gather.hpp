@@ -2,7 +2,7 @@
 /// Sparse symmetric matrices, gathered row by row.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/internal/accumulator.hpp"
 #include "efree/core/parallel.hpp"

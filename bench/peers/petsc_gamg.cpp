@@ -7,7 +7,7 @@
 ///
 /// Iterations end as those of voxel_multigrid do: when the preconditioned residual has fallen by the tolerance from
 /// that of uniform strain.
-#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "problem.hpp"
 
 #include <petscksp.h>

@@ -2,7 +2,7 @@
 /// The two bodies of the comparison and how its lines are measured and printed.
 #pragma once
 
-#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/input/label_image.hpp"
 
 #include <sys/resource.h>
 #include <cmath>

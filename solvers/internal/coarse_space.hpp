@@ -2,7 +2,7 @@
 /// What is smooth in an error goes: a few functions as coarse space of the finite elements.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/basis/shape_table.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"

@@ -2,8 +2,8 @@
 /// Flat cells out of the way: static condensation of the nodes that only they hold so firmly.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
-#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
+#include "efree/assembly/internal/finite_elements.hpp"
 #include "efree/assembly/internal/gather.hpp"
 
 #include <functional>

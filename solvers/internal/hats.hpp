@@ -2,7 +2,7 @@
 /// Functions of the fine mesh alone, for errors that the cloud cannot see.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/basis/shape_table.hpp"
 
 namespace efree {

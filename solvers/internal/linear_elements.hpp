@@ -2,8 +2,8 @@
 /// Linear elements as coarse space of the quadratic ones on the same cells.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
-#include "efree/assembly/finite_elements.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
+#include "efree/assembly/internal/finite_elements.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 

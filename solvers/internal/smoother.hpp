@@ -2,7 +2,7 @@
 /// Smoother for block matrices: what is rough in an error goes.
 #pragma once
 
-#include "efree/assembly/block_matrix.hpp"
+#include "efree/assembly/internal/block_matrix.hpp"
 
 #include <functional>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/largest_body.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
 #include "meshes.hpp"
 
 namespace efree {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/internal/flat_cells.hpp"
-#include "efree/geometry/image_mesh.hpp"
-#include "efree/geometry/largest_body.hpp"
-#include "efree/geometry/summary.hpp"
+#include "efree/geometry/mesh/internal/flat_cells.hpp"
+#include "efree/geometry/mesh/largest_body.hpp"
+#include "efree/geometry/mesh/summary.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "image_meshes.hpp"
 #include "meshes.hpp"
 

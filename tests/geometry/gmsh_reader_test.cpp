@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/gmsh_reader.hpp"
+#include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "meshes.hpp"
 
 #include <omp.h>

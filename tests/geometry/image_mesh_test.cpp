@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/core/memory.hpp"
 #include "image_meshes.hpp"
 #include "meshes.hpp"

@@ -2,9 +2,9 @@
 /// What the tests of meshes of images in space share.
 #pragma once
 
-#include "efree/geometry/fine_mesh.hpp"
-#include "efree/geometry/internal/flat_cells.hpp"
-#include "efree/geometry/label_image.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/geometry/mesh/internal/flat_cells.hpp"
 
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/image_reader.hpp"
+#include "efree/geometry/input/image_reader.hpp"
 #include "meshes.hpp"
 
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/lattice_mesh.hpp"
+#include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/bench/noise.hpp"
 #include "efree/core/parallel.hpp"
 #include "image_meshes.hpp"

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/core/error.hpp"
-#include "efree/geometry/fine_mesh.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

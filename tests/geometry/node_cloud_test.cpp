@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/node_cloud.hpp"
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/cloud/node_cloud.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/tests/solids.hpp"
 #include "meshes.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "meshes.hpp"
 
 #include <cmath>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/selection.hpp"
+#include "efree/geometry/mesh/selection.hpp"
 
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "meshes.hpp"
 
 #include <numbers>

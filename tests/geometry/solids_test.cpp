@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/gmsh_reader.hpp"
-#include "efree/geometry/refine.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/mesh/refine.hpp"
+#include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "meshes.hpp"
 
 #include <fstream>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/spacing.hpp"
-#include "efree/geometry/node_cloud.hpp"
-#include "efree/geometry/planar_domain.hpp"
-#include "efree/geometry/walls.hpp"
+#include "efree/geometry/cloud/spacing.hpp"
+#include "efree/geometry/cloud/node_cloud.hpp"
+#include "efree/geometry/mesh/walls.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "meshes.hpp"
 
 #include <limits>

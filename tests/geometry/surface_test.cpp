@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/geometry/surface.hpp"
+#include "efree/geometry/input/surface.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/internal/flat_cells.hpp"
-#include "efree/geometry/summary.hpp"
-#include "efree/geometry/surface_image.hpp"
+#include "efree/geometry/mesh/internal/flat_cells.hpp"
+#include "efree/geometry/mesh/summary.hpp"
+#include "efree/geometry/meshing/surface_image.hpp"
 #include "meshes.hpp"
 
 #include <Eigen/LU>

@@ -2,7 +2,7 @@
 /// Domains, bad triangulations and closed forms for the tests of heatgeo.
 #pragma once
 
-#include "efree/geometry/planar_domain.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
 #include <Eigen/Geometry>

@@ -2,9 +2,9 @@
 /// Distances and weights in space.
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/heatgeo/geodesics.hpp"
-#include "efree/heatgeo/marching_3d.hpp"
+#include "efree/heatgeo/internal/marching_3d.hpp"
 #include "efree/tests/solids.hpp"
 
 #include <gtest/gtest.h>

@@ -2,9 +2,9 @@
 /// Exact distances: closed forms, and a dense visibility graph of the corners of random polygons with holes.
 #include "domains.hpp"
 #include "efree/core/error.hpp"
-#include "efree/heatgeo/patch.hpp"
-#include "efree/heatgeo/sight_lines.hpp"
-#include "efree/heatgeo/visible_distance.hpp"
+#include "efree/heatgeo/internal/patch.hpp"
+#include "efree/heatgeo/internal/sight_lines.hpp"
+#include "efree/heatgeo/internal/visible_distance.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,8 +2,8 @@
 #include "efree/io/inspect.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/geometry/image_reader.hpp"
-#include "efree/geometry/surface_check.hpp"
+#include "efree/geometry/input/image_reader.hpp"
+#include "efree/geometry/input/surface_check.hpp"
 #include "workspace.hpp"
 
 #include <cmath>

@@ -2,8 +2,8 @@
 /// Images on grids of cells against closed forms and finite elements.
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/box_averages.hpp"
-#include "efree/geometry/image_mesh.hpp"
+#include "efree/geometry/input/box_averages.hpp"
+#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/cell_solver.hpp"
 

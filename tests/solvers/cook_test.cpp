@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Cook's membrane (Cook 1974): clamped on the left, unit shear force on the right; deflection of the middle of the
 /// right side.
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>

@@ -5,7 +5,7 @@
 #include "efree/bench/inclusion.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/solvers/internal/hats.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"

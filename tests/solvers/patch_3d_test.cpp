@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// The linear patch test in space.
-#include "efree/geometry/surface.hpp"
+#include "efree/geometry/input/surface.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 

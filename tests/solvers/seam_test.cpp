@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A material and a basis from outside the library: what users write themselves, solved like what is built in.
-#include "efree/geometry/solid_shapes.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/solvers/correction.hpp"
 #include "efree/tests/bodies.hpp"
 

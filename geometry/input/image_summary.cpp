@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/input/image_summary.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+
+namespace efree {
+namespace {
+
+template <int Dim> BoundingBox<Dim> no_box() {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return {Vec<Dim>::Constant(infinity), Vec<Dim>::Constant(-infinity)};
+}
+
+template <int Dim> class Pixels {
+ public:
+  explicit Pixels(const LabelImage<Dim>& image) : image_(image) {
+    for (int d = 1; d < Dim; ++d) stride_[d] = stride_[d - 1] * image.size[d - 1];
+  }
+  std::size_t stride(int d) const { return stride_[d]; }
+  Index along(std::size_t pixel, int d) const { return static_cast<Index>(pixel / stride_[d] % image_.size[d]); }
+  /// Lower corner; counted from 0, an upper end of the image is a corner, too.
+  Vec<Dim> corner(const std::array<Index, Dim>& at) const {
+    Vec<Dim> x;
+    for (int d = 0; d < Dim; ++d) x[d] = image_.origin[d] + at[d] * image_.spacing[d];
+    return x;
+  }
+  /// From one pixel to the next in the order of the labels.
+  void step(std::array<Index, Dim>& at) const {
+    for (int d = 0; d < Dim; ++d) {
+      if (++at[d] < image_.size[d]) return;
+      at[d] = 0;
+    }
+  }
+
+ private:
+  const LabelImage<Dim>& image_;
+  std::array<std::size_t, Dim> stride_{1};
+};
+
+/// Connected parts of the material and of the void inside it.
+template <int Dim>
+void find_parts(const LabelImage<Dim>& image, const Pixels<Dim>& pixels, ImageSummary<Dim>& summary) {
+  std::vector<char> done(image.labels.size(), 0);
+  std::vector<std::size_t> stack;
+  for (std::size_t seed = 0; seed < image.labels.size(); ++seed) {
+    if (done[seed]) continue;
+    const bool is_void = image.labels[seed] == 0;
+    ImagePart<Dim> part{0, Vec<Dim>::Zero()};
+    bool on_frame = false;
+    stack.assign(1, seed);
+    done[seed] = 1;
+    while (!stack.empty()) {
+      const std::size_t pixel = stack.back();
+      stack.pop_back();
+      ++part.pixels;
+      for (int d = 0; d < Dim; ++d) {
+        const Index along = pixels.along(pixel, d);
+        part.centre[d] += along + 0.5;
+        const auto visit = [&](bool inside, std::size_t next) {
+          if (!inside) {
+            on_frame = true;
+            return;
+          }
+          if (done[next] || (image.labels[next] == 0) != is_void) return;
+          done[next] = 1;
+          stack.push_back(next);
+        };
+        visit(along > 0, pixel - pixels.stride(d));
+        visit(along + 1 < image.size[d], pixel + pixels.stride(d));
+      }
+    }
+    part.centre = image.origin + (part.centre / static_cast<double>(part.pixels)).cwiseProduct(image.spacing);
+    if (is_void && on_frame) continue;
+    ++(is_void ? summary.closed_pores : summary.bodies);
+    auto& smallest = is_void ? summary.smallest_pore : summary.smallest_body;
+    if (!smallest || part.pixels < smallest->pixels) smallest = part;
+  }
+}
+
+/// The faces across axis `d` in the direction `side` (-1, 1), in runs along the first of the other axes.
+template <int Dim> void find_facets(const LabelImage<Dim>& image, const Pixels<Dim>& pixels,
+                                    const std::vector<Index>& number, int d, int side,
+                                    std::vector<GroupSummary<Dim>>& groups, std::vector<ImageFacet<Dim>>& facets) {
+  const int run = d == 0 ? 1 : 0;
+  const Index frame_group = 2 * d + (side > 0), pore_group = 2 * Dim;
+  const double measure = image.pixel_volume() / image.spacing[d];
+  const auto group_of = [&](std::size_t pixel, const std::array<Index, Dim>& at) -> Index {
+    if (image.labels[pixel] == 0) return -1;
+    const bool framed = side < 0 ? at[d] == 0 : at[d] + 1 == image.size[d];
+    if (framed) return frame_group;
+    return image.labels[side < 0 ? pixel - pixels.stride(d) : pixel + pixels.stride(d)] == 0 ? pore_group : -1;
+  };
+  std::array<Index, Dim> at{};
+  for (std::size_t pixel = 0; pixel < image.labels.size(); ++pixel, pixels.step(at)) {
+    const Index group = group_of(pixel, at);
+    if (group < 0) continue;
+    if (at[run] > 0) {  // part of a run that is done already?
+      auto before = at;
+      --before[run];
+      const std::size_t previous = pixel - pixels.stride(run);
+      if (image.labels[previous] == image.labels[pixel] && group_of(previous, before) == group) continue;
+    }
+    auto low = at, high = at, next = at;
+    std::size_t last = pixel;
+    for (++next[run]; next[run] < image.size[run]; ++next[run]) {
+      const std::size_t candidate = last + pixels.stride(run);
+      if (image.labels[candidate] != image.labels[pixel] || group_of(candidate, next) != group) break;
+      last = candidate;
+    }
+    if (side > 0) ++low[d], ++high[d];
+    high[run] = next[run];
+    ImageFacet<Dim> facet{{}, number[image.labels[pixel]], group};
+    facet.corners[0] = pixels.corner(low);
+    facet.corners[1] = pixels.corner(high);
+    if constexpr (Dim == 3) {
+      const int other = 3 - d - run;
+      ++low[other], ++high[other];
+      facet.corners[2] = pixels.corner(high);
+      facet.corners[3] = pixels.corner(low);
+    }
+    const Index count = next[run] - at[run];
+    GroupSummary<Dim>& part = groups[group];
+    part.num_facets += count;
+    part.measure += count * measure;
+    part.mean_normal[d] += side * count * measure;
+    for (const Vec<Dim>& corner : facet.corners) {
+      part.box.low = part.box.low.cwiseMin(corner);
+      part.box.high = part.box.high.cwiseMax(corner);
+    }
+    facets.push_back(std::move(facet));
+  }
+}
+
+}  // namespace
+
+template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& image) {
+  check_image(image);
+  const Pixels<Dim> pixels(image);
+  ImageSummary<Dim> summary;
+  std::vector<Index> number(std::numeric_limits<Label>::max() + 1, -1);
+  std::int64_t material = 0;
+  for (const auto& [label, count] : count_labels(image)) {
+    if (label == 0) continue;
+    number[label] = static_cast<Index>(summary.labels.size());
+    material += count;
+    summary.labels.push_back({std::to_string(label), static_cast<Index>(count),
+                              static_cast<double>(count) * image.pixel_volume(), no_box<Dim>()});
+  }
+  if (material == 0) throw InputError("image: all of it is void");
+  summary.material = static_cast<double>(material) / static_cast<double>(image.labels.size());
+  std::array<Index, Dim> at{};
+  for (std::size_t pixel = 0; pixel < image.labels.size(); ++pixel, pixels.step(at)) {
+    if (image.labels[pixel] == 0) continue;
+    BoundingBox<Dim>& box = summary.labels[number[image.labels[pixel]]].box;
+    const Vec<Dim> low = pixels.corner(at);
+    box.low = box.low.cwiseMin(low);
+    box.high = box.high.cwiseMax(low + image.spacing);
+  }
+  find_parts(image, pixels, summary);
+
+  const std::vector<std::string> names =
+      Dim == 2 ? std::vector<std::string>{"left", "right", "bottom", "top", "pores"}
+               : std::vector<std::string>{"left", "right", "front", "back", "bottom", "top", "pores"};
+  std::vector<GroupSummary<Dim>> groups;
+  for (const std::string& name : names) groups.push_back({name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()});
+  for (int d = 0; d < Dim; ++d)
+    for (const int side : {-1, 1}) find_facets(image, pixels, number, d, side, groups, summary.facets);
+  std::vector<Index> kept(groups.size(), -1);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    if (groups[g].num_facets == 0) continue;
+    kept[g] = static_cast<Index>(summary.groups.size());
+    groups[g].mean_normal /= groups[g].measure;
+    if (g < 2 * Dim) groups[g].normal = groups[g].mean_normal;
+    summary.groups.push_back(std::move(groups[g]));
+  }
+  for (auto& facet : summary.facets) facet.group = kept[facet.group];
+  return summary;
+}
+
+template ImageSummary<2> summarize_image<2>(const LabelImage<2>&);
+template ImageSummary<3> summarize_image<3>(const LabelImage<3>&);
+
+}  // namespace efree

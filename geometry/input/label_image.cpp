@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/input/label_image.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace efree {
+
+template <int Dim> void check_image(const LabelImage<Dim>& image) {
+  std::size_t pixels = 1;
+  for (const Index n : image.size) {
+    if (n < 1) throw InputError(fmt::format("image: it is {} pixels large", fmt::join(image.size, " x ")));
+    pixels *= n;
+  }
+  if (image.labels.size() != pixels)
+    throw InputError(fmt::format("image: {} labels for {} pixels", image.labels.size(), fmt::join(image.size, " x ")));
+  if (!(image.spacing.minCoeff() > 0.0) || !image.spacing.allFinite())
+    throw InputError(
+        fmt::format("image: the spacing is {}, expected positive lengths", fmt::join(image.spacing, ", ")));
+  if (!image.origin.allFinite())
+    throw InputError(fmt::format("image: the origin is {}, expected finite numbers", fmt::join(image.origin, ", ")));
+  if (image.grey.empty()) return;
+  if (image.grey.size() != pixels)
+    throw InputError(
+        fmt::format("image: {} grey values for {} pixels", image.grey.size(), fmt::join(image.size, " x ")));
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    if (const float grey = image.grey[pixel];
+        !std::isfinite(grey) || !(image.labels[pixel] != 0 ? grey > 0.0f : grey < 0.0f))
+      throw InputError(fmt::format("image: pixel {} has the label {} and the grey value {}, expected a {} one", pixel,
+                                   image.labels[pixel], grey, image.labels[pixel] != 0 ? "positive" : "negative"));
+}
+
+template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
+  std::vector<std::int64_t> pixels(std::numeric_limits<Label>::max() + 1, 0);
+  for (const Label label : image.labels) ++pixels[label];
+  std::vector<LabelCount> counts;
+  for (std::size_t label = 0; label < pixels.size(); ++label)
+    if (pixels[label] > 0) counts.push_back({static_cast<Label>(label), pixels[label]});
+  return counts;
+}
+
+template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image) {
+  const std::size_t pixels = image.labels.size(), row = image.size[0];
+  if (pixels > static_cast<std::size_t>(std::numeric_limits<Index>::max()))
+    throw InputError(
+        fmt::format("image: {} pixels, at most {} can be numbered", pixels, std::numeric_limits<Index>::max()));
+  ConnectedPixels out;
+  // Trees of pixels, each with its first one as root.
+  auto& parent = out.part_of;
+  parent.resize(pixels);
+  const auto root = [&](Index pixel) {
+    while (parent[pixel] != pixel) pixel = parent[pixel] = parent[parent[pixel]];
+    return pixel;
+  };
+  for (std::size_t first = 0; first < pixels; first += row) {
+    std::array<std::size_t, Dim> back{1};  // to the neighbour before along each axis, 0: none
+    std::size_t stride = row;
+    for (int d = 1; d < Dim; stride *= image.size[d++]) back[d] = first / stride % image.size[d] > 0 ? stride : 0;
+    for (std::size_t pixel = first; pixel < first + row; ++pixel) {
+      const Label label = image.labels[pixel];
+      Index own = static_cast<Index>(pixel);
+      parent[pixel] = own;
+      for (int d = 0; d < Dim; ++d) {
+        if (back[d] == 0 || (d == 0 && pixel == first) || image.labels[pixel - back[d]] != label) continue;
+        const Index other = root(static_cast<Index>(pixel - back[d]));
+        parent[std::max(own, other)] = std::min(own, other);
+        own = std::min(own, other);
+      }
+    }
+  }
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+    const bool is_root = parent[pixel] == static_cast<Index>(pixel);
+    parent[pixel] = is_root ? static_cast<Index>(out.parts.size()) : parent[parent[pixel]];
+    if (is_root) out.parts.push_back({image.labels[pixel], 0});
+    ++out.parts[parent[pixel]].pixels;
+  }
+  return out;
+}
+
+template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
+  check_image(image);
+  LabelImage<Dim> material{.size = image.size, .labels = image.labels};
+  for (Label& label : material.labels) label = label != 0;
+  const auto [parts, part_of] = connected_pixels(material);
+  Index largest = -1, bodies = 0;
+  std::size_t pixels = 0;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    if (parts[k].label == 0) continue;
+    ++bodies;
+    pixels += parts[k].pixels;
+    if (largest < 0 || parts[k].pixels > parts[largest].pixels) largest = static_cast<Index>(k);
+  }
+  if (largest < 0) throw InputError("image: all of it is void");
+  LargestBody<Dim> out{image, bodies - 1,
+                       static_cast<double>(pixels - parts[largest].pixels) / static_cast<double>(pixels)};
+  for (std::size_t pixel = 0; pixel < part_of.size(); ++pixel)
+    if (part_of[pixel] != largest) out.image.labels[pixel] = 0;
+  for (std::size_t pixel = 0; pixel < out.image.grey.size(); ++pixel)
+    if (part_of[pixel] != largest) out.image.grey[pixel] = -std::abs(out.image.grey[pixel]);
+  return out;
+}
+
+template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& options) {
+  if (n < 1 || !(options.r_min > 0.0 && options.r_min <= options.r_max && std::isfinite(options.r_max)))
+    throw InputError(fmt::format("random spheres: {} pixels a side, radii {} to {}, expected 0 < r_min <= r_max", n,
+                                 options.r_min, options.r_max));
+  if (!(options.porosity >= 0.0 && options.porosity < 1.0))
+    throw InputError(fmt::format("random spheres: porosity {}, expected 0 to less than 1", options.porosity));
+  require_memory(sizeof(Label) * std::pow(static_cast<double>(n), Dim), "an image of random spheres");
+  LabelImage<Dim> image;
+  image.size.fill(n);
+  std::size_t pixels = 1;
+  for (int d = 0; d < Dim; ++d) pixels *= n;
+  image.labels.assign(pixels, 1);
+
+  std::mt19937_64 generator(options.seed);
+  const auto uniform = [&](double from, double to) {
+    return from + (to - from) * 0x1p-53 * static_cast<double>(generator() >> 11);
+  };
+  std::size_t carved = 0;
+  while (static_cast<double>(carved) < options.porosity * static_cast<double>(pixels)) {
+    const double r = uniform(options.r_min, options.r_max);
+    Vec<Dim> centre;
+    for (int d = 0; d < Dim; ++d) centre[d] = uniform(0.0, n);
+    std::array<Index, Dim> low, high, at;
+    for (int d = 0; d < Dim; ++d) {
+      low[d] = std::max(0, static_cast<Index>(std::floor(centre[d] - r)));
+      high[d] = std::min(n, static_cast<Index>(std::ceil(centre[d] + r)));
+    }
+    at = low;
+    while (at[Dim - 1] < high[Dim - 1]) {
+      double distance = 0.0;
+      for (int d = 0; d < Dim; ++d) distance += std::pow(at[d] + 0.5 - centre[d], 2);
+      if (Label& label = image.labels[image.index(at)]; distance < r * r && label != 0) {
+        label = 0;
+        ++carved;
+      }
+      for (int d = 0; d < Dim; ++d) {  // the next pixel of the box
+        if (++at[d] < high[d] || d + 1 == Dim) break;
+        at[d] = low[d];
+      }
+    }
+  }
+  return image;
+}
+
+template void check_image<2>(const LabelImage<2>&);
+template void check_image<3>(const LabelImage<3>&);
+template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
+template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
+template ConnectedPixels connected_pixels<2>(const LabelImage<2>&);
+template ConnectedPixels connected_pixels<3>(const LabelImage<3>&);
+template LargestBody<2> keep_largest<2>(const LabelImage<2>&);
+template LargestBody<3> keep_largest<3>(const LabelImage<3>&);
+template LabelImage<2> random_spheres<2>(Index, const RandomSpheres&);
+template LabelImage<3> random_spheres<3>(Index, const RandomSpheres&);
+
+}  // namespace efree

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/meshing/gmsh_reader.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/geometry/meshing/internal/cad_import.hpp"
+#include "efree/geometry/meshing/internal/gmsh_session.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <gmsh.h>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+namespace efree {
+namespace {
+
+using internal::GmshNodes, internal::GmshPart, internal::GmshSession;
+
+/// Full names of the numbers that the open .geo file lets one set.
+std::vector<std::string> parameter_names() {
+  std::vector<std::string> names;
+  gmsh::onelab::getNames(names);
+  std::erase_if(names, [](const std::string& name) {
+    std::vector<double> value;
+    gmsh::onelab::getNumber(name, value);
+    return value.empty() || name.starts_with("Gmsh/") || name.starts_with("ONELAB/");
+  });
+  return names;
+}
+
+/// Sets parameters of the open file, named in full ("Parameters/radius") or by the last part ("radius"), and reopens
+/// it.
+void set_parameters(const GmshSession& session, const std::string& path,
+                    const std::map<std::string, double>& parameters) {
+  if (parameters.empty()) return;
+  const std::vector<std::string> names = parameter_names();
+  for (const auto& [key, value] : parameters) {
+    std::vector<std::string> matches;
+    for (const std::string& name : names)
+      if (name == key || name.ends_with('/' + key)) matches.push_back(name);
+    if (matches.size() != 1)
+      session.fail(
+          fmt::format("{} parameter \"{}\"; the file defines {}", matches.empty() ? "unknown" : "ambiguous", key,
+                      names.empty() ? std::string("none with a name") : fmt::format("{}", fmt::join(names, ", "))));
+    gmsh::onelab::setNumber(matches[0], {value});
+  }
+  gmsh::clear();
+  session.open(path);
+}
+
+/// The line elements of a curve as chains of points.
+void add_curve(int curve, const std::string& name, GmshNodes<2>& nodes, std::vector<Polyline>& out) {
+  const auto ends = internal::gmsh_simplices(1, curve);
+  for (std::size_t k = 0; k + 1 < ends.size(); k += 2) {
+    if (k == 0 || ends[k] != ends[k - 1]) out.push_back({name, {nodes.at(ends[k])}});
+    out.back().points.push_back(nodes.at(ends[k + 1]));
+  }
+}
+
+const char* const interface_name = "\x01interface";  // no name in a file
+
+/// The surfaces of the open .geo file, their curves sampled by gmsh.
+struct SampledSurfaces {
+  /// A curve between two surfaces is listed twice, which by the even-odd rule keeps it from being boundary. All curves
+  /// are embedded under the name `interface_name` if there are several regions.
+  PlanarDomain domain;
+  std::vector<std::string> region_names;
+  std::vector<std::vector<Polyline>> outlines;  ///< of each region, an even-odd outline as in PlanarDomain
+};
+
+SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<std::string>& slits) {
+  GmshNodes<2> nodes(session);
+  SampledSurfaces sampled;
+  PlanarDomain& domain = sampled.domain;
+  std::set<int> used;
+  const auto regions = internal::region_parts(session, 2);
+  for (const GmshPart& region : regions) {
+    std::vector<Polyline> outline;
+    for (const int surface : region.entities) {
+      std::string type;
+      gmsh::model::getType(2, surface, type);
+      if (type != "Plane")
+        session.fail(fmt::format("surface {} is of type \"{}\", expected a plane surface", surface, type));
+      gmsh::vectorpair entities;
+      gmsh::model::getBoundary({{2, surface}}, entities, /*combined=*/false, /*oriented=*/false);
+      for (const auto& [dim, curve] : entities) {
+        add_curve(curve, "", nodes, outline);
+        used.insert(curve);
+        if (regions.size() > 1) add_curve(curve, interface_name, nodes, domain.embedded);
+      }
+      gmsh::model::mesh::getEmbedded(2, surface, entities);
+      for (const auto& [dim, tag] : entities)
+        if (dim == 1) {
+          add_curve(tag, "", nodes, domain.embedded);
+          used.insert(tag);
+        } else {
+          std::vector<std::size_t> tags;
+          std::vector<double> coordinates, parametric;
+          gmsh::model::mesh::getNodes(tags, coordinates, parametric, dim, tag);
+          for (const std::size_t node : tags) domain.embedded.push_back({"", {nodes.at(node)}});
+        }
+    }
+    domain.boundary.insert(domain.boundary.end(), outline.begin(), outline.end());
+    sampled.region_names.push_back(region.name);
+    sampled.outlines.push_back(std::move(outline));
+  }
+  if (used.empty()) session.fail("there is no surface in it");
+  for (const GmshPart& part : internal::physical_parts(1)) {
+    const bool is_slit = std::ranges::find(slits, part.name) != slits.end();
+    for (const int curve : part.entities)
+      if (used.contains(curve)) add_curve(curve, part.name, nodes, is_slit ? domain.slits : domain.embedded);
+  }
+  return sampled;
+}
+
+/// Whether a ray to the right of `p` meets an odd number of segments.
+bool is_inside(const Vec<2>& p, const std::vector<Polyline>& outline) {
+  bool inside = false;
+  for (const Polyline& chain : outline)
+    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k) {
+      const Vec<2>&a = chain.points[k], &b = chain.points[k + 1];
+      if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x()))
+        inside = !inside;
+    }
+  return inside;
+}
+
+/// The mesh of sampled surfaces with the regions of its cells: parts between interfaces lie in one region each, that of
+/// their largest cell.
+MeshData<2> triangulate_regions(const SampledSurfaces& sampled, double size) {
+  MeshData<2> mesh = triangulate_data(sampled.domain, {.size = size});
+  mesh.region_names = sampled.region_names;
+  if (sampled.region_names.size() == 1) return mesh;
+  std::set<std::pair<Index, Index>> interface;
+  std::erase_if(mesh.groups, [&](const MeshData<2>::Group& group) {
+    if (group.name != interface_name) return false;
+    for (const auto& [a, b] : group.facets) interface.insert(std::minmax(a, b));
+    return true;
+  });
+  const FineMesh<2> fine(MeshData<2>{mesh.vertices, mesh.cells, {}});  // drops no vertex: all of them have a cell
+  mesh.regions.assign(fine.num_cells(), -1);
+  for (Index seed = 0; seed < fine.num_cells(); ++seed) {
+    if (mesh.regions[seed] >= 0) continue;
+    std::vector<Index> part{seed};
+    mesh.regions[seed] = 0;
+    Index largest = seed;
+    for (std::size_t k = 0; k < part.size(); ++k) {
+      const Index c = part[k];
+      if (fine.volume(c) > fine.volume(largest)) largest = c;
+      for (int i = 0; i < 3; ++i) {
+        const Index other = fine.neighbour(i, c);
+        if (other < 0 || mesh.regions[other] >= 0) continue;
+        const Index a = fine.cells()((i + 1) % 3, c), b = fine.cells()((i + 2) % 3, c);
+        if (interface.contains(std::minmax(a, b))) continue;
+        mesh.regions[other] = 0;
+        part.push_back(other);
+      }
+    }
+    const Vec<2> point = fine.centroid(largest);
+    const auto region =
+        std::ranges::find_if(sampled.outlines, [&](const auto& outline) { return is_inside(point, outline); });
+    // Chords of the outline and of the mesh are the same, so that one of them must hold the point.
+    if (region == sampled.outlines.end())
+      throw NumericalError(fmt::format("gmsh: no surface holds the point ({}, {})", point.x(), point.y()));
+    for (const Index c : part) mesh.regions[c] = static_cast<Index>(region - sampled.outlines.begin());
+  }
+  return mesh;
+}
+
+/// Bounds gmsh's sizes. gmsh rounds the number of intervals of a curve, so that chords can be 1 % longer than told.
+void limit_sizes(double size) {
+  const double largest =
+      std::min(internal::gmsh_option("Mesh.MeshSizeMax"), 0.98 * size / internal::gmsh_option("Mesh.MeshSizeFactor"));
+  gmsh::option::setNumber("Mesh.MeshSizeMax", largest);
+  gmsh::option::setNumber("Mesh.MeshSizeMin", std::min(internal::gmsh_option("Mesh.MeshSizeMin"), largest));
+}
+
+void check_slits(const GmshSession& session, int dim, const std::vector<std::string>& slits) {
+  std::vector<std::string> names;
+  for (const GmshPart& part : internal::physical_parts(dim - 1)) names.push_back(part.name);
+  for (const std::string& slit : slits)
+    if (std::ranges::find(names, slit) == names.end())
+      session.fail(
+          fmt::format("slit \"{}\" is no physical {}; the file has {}", slit, dim == 2 ? "curve" : "surface",
+                      names.empty() ? std::string("none") : fmt::format("\"{}\"", fmt::join(names, "\", \""))));
+}
+
+enum class Format { geo, msh, cad };
+
+/// By extension, in any case of letters. Throws InputError for any other and for a file that cannot be read.
+Format format_of(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const bool is_cad = extension == ".step" || extension == ".stp" || extension == ".iges" || extension == ".igs" ||
+                      extension == ".brep";
+  if (!is_cad && extension != ".geo" && extension != ".msh")
+    throw InputError(fmt::format("{}: expected a .geo or .msh file, or a solid as .step, .iges or .brep", path));
+  if (!std::filesystem::is_regular_file(path) || !std::ifstream(path))
+    throw InputError(fmt::format("{}: cannot read the file", path));
+  if (std::filesystem::file_size(path) == 0 && extension != ".geo")
+    throw InputError(fmt::format("{}: the file is empty", path));
+  return is_cad ? Format::cad : extension == ".geo" ? Format::geo : Format::msh;
+}
+
+/// gmsh's parser can skip a last line that has no end.
+void check_last_line(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  file.seekg(-1, std::ios::end);
+  if (const int last = file.get(); last != '\n' && last != '\r')
+    throw InputError(fmt::format(
+        "{}: the file is empty or its last line has no end; add a line break, without it gmsh may skip that line",
+        path));
+}
+
+/// Of the box around all that gmsh holds.
+double model_diagonal() {
+  std::array<double, 6> box{};
+  gmsh::model::getBoundingBox(-1, -1, box[0], box[1], box[2], box[3], box[4], box[5]);
+  return std::hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
+}
+
+template <int Dim>
+MeshData<Dim> read(const GmshSession& session, const std::string& path, Format format, const GmshOptions& options) {
+  if (format == Format::cad) {
+    if constexpr (Dim == 2)
+      session.fail("a CAD file holds solids, expected a planar .geo or .msh file");
+    else {
+      const double unit = internal::import_cad(session, path);
+      check_slits(session, Dim, options.slits);
+      const double size = options.size > 0.0 ? options.size * unit : model_diagonal() / 20.0;
+      internal::generate_tetrahedra(session, size);
+      MeshData<3> mesh = internal::gmsh_mesh<3>(session, size, options.slits);
+      mesh.vertices /= unit;
+      return mesh;
+    }
+  }
+  session.open(path);
+  set_parameters(session, path, options.parameters);
+  check_slits(session, Dim, options.slits);
+  if (format == Format::msh) return internal::gmsh_mesh<Dim>(session, 0.0, options.slits);
+  if constexpr (Dim == 3) {
+    if (internal::all_entities(3).empty()) session.fail("there is no volume in it");
+    internal::generate_tetrahedra(session, options.size);
+    return internal::gmsh_mesh<3>(session, options.size, options.slits);
+  } else {
+    gmsh::option::setNumber("Mesh.ElementOrder", 1);
+    if (options.size == 0.0) {
+      session.generate(2);
+      return internal::gmsh_mesh<2>(session, 0.0, options.slits);
+    }
+    internal::check_gmsh_size(session, options.size);
+    limit_sizes(options.size);
+    gmsh::option::setNumber("Mesh.MinimumCirclePoints",
+                            std::max(16.0, internal::gmsh_option("Mesh.MinimumCirclePoints")));
+    session.generate(1);
+    return triangulate_regions(sample_surfaces(session, options.slits), options.size);
+  }
+}
+
+/// Calls body(session), with what the gmsh API throws turned into InputError.
+template <class Body> auto in_session(const std::string& path, const Body& body) {
+  const GmshSession session(path);
+  try {
+    return body(session);
+  } catch (const std::string& message) {
+    session.fail(message);
+  }
+}
+
+}  // namespace
+
+template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options) {
+  const Format format = format_of(path);
+  if (!(options.size >= 0.0))
+    throw InputError(
+        fmt::format("{}: size is {}, expected a positive length, or 0 for the file's own", path, options.size));
+  if (format == Format::msh && options.size > 0.0)
+    throw InputError(fmt::format("{}: a .msh file comes with its own cells, a size ({}) applies to geometry only", path,
+                                 options.size));
+  if (format != Format::geo && !options.parameters.empty())
+    throw InputError(fmt::format("{}: only .geo files have parameters", path));
+  if (format == Format::geo) check_last_line(path);
+  return in_session(path, [&](const GmshSession& session) { return read<Dim>(session, path, format, options); });
+}
+
+int gmsh_dimension(const std::string& path) {
+  const Format format = format_of(path);
+  if (format == Format::cad) return 3;
+  if (format == Format::geo) check_last_line(path);
+  return in_session(path, [&](const GmshSession& session) {
+    session.open(path);
+    return internal::all_entities(3).empty() ? 2 : 3;
+  });
+}
+
+template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&);
+template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&);
+
+}  // namespace efree
