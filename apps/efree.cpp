@@ -82,22 +82,19 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
   try {
-    const Progress progress = display.stages(
-        {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "duals", "output"});
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
     };
-    const auto on_one_mesh = [&] {
-      const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
-      for (const std::string& remark : mesh.remarks) say(remark);
-      return solve_case(analysis, mesh, progress);
-    };
-    CaseResult<Dim> result = analysis.asks_for_accuracy() ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
+    const Monitor monitor{.progress = display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly",
+                                                      "solve", "correction", "duals", "output"}),
+                          .say = say};
+    CaseResult<Dim> result =
+        analysis.asks_for_accuracy() ? solve_to_accuracy(analysis, monitor) : solve_case(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
     for (const std::string& line : numbers_text(result)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
-      const Stage stage("output", result.times, progress);
+      const Stage stage("output", monitor.timing(result.times));
       out.supersede("fields.png");
       out.supersede("error.png");
       const auto draw = [&] {
@@ -151,7 +148,7 @@ void inspect_file(const Options& options) {
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
-  const Study study = run_study(analysis, options.study, display.runs());
+  const Study study = run_study(analysis, options.study, {.progress = display.runs()});
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis, study);
   const std::string no_charts = write_charts(out, study);

@@ -178,7 +178,7 @@ std::optional<double> Study::order(std::size_t method, std::size_t error_kind) c
   return slope(logs);
 }
 
-template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Progress& progress) {
+template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Monitor& monitor) {
   const std::set<double> different(options.spacings.begin(), options.spacings.end());
   if (different.size() < 2 || different.size() < options.spacings.size() || *different.begin() <= 0.0)
     throw InputError(fmt::format("spacings {}, expected at least two different positive numbers",
@@ -206,10 +206,10 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
     for (int repetition = 0; repetition < options.seeds; ++repetition) {
       const std::uint64_t seed = analysis.approximation.seed + static_cast<std::uint64_t>(repetition);
       const std::string run = fmt::format("{}, spacing {:.4g}, seed {}", method.name, size, seed);
-      if (progress) progress(run, done / work);
+      if (monitor.progress) monitor.progress(run, done / work);
       variant.approximation.seed = seed;
       try {
-        study.rows.push_back(row_of(m, size, seed, solve_case(variant)));
+        study.rows.push_back(row_of(m, size, seed, solve_case(variant, {.cancelled = monitor.cancelled})));
       } catch (const NumericalError& error) {
         throw NumericalError(fmt::format("{}: {}", run, error.what()));
       }
@@ -219,8 +219,8 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
   return study;
 }
 
-template Study run_study<2>(const Case<2>&, const StudyOptions&, const Progress&);
-template Study run_study<3>(const Case<3>&, const StudyOptions&, const Progress&);
+template Study run_study<2>(const Case<2>&, const StudyOptions&, const Monitor&);
+template Study run_study<3>(const Case<3>&, const StudyOptions&, const Monitor&);
 
 void write_study_csv(const std::filesystem::path& file, const Study& study) {
   std::ofstream csv(file);

@@ -84,8 +84,7 @@ struct Study {
 /// without either the file's own mesh serves all spacings. When comparing, finite elements start at elements that
 /// give about as many nodes as the cloud and go on from there to the fine mesh size of the finest cloud (P2:
 /// twice that), so that they get as much time as the others. Throws as solve_case, naming the run.
-template <int Dim>
-Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Progress& progress = {});
+template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Monitor& monitor = {});
 
 /// One line per row.
 void write_study_csv(const std::filesystem::path& file, const Study& study);

@@ -306,10 +306,10 @@ template <int Dim> struct Corrected {
 };
 template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const CaseResult<Dim>& result,
                                             const Approximation<Dim>& functions, const Points<Dim>& start,
-                                            const CorrectionOptions& options) {
+                                            const CorrectionOptions& options, const Monitor& monitor) {
   Corrected<Dim> result_of;
-  result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, analysis.supports);
-  result_of.correction = result_of.corrector->correct(start, analysis.loads, options);
+  result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, analysis.supports, monitor);
+  result_of.correction = result_of.corrector->correct(start, analysis.loads, options, monitor);
   if (!names_numbers(analysis)) result_of.corrector.reset();
   return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
@@ -326,13 +326,13 @@ template <int Dim> Corrected<Dim> corrected(const Case<Dim>& analysis, const Cas
 /// these fields. A warning instead if their iterations do not end.
 template <int Dim> void tell_errors(const Case<Dim>& analysis, const Corrected<Dim>& best,
                                     const Approximation<Dim>& elements, const Fields<Dim>& fields, double tolerance,
-                                    CaseResult<Dim>& result, const Progress& progress) {
-  const auto respond = [&](const Functional<Dim>& functional) {
+                                    CaseResult<Dim>& result, const Monitor& monitor) {
+  const auto respond = [&](const Functional<Dim>& functional, const Monitor& within) {
     return best.corrector->respond(functional, best.correction.displacement, analysis.loads,
-                                   {.tolerance = std::min(tolerance, 0.01)});
+                                   {.tolerance = std::min(tolerance, 0.01)}, within);
   };
   try {
-    internal::tell_errors(analysis, {elements, fields, false, respond}, result, progress);
+    internal::tell_errors(analysis, {elements, fields, false, respond}, result, monitor);
   } catch (const NumericalError& error) {
     result.probe_errors.clear();
     result.reactions.clear();
@@ -360,15 +360,14 @@ template <int Dim> bool needs_no_cloud(const Case<Dim>& analysis) {
 }
 
 /// Quadratic elements, from the linear ones on.
-template <int Dim>
-void answer_by_elements(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
+template <int Dim> void answer_by_elements(const Case<Dim>& analysis, CaseResult<Dim>& result, const Monitor& monitor) {
   std::optional<Stage> stage;
-  stage.emplace("correction", result.times, progress);
+  stage.emplace("correction", monitor);
   Approximation<Dim> quadratic;
   quadratic.space = FineSpace<Dim>(*result.mesh, 2, analysis.approximation.axisymmetric);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, quadratic.space.size());
   const double tolerance = tolerance_of(analysis);
-  Corrected<Dim> best = corrected(analysis, result, quadratic, nothing, {.tolerance = tolerance});
+  Corrected<Dim> best = corrected(analysis, result, quadratic, nothing, {.tolerance = tolerance}, stage->within());
   double squares = 0.0;  // what linear elements left
   for (std::size_t k = 1; k < best.correction.taken.size(); ++k) squares += best.correction.taken[k];
   result.estimates = {.cloud = best.correction.error,
@@ -380,7 +379,7 @@ void answer_by_elements(const Case<Dim>& analysis, CaseResult<Dim>& result, cons
   result.fields = std::move(best.fields);
   result.error_density = internal::error_density(result, best.mesh_error.squares);
   stage.reset();
-  tell_errors(analysis, best, result.approximation, result.fields, tolerance, result, progress);
+  tell_errors(analysis, best, result.approximation, result.fields, tolerance, result, monitor);
 }
 
 /// The answer of the finite elements of the fine mesh, as near as the case wants it, and how far that of the cloud is
@@ -388,9 +387,9 @@ void answer_by_elements(const Case<Dim>& analysis, CaseResult<Dim>& result, cons
 /// dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). None, and a warning, if
 /// there is no memory for these, or if, very near to nu = 1/2, their iterations do not end.
 template <int Dim>
-std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Progress& progress) {
+std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& result, const Monitor& monitor) {
   std::optional<Stage> stage;
-  stage.emplace("correction", result.times, progress);
+  stage.emplace("correction", monitor);
   const Approximation<Dim>& cloud = result.approximation;
   const bool memory = has_memory_for_quadratic_elements(*result.mesh);
   const auto none = [&](const std::string& why) {
@@ -410,7 +409,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
   Corrected<Dim> best;
   try {
-    best = corrected(analysis, result, functions, start, options);
+    best = corrected(analysis, result, functions, start, options, stage->within());
   } catch (const NumericalError& error) {
     if (!cloud.averaged) throw;
     return none(error.what());
@@ -431,7 +430,7 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   const auto tell = [&](double tolerance) {
     stage.reset();
     tell_errors(analysis, best, analysis.corrected ? *result.elements : best.elements,
-                analysis.corrected ? result.fields : best.fields, tolerance, result, progress);
+                analysis.corrected ? result.fields : best.fields, tolerance, result, monitor);
   };
   if (!analysis.corrected) {
     if (result.fields.displacement.size() == 0) result.fields = recover_fields(cloud, result.solution);
@@ -454,14 +453,14 @@ std::optional<Estimates> correct(const Case<Dim>& analysis, CaseResult<Dim>& res
   }
   std::optional<Approximation<Dim>> quadratic;
   if (finer) {
-    if (!stage) stage.emplace("correction", result.times, progress);
+    if (!stage) stage.emplace("correction", monitor);
     quadratic.emplace(in_quadratic_space(cloud));
     const Points<Dim> from = std::move(best.correction.displacement);
     best = {};  // what is replaced makes room
     result.elements.reset();
     result.solution = {};
     result.fields = {};
-    best = corrected(analysis, result, *quadratic, from, options);
+    best = corrected(analysis, result, *quadratic, from, options, stage->within());
     estimates.cloud = best.correction.error;
     estimates.mesh = best.mesh_error.relative;
     estimates.corrections += best.correction.iterations;
@@ -488,8 +487,7 @@ template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const
 /// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where the case does
 /// not say how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, to half of
 /// them if the answer were refused else, or as far as an accuracy that is asked for takes it.
-void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResult<3>& result,
-                     const Progress& progress) {
+void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResult<3>& result, const Monitor& monitor) {
   const FineSpace<3> space(*mesh.mesh, 1);
   require_restrained(space, restraints(analysis.supports), tied_facets(*mesh.mesh, mesh.open_interface));
   std::vector<SharedMaterial> of_label(mesh.region_of_label.rbegin()->first + 1);
@@ -509,7 +507,7 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
   result.approximation.space = space;
   // Fields at the vertices of the mesh, which only carries them, and the errors of what the case names.
   const auto tell = [&] {
-    const Stage stage("output", result.times, progress);
+    const Stage stage("output", monitor);
     result.fields = recover_fields(*result.cells, *mesh.image, *mesh.mesh, region_of_label, mesh.materials);
     internal::tell_errors_on_cells(analysis, result);
   };
@@ -518,7 +516,7 @@ void answer_on_cells(const Case<3>& analysis, const CaseMesh<3>& mesh, CaseResul
     const double begin = seconds();
     try {
       result.cells = solve_on_cells(*mesh.image, of_label, analysis.supports, analysis.loads,
-                                    {.size = size, .half_voxel = true}, &result.times, progress);
+                                    {.size = size, .half_voxel = true}, monitor);
     } catch (const NumericalError& failure) {
       if (!result.cells) throw;
       why = fmt::format("a finer grid fails: {}", failure.what());
@@ -580,12 +578,12 @@ template <int Dim> double mesh_size(const Case<Dim>& analysis) {
                                        : analysis.geometry.size;
 }
 
-template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Progress& progress) {
+template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Monitor& monitor) {
   StageTimes times;
   CaseMesh<Dim> result;
   const double cpu_start = process_cpu_seconds();
   {
-    const Stage stage("mesh", times, progress);
+    const Stage stage("mesh", monitor.timing(times));
     FineMesh<Dim> mesh = located(analysis, analysis.geometry.where, [&] {
       MadeMesh<Dim> made = analysis.geometry.mesh({mesh_size(analysis), analysis.geometry.coarsening});
       result.size = made.size;
@@ -603,6 +601,7 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
     if (result.size == 0.0) result.size = mesh.size();
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
   }
+  if (monitor.times) monitor.times->add(times);
   result.seconds = times.total();
   result.cpu_seconds = process_cpu_seconds() - cpu_start;
   for (const auto& group : analysis.groups) {
@@ -621,7 +620,9 @@ template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Prog
 }
 
 template <int Dim>
-CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Progress& progress) {
+CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Monitor& watching) {
+  StageTimes times;
+  const Monitor monitor = watching.timing(times);
   CaseResult<Dim> result;
   result.mesh = mesh.mesh;
   result.parts = mesh.parts;
@@ -629,37 +630,36 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   result.model = analysis.model;
   result.model.regions = mesh.materials;
   result.model.open_interface = mesh.open_interface;
-  result.times.add("mesh", mesh.seconds);
   const double cpu_start = process_cpu_seconds();
   const bool on_cells = is_on_cells(analysis, mesh);
   const bool without_cloud = !on_cells && needs_no_cloud(analysis) && has_memory_for_quadratic_elements(*mesh.mesh);
   located(analysis, analysis.file.string(), [&] {
     if constexpr (Dim == 3)
-      if (on_cells) return answer_on_cells(analysis, mesh, result, progress);
-    if (without_cloud) return answer_by_elements(analysis, result, progress);
+      if (on_cells) return answer_on_cells(analysis, mesh, result, monitor);
+    if (without_cloud) return answer_by_elements(analysis, result, monitor);
     ApproximationOptions options = analysis.approximation;
     if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*mesh.mesh);
     require_memory(least_memory(options, *mesh.mesh),
                    fmt::format("the analysis on {} fine cells", mesh.mesh->num_cells()),
                    "use a wider cloud spacing or a coarser mesh");
-    result.approximation = approximate(*mesh.mesh, options, &result.times, progress);
+    result.approximation = approximate(*mesh.mesh, options, monitor);
     std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, analysis.supports,
-                                             &result.times, progress);
+                                             monitor);
     {
-      const Stage stage("solve", result.times, progress);
+      const Stage stage("solve", monitor);
       result.solution = solver->solve(analysis.loads);
     }
     if (analysis.approximation.kind != BasisKind::mls) {
       result.fields = recover_fields(result.approximation, result.solution);
       const internal::Reference<Dim> reference{result.approximation, result.fields,
                                                result.model.essential == Essential::nitsche,
-                                               [&](const Functional<Dim>& functional) {
+                                               [&](const Functional<Dim>& functional, const Monitor&) {
                                                  return solver->respond(functional, result.solution, analysis.loads);
                                                }};
-      internal::tell_errors(analysis, reference, result, progress);
+      internal::tell_errors(analysis, reference, result, monitor);
     } else if (analysis.estimated) {
       solver.reset();  // its factor is of no use any more
-      result.estimates = correct(analysis, result, progress);
+      result.estimates = correct(analysis, result, monitor);
     }
   });
   if (!on_cells && !without_cloud) {
@@ -669,7 +669,7 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
   judge(analysis, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
-  const Stage stage("output", result.times, progress);
+  std::optional<Stage> stage(std::in_place, "output", monitor);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
   const auto materials = materials_of(result.model, *mesh.mesh);
@@ -681,6 +681,10 @@ CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh,
           result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
   if (result.error_density.size() == 0)
     result.error_density = internal::error_density(result, recovery_error(basis, result.fields, materials).squares);
+  stage.reset();
+  result.times.add("mesh", mesh.seconds);
+  result.times.add(times);
+  if (watching.times) watching.times->add(times);
   return result;
 }
 
@@ -718,12 +722,11 @@ template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
 
 }  // namespace
 
-template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress,
-                                                     const std::function<void(const std::string&)>& say) {
+template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor) {
   require_estimates(analysis);
   const Stopwatch seconds;
   const auto tell = [&](const std::string& message) {
-    if (say) say(message);
+    if (monitor.say) monitor.say(message);
   };
   const bool fixed = says_its_mesh(analysis);
   Case<Dim> trial = analysis;
@@ -734,13 +737,13 @@ template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, 
   std::string why;
   for (;;) {
     const double begin = seconds();
-    const CaseMesh<Dim> mesh = read_mesh(trial, progress);
-    if (is_on_cells(analysis, mesh)) return solve_case(analysis, read_mesh(analysis, progress), progress);
+    const CaseMesh<Dim> mesh = read_mesh(trial, monitor);
+    if (is_on_cells(analysis, mesh)) return solve_case(analysis, read_mesh(analysis, monitor), monitor);
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
     CaseResult<Dim> result;
     try {
-      result = solve_case(trial, mesh, progress);
+      result = solve_case(trial, mesh, monitor);
     } catch (const NumericalError& failure) {
       if (!best) throw;
       why = fmt::format("a finer mesh fails: {}", failure.what());
@@ -794,13 +797,11 @@ double peak_memory_mb() {
 
 template double mesh_size<2>(const Case<2>&);
 template double mesh_size<3>(const Case<3>&);
-template CaseMesh<2> read_mesh<2>(const Case<2>&, const Progress&);
-template CaseMesh<3> read_mesh<3>(const Case<3>&, const Progress&);
-template CaseResult<2> solve_to_accuracy<2>(const Case<2>&, const Progress&,
-                                            const std::function<void(const std::string&)>&);
-template CaseResult<2> solve_case<2>(const Case<2>&, const CaseMesh<2>&, const Progress&);
-template CaseResult<3> solve_to_accuracy<3>(const Case<3>&, const Progress&,
-                                            const std::function<void(const std::string&)>&);
-template CaseResult<3> solve_case<3>(const Case<3>&, const CaseMesh<3>&, const Progress&);
+template CaseMesh<2> read_mesh<2>(const Case<2>&, const Monitor&);
+template CaseMesh<3> read_mesh<3>(const Case<3>&, const Monitor&);
+template CaseResult<2> solve_to_accuracy<2>(const Case<2>&, const Monitor&);
+template CaseResult<2> solve_case<2>(const Case<2>&, const CaseMesh<2>&, const Monitor&);
+template CaseResult<3> solve_to_accuracy<3>(const Case<3>&, const Monitor&);
+template CaseResult<3> solve_case<3>(const Case<3>&, const CaseMesh<3>&, const Monitor&);
 
 }  // namespace efree

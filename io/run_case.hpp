@@ -121,14 +121,18 @@ template <int Dim> double mesh_size(const Case<Dim>& analysis);
 /// regions; finds its selections, which become named parts of the boundary; and checks that every boundary and every
 /// region the case names is there, that every region has a material and every probe lies inside the body. Interfaces
 /// between regions belong to no part. Throws InputError beginning with the place in the case file.
-template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Progress& progress = {});
+template <int Dim> CaseMesh<Dim> read_mesh(const Case<Dim>& analysis, const Monitor& monitor = {});
 
 /// Runs a case on its mesh. The driver does not know which basis it runs on. Throws InputError beginning with the place
 /// in the case file (free rigid motion, spacing larger than the body) and NumericalError.
 template <int Dim>
-CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Progress& progress = {});
-template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const Progress& progress = {}) {
-  return solve_case(analysis, read_mesh(analysis, progress), progress);
+CaseResult<Dim> solve_case(const Case<Dim>& analysis, const CaseMesh<Dim>& mesh, const Monitor& monitor = {});
+/// The same on the mesh that the case reads or makes; monitor.say hears of what was found on it.
+template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const Monitor& monitor = {}) {
+  const CaseMesh<Dim> mesh = read_mesh(analysis, monitor);
+  if (monitor.say)
+    for (const std::string& remark : mesh.remarks) monitor.say(remark);
+  return solve_case(analysis, mesh, monitor);
 }
 
 /// Runs a case until its estimated error is within three quarters of analysis.accuracy (at corners recovery overlooks
@@ -136,10 +140,9 @@ template <int Dim> CaseResult<Dim> solve_case(const Case<Dim>& analysis, const P
 /// linear elements, no cloud is built if none is said) and, where linear cells do not do, quadratic ones, mesh after
 /// mesh, as fine as the errors before ask for. A mesh whose size the case says is the only one. Ends with the best
 /// answer and a warning if a finer mesh would take more memory than there is or more time than analysis.time_limit
-/// leaves. `say` hears of every mesh. Throws like read_mesh and solve_case, and InputError without estimates
+/// leaves. monitor.say hears of every mesh. Throws like read_mesh and solve_case, and InputError without estimates
 /// (require_estimates).
-template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Progress& progress = {},
-                                                     const std::function<void(const std::string&)>& say = {});
+template <int Dim> CaseResult<Dim> solve_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor = {});
 
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mb();

@@ -52,17 +52,18 @@ template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& res
 }
 
 template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
-                                    const Progress& progress) {
+                                    const Monitor& monitor) {
   read_off(analysis, result);
   result.probe_errors.clear();
   result.reactions.clear();
   if (analysis.probes.empty() && analysis.reactions.empty() && result.extremes.empty()) return;
-  const Stage stage("duals", result.times, progress);
+  const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
   // Of a functional that has this value for the answer: of the reference's solution, and how far that is off.
   const auto response_to = [&](const Functional<Dim>& functional) {
-    const Response<Dim> response = reference.respond(functional);
+    stage.check();
+    const Response<Dim> response = reference.respond(functional, stage.within());
     const auto fields =
         recover_fields(reference.elements, evaluate(reference.elements, result.model, response.displacement));
     return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, materials));
@@ -163,8 +164,8 @@ template double relative_error_of<2>(const CaseSettings::Goal&, const CaseResult
 template void read_off<2>(const Case<2>&, CaseResult<2>&);
 template double relative_error_of<3>(const CaseSettings::Goal&, const CaseResult<3>&);
 template void read_off<3>(const Case<3>&, CaseResult<3>&);
-template void tell_errors<2>(const Case<2>&, const Reference<2>&, CaseResult<2>&, const Progress&);
-template void tell_errors<3>(const Case<3>&, const Reference<3>&, CaseResult<3>&, const Progress&);
+template void tell_errors<2>(const Case<2>&, const Reference<2>&, CaseResult<2>&, const Monitor&);
+template void tell_errors<3>(const Case<3>&, const Reference<3>&, CaseResult<3>&, const Monitor&);
 template Vector error_density<2>(const CaseResult<2>&, const Vector&);
 template Vector error_density<3>(const CaseResult<3>&, const Vector&);
 template double missed_goals<2>(const CaseSettings&, const CaseResult<2>&);

@@ -4,7 +4,7 @@
 
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/mls.hpp"
-#include "efree/core/progress.hpp"
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/cloud/node_cloud.hpp"
 #include "efree/geometry/cloud/spacing.hpp"
 #include "efree/heatgeo/geodesics.hpp"
@@ -80,11 +80,11 @@ template <int Dim> struct Approximation {
 /// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region
 /// gets functions of its own, so that strains may jump. A body in which the cloud leaves too few nodes for polynomials
 /// of the order (or nodes on one plane) gets a denser cloud; one with hardly more vertices than polynomials is left to
-/// the finite elements of `space`, integrated in full. Runs cloud, weights, basis and quadrature; adds their seconds
-/// to `times`. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
+/// the finite elements of `space`, integrated in full. Stages: cloud, weights, basis,
+/// quadrature. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
 /// support) and NumericalError where no basis can be built.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
-                                                  StageTimes* times = nullptr, const Progress& progress = {});
+                                                  const Monitor& monitor = {});
 
 /// The same functions as members of the quadratic space of the mesh: space, nodes, node_dofs, averaged, and the shape
 /// at the vertices alone, as they are linear along edges; the rest is empty. Throws InputError unless the space is of

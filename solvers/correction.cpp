@@ -376,7 +376,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   }
   /// Iterates from u, which has what is held, under forces f; `start` is what errors are said of.
   Correction<Dim> iterate(const Points<Dim>& f, const Points<Dim>& start, Points<Dim> u,
-                          const CorrectionOptions& options) const;
+                          const CorrectionOptions& options, const Stage& stage) const;
 };
 
 namespace {
@@ -414,9 +414,8 @@ template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approxim
 
 template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
                                              const std::vector<DisplacementCondition<Dim>>& conditions,
-                                             StageTimes* times, const Progress& progress) {
-  StageTimes unused;
-  const Stage stage("correction", times ? *times : unused, progress);
+                                             const Monitor& monitor) {
+  const Stage stage("correction", monitor);
   const FineSpace<Dim>& space = approximation.space;
   require(!approximation.averaged || space.degree() == 2,
           "correction: linear elements lock where the dilatation has to be averaged (nearly incompressible materials): "
@@ -462,16 +461,18 @@ template <int Dim> Corrector<Dim>::~Corrector() = default;
 template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
 
 template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& given, const Loads<Dim>& loads,
-                                                           const CorrectionOptions& options) const {
+                                                           const CorrectionOptions& options,
+                                                           const Monitor& monitor) const {
+  const Stage stage("correction", monitor);
   const Points<Dim> start = impl_->at_nodes(given);
   Points<Dim> u = start;
   impl_->supports.impose(u);
-  return impl_->iterate(impl_->loads(loads), start, std::move(u), options);
+  return impl_->iterate(impl_->loads(loads), start, std::move(u), options, stage);
 }
 
 template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& forces, const Points<Dim>& start,
-                                                                 Points<Dim> u,
-                                                                 const CorrectionOptions& options) const {
+                                                                 Points<Dim> u, const CorrectionOptions& options,
+                                                                 const Stage& stage) const {
   const Impl& problem = *this;
   // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
   const Points<Dim> f = condensation.reduced(forces);
@@ -540,6 +541,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   if (wanted == 0) answer = u;
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
+    stage.check();
     smoother.apply(K, level->degree, r, z);
     K.multiply(z, q);
     q = r - q;
@@ -630,8 +632,9 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
 }
 
 template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& functional, const Points<Dim>& u,
-                                                         const Loads<Dim>& loads,
-                                                         const CorrectionOptions& options) const {
+                                                         const Loads<Dim>& loads, const CorrectionOptions& options,
+                                                         const Monitor& monitor) const {
+  const Stage stage("correction", monitor);
   const Impl& problem = *impl_;
   Points<Dim> start = Points<Dim>::Zero(Dim, problem.nodes.count), forces = problem.gathered(functional.forces);
   double value = 0.0;
@@ -640,7 +643,7 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
     value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
   }
   if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
-  const Correction<Dim> dual = problem.iterate(forces, start, start, options);
+  const Correction<Dim> dual = problem.iterate(forces, start, start, options, stage);
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
   value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads)) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};

@@ -284,27 +284,25 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
   }
 };
 
-template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
-                                                     const std::vector<DisplacementCondition<Dim>>& conditions,
-                                                     StageTimes* times, const Progress& progress)
+template <int Dim>
+ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                  const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor)
     : impl_(new Impl{
           approximation, materials_of(model, approximation.space.mesh()), {}, {}, {}, {}, {}, {}, {}, {}, {}}) {
   if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
-  StageTimes unused;
-  StageTimes& clock = times ? *times : unused;
   impl_->terms = stiffness_terms(approximation, impl_->materials, model.stabilisation);
   SymmetricMatrix K;
   {
-    Stage stage("assembly", clock, progress);
+    Stage stage("assembly", monitor);
     K = impl_->assemble(model, conditions);
     impl_->num_unknowns = static_cast<Index>(K.rows());
   }
   if (!K.coeffs().allFinite())
     throw NumericalError("the stiffness is not finite: moduli are too large for floating-point numbers");
-  Stage stage("solve", clock, progress);
+  Stage stage("solve", monitor);
   try {
     impl_->factor.emplace(K, impl_->node_of_unknowns());
   } catch (const NumericalError& error) {

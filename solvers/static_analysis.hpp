@@ -54,8 +54,7 @@ template <int Dim> class ElasticSolver {
   /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
   /// assembly, solve (factorisation).
   ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
-                const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
-                const Progress& progress = {});
+                const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor = {});
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
 

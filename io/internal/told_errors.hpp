@@ -11,9 +11,9 @@ namespace efree::internal {
 /// The finite elements that an answer is of, or is compared with.
 template <int Dim> struct Reference {
   const Approximation<Dim>& elements;
-  const Fields<Dim>& fields;                                     ///< recovered, of their solution
-  bool weakly;                                                   ///< every condition is set by Nitsche
-  std::function<Response<Dim>(const Functional<Dim>&)> respond;  ///< of that solution
+  const Fields<Dim>& fields;                                                     ///< recovered, of their solution
+  bool weakly;                                                                   ///< every condition is set by Nitsche
+  std::function<Response<Dim>(const Functional<Dim>&, const Monitor&)> respond;  ///< of that solution
 };
 
 /// Probes, and the extremes that the case asks for, as the fields of the result have them.
@@ -22,7 +22,7 @@ template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& res
 /// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
 /// (stage "duals"). The displacements are those of result.fields.
 template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
-                                    const Progress& progress);
+                                    const Monitor& monitor);
 /// The same on cells, from what the three finest grids have.
 void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result);
 
