@@ -2,6 +2,11 @@
 /// Every public header of efree.
 #pragma once
 
+#include "efree/analysis/analyse.hpp"
+#include "efree/analysis/mesh_source.hpp"
+#include "efree/analysis/prepare.hpp"
+#include "efree/analysis/result.hpp"
+#include "efree/analysis/settings.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/conditions.hpp"
 #include "efree/assembly/kinematics.hpp"
@@ -41,14 +46,12 @@
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/kernel.hpp"
 #include "efree/io/case_file.hpp"
-#include "efree/io/case_geometry.hpp"
 #include "efree/io/child_process.hpp"
 #include "efree/io/convergence.hpp"
 #include "efree/io/expression.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/picture.hpp"
-#include "efree/io/run_case.hpp"
 #include "efree/io/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/materials/material.hpp"

@@ -5,7 +5,7 @@
 ///   bench_incompressible [part of a case's name = all] [H/h = 4] [iterations = 100] [folder of the real files]
 #include "cavity.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/solvers/correction.hpp"
 #include "kirsch.hpp"
 #include "lame.hpp"
@@ -158,7 +158,7 @@ int main(int argc, char** argv) {
         auto analysis = std::get<Case<3>>(read_case(folder / "liver.toml"));
         analysis.model.material = analysis.materials[0].material = LinearElastic(1.0, nu);
         const double h = mesh_size(analysis);
-        auto made = read_mesh(analysis);
+        auto made = prepare(analysis);
         ElasticModel model = analysis.model;
         model.regions = made.materials;
         return Problem<3>{*made.mesh, h, model, analysis.supports, analysis.loads};

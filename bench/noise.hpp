@@ -4,7 +4,7 @@
 
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>
@@ -65,7 +65,7 @@ inline LabelImage<3> noise_of_three_labels(Index n, int passes, unsigned seed) {
 /// The image held on the left and pulled by a hundredth of its length on the right; moduli of its labels, in order.
 inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector<double>& moduli) {
   Case<3> analysis;
-  analysis.file = "noise";
+  analysis.where = "noise";
   analysis.approximation.interpolation = 1;  // linear elements are the truth here
   analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
   analysis.geometry.size = size;

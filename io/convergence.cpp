@@ -36,7 +36,7 @@ Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   return method;
 }
 
-template <int Dim> std::vector<Method> methods_for(const CaseSettings& analysis, bool compare) {
+template <int Dim> std::vector<Method> methods_for(const Settings<Dim>& analysis, bool compare) {
   if (!compare)
     return {method_of(analysis.approximation.kind, analysis.approximation.secondary, analysis.approximation.ratio)};
   std::vector<Method> methods;
@@ -91,7 +91,9 @@ template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method
     if (options.spacing > 0.0) options.grading = scaled(std::move(options.grading), size / options.spacing);
   }
   analysis.estimated = analysis.corrected = false;  // a study is of the methods themselves
-  analysis.cells = CaseSettings::Cells::never;
+  analysis.accuracy = 0.0;
+  analysis.goals.clear();
+  analysis.cells = OnCells::never;
   const bool same_kind = options.kind == method.kind;
   options.kind = method.kind;
   options.secondary = method.secondary;
@@ -103,7 +105,7 @@ template <int Dim> Case<Dim> configured(Case<Dim> analysis, const Method& method
   return analysis;
 }
 
-template <int Dim> StudyRow row_of(std::size_t method, double size, std::uint64_t seed, const CaseResult<Dim>& result) {
+template <int Dim> StudyRow row_of(std::size_t method, double size, std::uint64_t seed, const Result<Dim>& result) {
   StudyRow row{.method = method,
                .spacing = size,
                .seed = seed,
@@ -183,11 +185,11 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
   if (different.size() < 2 || different.size() < options.spacings.size() || *different.begin() <= 0.0)
     throw InputError(fmt::format("spacings {}, expected at least two different positive numbers",
                                  fmt::join(options.spacings, ", ")));
-  if (analysis.cells == CaseSettings::Cells::always)
+  if (analysis.cells == OnCells::always)
     throw InputError(
         fmt::format("{}: a convergence study is of clouds and finite elements; on cells (basis.kind = \"cells\") every "
                     "answer has its study, the grids in result.json",
-                    analysis.file.string()));
+                    analysis.where));
   Study study{.dimension = Dim, .methods = methods_for<Dim>(analysis, options.compare)};
   struct Run {
     std::size_t method;
@@ -209,7 +211,7 @@ template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions
       if (monitor.progress) monitor.progress(run, done / work);
       variant.approximation.seed = seed;
       try {
-        study.rows.push_back(row_of(m, size, seed, solve_case(variant, {.cancelled = monitor.cancelled})));
+        study.rows.push_back(row_of(m, size, seed, analyse(variant, {.cancelled = monitor.cancelled})));
       } catch (const NumericalError& error) {
         throw NumericalError(fmt::format("{}: {}", run, error.what()));
       }
@@ -241,9 +243,9 @@ void write_study_csv(const std::filesystem::path& file, const Study& study) {
   if (!csv.flush()) throw InputError(fmt::format("cannot write {}", file.string()));
 }
 
-void write_study_json(const std::filesystem::path& file, const CaseSettings& analysis, const Study& study) {
+void write_study_json(const std::filesystem::path& file, const std::string& title, const Study& study) {
   nlohmann::ordered_json json;
-  json["title"] = analysis.title;
+  json["title"] = title;
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     nlohmann::ordered_json& method = json["methods"][study.methods[m].name];
     method["label"] = study.methods[m].label;

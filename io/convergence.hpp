@@ -2,8 +2,8 @@
 /// The same case on finer and finer clouds, by one method or by all of them.
 #pragma once
 
+#include "efree/io/case_file.hpp"
 #include "efree/io/output_directory.hpp"
-#include "efree/io/run_case.hpp"
 
 #include <cstdint>
 #include <filesystem>
@@ -83,13 +83,13 @@ struct Study {
 /// Runs them all. The ratio of spacing to fine mesh size is that of the case (mesh_ratio, or spacing over mesh_size);
 /// without either the file's own mesh serves all spacings. When comparing, finite elements start at elements that
 /// give about as many nodes as the cloud and go on from there to the fine mesh size of the finest cloud (P2:
-/// twice that), so that they get as much time as the others. Throws as solve_case, naming the run.
+/// twice that), so that they get as much time as the others. Throws as analyse, naming the run.
 template <int Dim> Study run_study(const Case<Dim>& analysis, const StudyOptions& options, const Monitor& monitor = {});
 
 /// One line per row.
 void write_study_csv(const std::filesystem::path& file, const Study& study);
 /// Observed orders and medians per method.
-void write_study_json(const std::filesystem::path& file, const CaseSettings& analysis, const Study& study);
+void write_study_json(const std::filesystem::path& file, const std::string& title, const Study& study);
 /// Observed orders as a table for reading.
 std::string order_table(const Study& study);
 

@@ -8,7 +8,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -179,7 +179,7 @@ template <int Dim> void remark_on_walls(const Case<Dim>& analysis, Inspection<Di
 
 /// A case as its analysis will see it: with its mesh size, and with the parts it selects.
 template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
-  const CaseMesh<Dim> made = read_mesh(analysis);
+  const PreparedMesh<Dim> made = prepare(analysis);
   const FineMesh<Dim>& mesh = *made.mesh;
   MeshData<Dim> data{mesh.vertices(), mesh.cells(), {}};
   data.region_names = mesh.region_names();
