@@ -7,6 +7,7 @@
 #include "efree/analysis/prepare.hpp"
 #include "efree/analysis/result.hpp"
 #include "efree/analysis/settings.hpp"
+#include "efree/analysis/study.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/conditions.hpp"
 #include "efree/assembly/kinematics.hpp"
@@ -62,4 +63,5 @@
 #include "efree/solvers/correction.hpp"
 #include "efree/solvers/functional.hpp"
 #include "efree/solvers/linear_solver.hpp"
+#include "efree/solvers/locking.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -15,7 +15,8 @@ namespace efree {
 using namespace internal;
 
 template <int Dim>
-Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings, const Monitor& watching) {
+Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& watching) {
+  const Settings<Dim> settings = with_defaults(given, mesh);
   StageTimes times;
   const Monitor monitor = watching.timing(times);
   Result<Dim> result;
@@ -23,8 +24,6 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings
   result.parts = mesh.parts;
   result.reports = mesh.reports;
   result.model = settings.model;
-  result.model.regions = mesh.materials;
-  result.model.open_interface = mesh.open_interface;
   const double cpu_start = process_cpu_seconds();
   const bool on_cells = is_on_cells(settings, mesh);
   const bool without_cloud = !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);

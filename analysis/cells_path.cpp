@@ -8,6 +8,7 @@
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -24,7 +25,10 @@ template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, c
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
   for (const auto& material : mesh.materials)
     if (!is_isotropic(material)) return "a material is not isotropic, or differs from place to place";
-  if (locks_without_dilatation(settings)) return "a material is nearly incompressible";
+  ElasticModel model = settings.model;
+  model.regions = mesh.materials;
+  if (incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::mls))
+    return "a material is nearly incompressible";
   for (const auto& group : boundaries(settings))
     if (!is_side(group.name)) return fmt::format("\"{}\" is not a side of the image", group.name);
   return "";
@@ -42,12 +46,14 @@ void answer_on_cells(const Settings<3>& settings, const PreparedMesh<3>& mesh, R
     const auto& names = mesh.mesh->region_names();
     const auto found = std::ranges::find(names, name);
     if (found != names.end()) region_of_label[label] = static_cast<Index>(found - names.begin());
-    const auto material =
-        std::ranges::find_if(settings.materials, [&](const auto& m) { return m.region.empty() || m.region == name; });
-    if (material == settings.materials.end())
+    const auto material = std::ranges::find(settings.materials, name, &RegionMaterial::region);
+    if (settings.materials.empty())
+      of_label[label] = settings.model.material;
+    else if (material == settings.materials.end())
       throw InputError(
           said_at(settings.materials.back().where, fmt::format("no [[material]] for the region \"{}\"", name)));
-    of_label[label] = material->material;
+    else
+      of_label[label] = material->material;
   }
   const Stopwatch seconds;
   const bool fixed = mesh.size_is_said, asked = settings.asks_for_accuracy();

@@ -5,6 +5,7 @@
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -136,6 +137,11 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     solver.reset();  // its factor is of no use any more
     result.estimates = correct(settings, result, monitor);
   }
+  if (options.kind == BasisKind::p1 &&
+      incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind))
+    result.warnings.push_back(
+        "linear elements lock under nearly incompressible materials (nu > 0.4): the body is far stiffer than it should "
+        "be; take moving least squares, or quadratic elements");
   const auto doubtful = doubts(settings.approximation, result.approximation);
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
 }

@@ -28,9 +28,10 @@ template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const
   if (!names_numbers(settings)) result_of.corrector.reset();
   return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
-  result_of.elements = approximate<Dim>(*result.mesh, {.kind = elements,
-                                                       .axisymmetric = functions.space.axisymmetric(),
-                                                       .dilatation = takes_mean_dilatation(functions, result.model)});
+  result_of.elements =
+      approximate<Dim>(*result.mesh, {.kind = elements,
+                                      .axisymmetric = functions.space.axisymmetric(),
+                                      .dilatation = averaged_if(takes_mean_dilatation(functions, result.model))});
   result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
   result_of.fields = recover_fields(result_of.elements, result_of.solution);
   result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, materials_of(result.model, *result.mesh));

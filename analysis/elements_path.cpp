@@ -13,7 +13,8 @@ template <int Dim> bool needs_no_cloud(const Settings<Dim>& settings) {
   const ApproximationOptions& basis = settings.approximation;
   return Dim == 2 && settings.asks_for_accuracy() && settings.cells == OnCells::automatic &&
          basis.kind == BasisKind::mls && basis.spacing == 0.0 && basis.order == 1 && basis.interpolation != 1 &&
-         !basis.dilatation && settings.estimated && settings.corrected && settings.correction.iterations < 0;
+         basis.dilatation != Dilatation::averaged && settings.estimated && settings.corrected &&
+         settings.correction.iterations < 0;
 }
 
 template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {

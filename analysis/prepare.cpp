@@ -6,6 +6,7 @@
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -31,8 +32,7 @@ template <int Dim> void check_probes(const Settings<Dim>& settings, const FineMe
 /// The material of each region.
 template <int Dim>
 std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  if (settings.materials.front().region.empty())
-    return std::vector<SharedMaterial>(mesh.num_regions(), settings.model.material);
+  if (settings.materials.empty()) return std::vector<SharedMaterial>(mesh.num_regions(), settings.model.material);
   std::vector<SharedMaterial> materials(mesh.num_regions());
   std::vector<char> given(mesh.num_regions(), 0);
   for (const auto& material : settings.materials) {
@@ -110,8 +110,8 @@ FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> m
   for (const auto& group : boundaries(settings)) located(settings, group.where, [&] { mesh.group(group.name); });
   if (mesh.num_components() == 1 || settings.loads.body_force) return mesh;
   const auto ties = tied_facets(mesh, result.open_interface);
-  const Bodies<Dim> bodies =
-      find_bodies(FineSpace<Dim>(mesh, 1, settings.approximation.axisymmetric), restraints(settings.supports), ties);
+  const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.model.plane == Plane::axisymmetric),
+                                         restraints(settings.supports), ties);
   const auto body_of = [&](Index cell) { return bodies.of_component[mesh.component()[mesh.cells()(0, cell)]]; };
   std::vector<char> out(bodies.size());
   for (Index body = 0; body < bodies.size(); ++body) out[body] = bodies.is_free(body);
@@ -198,6 +198,27 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   return result;
 }
 
+template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh) {
+  ElasticModel& model = settings.model;
+  ApproximationOptions& basis = settings.approximation;
+  const bool cloud = basis.kind == BasisKind::mls;
+  model.regions = mesh.materials;
+  model.open_interface = mesh.open_interface;
+  if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
+  if (cloud && model.essential == Essential::strong)
+    for (const auto& support : settings.supports)
+      if (std::ranges::find(basis.vanish_on, support.on) == basis.vanish_on.end())
+        basis.vanish_on.push_back(support.on);
+  basis.axisymmetric = model.plane == Plane::axisymmetric;
+  basis.fine = basis.fine || model.stabilisation > 0.0;
+  if (basis.dilatation == Dilatation::automatic)
+    basis.dilatation = averaged_if(basis.kind != BasisKind::p1 &&
+                                   incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind));
+  return settings;
+}
+
+template Settings<2> with_defaults<2>(Settings<2>, const PreparedMesh<2>&);
+template Settings<3> with_defaults<3>(Settings<3>, const PreparedMesh<3>&);
 template double mesh_size<2>(const MeshSource<2>&, const Settings<2>&);
 template double mesh_size<3>(const MeshSource<3>&, const Settings<3>&);
 template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const Settings<2>&, const Monitor&);

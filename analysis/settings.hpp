@@ -18,11 +18,9 @@ struct Mention {
   std::string name, where;
 };
 struct RegionMaterial {
-  std::string region;  ///< empty: everywhere
+  std::string region;
   SharedMaterial material;
   std::string where{};
-  /// efree::incompressibility, infinite if it depends on the place; 0 in plane stress.
-  double incompressibility = 0.0;
 };
 template <int Dim> struct Probe {
   std::string name;
@@ -58,8 +56,8 @@ enum class OnCells {
 template <int Dim> struct Settings {
   std::string title{};
   std::string where{};                      ///< all of it: the case file
-  ElasticModel model{};                     ///< without the materials of regions, which the mesh must be known for
-  std::vector<RegionMaterial> materials{};  ///< one for everything, or one for each region
+  ElasticModel model{};                     ///< but for `regions` and `open_interface`, which the mesh tells
+  std::vector<RegionMaterial> materials{};  ///< one for each region; empty: model.material everywhere
   std::vector<NamedSelection<Dim>> selections{};
   std::vector<DisplacementCondition<Dim>> supports{};
   Loads<Dim> loads{};
@@ -87,14 +85,5 @@ template <int Dim> struct Settings {
 
 /// Throws InputError if the analysis has no error estimates, so that no accuracy can be asked for.
 template <int Dim> void require_estimates(const Settings<Dim>& settings);
-
-/// Whether the volumetric part should be averaged on coarser clusters where nothing is said (dilatation = "auto"):
-/// moving least squares with nu > 0.4 (of other materials what resists dilatation as much), but not in plane stress,
-/// where the body can always thin out, so that nothing locks.
-template <int Dim> bool locks_without_dilatation(const Settings<Dim>& settings);
-
-/// Makes the conditions strong or weak and prepares the basis for it: functions of moving least squares must vanish on
-/// the supports of others for nodal values to be set there.
-template <int Dim> void impose(Settings<Dim>& settings, Essential essential);
 
 }  // namespace efree

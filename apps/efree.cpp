@@ -147,7 +147,7 @@ void inspect_file(const Options& options) {
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
-  const Study study = run_study(analysis, options.study, {.progress = display.runs()});
+  const Study study = run_study<Dim>(analysis.geometry, analysis, options.study, {.progress = display.runs()});
   write_study_csv(out.file("convergence.csv"), study);
   write_study_json(out.file("convergence.json"), analysis.title, study);
   const std::string no_charts = write_charts(out, study);

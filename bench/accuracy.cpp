@@ -104,7 +104,7 @@ Case<Dim> fixed_case(const Trial<Dim>& trial, const Setting& setting, double siz
   analysis.estimated = analysis.corrected = setting.corrected;
   analysis.correction.tolerance = tolerance;
   analysis.cells = setting.cells ? OnCells::always : OnCells::never;
-  impose(analysis, setting.kind == BasisKind::mls ? Essential::nitsche : Essential::strong);
+  analysis.model.essential.reset();  // what becomes the basis
   return analysis;
 }
 
@@ -277,7 +277,6 @@ template <int Dim> Case<Dim> said(std::function<MeshData<Dim>(double size)> mesh
     return MadeMesh<Dim>{.mesh = mesh(length), .size = length};
   };
   analysis.model = model;
-  analysis.materials.push_back({"", model.material, ""});
   analysis.supports = std::move(supports);
   analysis.loads = std::move(loads);
   analysis.largest_error = 1e9;
@@ -396,7 +395,6 @@ int main(int argc, char** argv) {
   for (const Inclusion* inclusion : {&stiff, &soft}) {
     auto analysis = said<2>([=](double size) { return inclusion->mesh(size); }, 0.15,
                             inclusion->model(Essential::nitsche), quarter, inclusion->loads(), coarsest_of_arcs);
-    analysis.materials.clear();
     const MeshData<2> mesh = inclusion->mesh(0.5);
     for (std::size_t r = 0; r < mesh.region_names.size(); ++r)
       analysis.materials.push_back({mesh.region_names[r], analysis.model.regions[r], ""});

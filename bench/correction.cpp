@@ -64,7 +64,7 @@ template <int Dim> struct Answer {
  private:
   static ApproximationOptions with(const Problem<Dim>& problem, ApproximationOptions options) {
     options.axisymmetric = problem.model.plane == Plane::axisymmetric;
-    options.dilatation = problem.dilatation;
+    options.dilatation = averaged_if(problem.dilatation);
     return options;
   }
 };

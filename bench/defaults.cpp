@@ -33,9 +33,7 @@ template <int Dim> Measure truth(Case<Dim> analysis, const Result<Dim>& result, 
   // Elements have their regions share nodes; the mesh of moving least squares is cut along their interfaces.
   const bool cut = mesh.mesh->num_regions() > 1;
   if (!result.estimates || (unknowns < 3e5 && !cut)) {
-    ApproximationOptions quadratic{.kind = BasisKind::p2};
-    quadratic.axisymmetric = analysis.approximation.axisymmetric;
-    analysis.approximation = quadratic;
+    analysis.approximation = {.kind = BasisKind::p2};
     analysis.model.essential = Essential::strong;
     const Result<Dim> direct = cut ? analyse(analysis) : analyse(mesh, analysis);
     return measure<Dim>(direct.solution.strain_energy, direct.fields.displacement);

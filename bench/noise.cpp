@@ -99,6 +99,7 @@ void study_defaults(const std::string& name, Index n, int degree, bool quarters)
   if (result.cells) {
     std::vector<SharedMaterial> materials{{}};
     for (const auto& material : analysis.materials) materials.push_back(material.material);
+    if (materials.size() == 1) materials.push_back(analysis.model.material);
     const auto on_cells = [&](double size) {
       return solve_on_cells(*mesh.image, materials, analysis.supports, analysis.loads, {.size = size});
     };

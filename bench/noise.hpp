@@ -69,10 +69,9 @@ inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector
   analysis.approximation.interpolation = 1;  // linear elements are the truth here
   analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
   analysis.geometry.size = size;
-  for (std::size_t k = 0; k < moduli.size(); ++k)
-    analysis.materials.push_back(
-        {moduli.size() == 1 ? "" : std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
-  analysis.model.material = analysis.materials.front().material;
+  analysis.model.material = LinearElastic(moduli.front(), 0.3);
+  for (std::size_t k = 0; k < moduli.size() && moduli.size() > 1; ++k)
+    analysis.materials.push_back({std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
   const auto moved = [](const char* on, double x) {
     return DisplacementCondition<3>{
         on,

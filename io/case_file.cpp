@@ -78,7 +78,7 @@ template <int Dim> void read_approximation(const Section& cloud, const Section& 
       options.secondary);
   options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
   result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
-  options.fine = result.model.stabilisation > 0.0;
+  if (const auto averaged = quadrature.switch_or_auto("dilatation")) options.dilatation = averaged_if(*averaged);
 }
 
 /// The parts of the boundary that entries are about: names, or selections that get a name here.
@@ -162,10 +162,17 @@ template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& 
 /// [material] or [[material]]: numbers, or expressions of the place.
 template <int Dim> class MaterialReader {
  public:
-  MaterialReader(const Expressions<Dim>& expressions, Plane plane) : expressions_(expressions), plane_(plane) {}
+  explicit MaterialReader(const Expressions<Dim>& expressions) : expressions_(expressions) {}
 
-  std::vector<RegionMaterial> read(const Section& root) const {
-    if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
+  void read(const Section& root, Settings<Dim>& result) const {
+    if (!root.has("material") || root.is_table("material"))
+      result.model.material = read(root.required_section("material", keys));
+    else
+      result.materials = read_regions(root);
+  }
+
+ private:
+  std::vector<RegionMaterial> read_regions(const Section& root) const {
     Section::Keys with_region = keys;
     with_region.push_back("region");
     std::vector<RegionMaterial> materials;
@@ -175,17 +182,16 @@ template <int Dim> class MaterialReader {
         if (earlier.region == region)
           section.fail("region",
                        fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-      materials.push_back(read(section, region));
+      materials.push_back({region, read(section), section.where("region")});
     }
     if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
     return materials;
   }
 
- private:
   enum class Model { linear_elastic, orthotropic };
   static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor"};
 
-  RegionMaterial read(const Section& section, std::string region) const {
+  SharedMaterial read(const Section& section) const {
     const auto model =
         section.choice<Model>("model", {{"linear_elastic", Model::linear_elastic}, {"orthotropic", Model::orthotropic}},
                               Model::linear_elastic);
@@ -193,18 +199,13 @@ template <int Dim> class MaterialReader {
     for (const char* key : only_orthotropic)
       if (model == Model::linear_elastic && section.has(key))
         section.fail(key, fmt::format("{} is for model = \"orthotropic\"", key));
-    RegionMaterial material = model == Model::orthotropic ? orthotropic(section) : isotropic(section);
-    material.region = std::move(region);
-    material.where = section.where(material.region.empty() ? "E" : "region");
-    return material;
+    return model == Model::orthotropic ? orthotropic(section) : isotropic(section);
   }
-  RegionMaterial isotropic(const Section& section) const {
+  SharedMaterial isotropic(const Section& section) const {
     const Parameter E = parameter(section, "E", positive), nu = parameter(section, "nu", {-1.0, 0.5});
-    // What varies may come near to 1/2 somewhere: averaged dilatations do no harm where they are not needed.
-    const double locking = nu.is_constant() ? of(LinearElastic(1.0, nu)) : std::numeric_limits<double>::infinity();
-    return {"", LinearElastic(E, nu), "", locking};
+    return LinearElastic(E, nu);
   }
-  RegionMaterial orthotropic(const Section& section) const {
+  SharedMaterial orthotropic(const Section& section) const {
     const auto three = [&](const char* key, const Interval& range) {
       const std::vector<double> numbers = section.numbers(key, range);
       if (numbers.size() != 3) section.fail(key, fmt::format("{} has {} numbers, expected 3", key, numbers.size()));
@@ -213,7 +214,7 @@ template <int Dim> class MaterialReader {
     const OrthotropicModuli moduli{three("E", positive), three("nu", any_number), three("G", positive), axes(section)};
     const Parameter factor = section.has("factor") ? parameter(section, "factor", positive) : Parameter(1.0);
     try {
-      return {"", OrthotropicElastic(moduli, factor), "", of(OrthotropicElastic(moduli))};
+      return OrthotropicElastic(moduli, factor);
     } catch (const InputError& error) {
       section.fail("nu", error.what());
     }
@@ -258,14 +259,8 @@ template <int Dim> class MaterialReader {
     }
     return section.number(key, range);
   }
-  double of(const Material& material) const {
-    if (Dim == 2 && plane_ == Plane::stress) return 0.0;  // the body can always thin out
-    const auto response = respond(material, Deformation::none(Points<3>::Zero(3, 1)), true);
-    return incompressibility(response.tangent_at(0));
-  }
 
   const Expressions<Dim>& expressions_;
-  Plane plane_;
 };
 
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
@@ -488,12 +483,9 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
 
   result.model.plane = read_plane<Dim>(analysis);
-  result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;
   if (analysis.has("body_force"))
     result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
-  result.materials = MaterialReader<Dim>(expressions, *result.model.plane).read(root);
-  result.model.material = result.materials.front().material;
-  result.approximation.dilatation = quadrature.switch_or_auto("dilatation").value_or(locks_without_dilatation(result));
+  MaterialReader<Dim>(expressions).read(root, result);
 
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
@@ -501,10 +493,9 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   BoundaryReader<Dim>(expressions, places, result).read(boundaries);
   read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
-  const bool nodal = result.approximation.kind != BasisKind::mls;
-  impose(result,
-         analysis.choice<Essential>("essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}},
-                                    nodal ? Essential::strong : Essential::nitsche));
+  if (analysis.has("essential"))
+    result.model.essential = analysis.choice<Essential>(
+        "essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}}, std::nullopt);
 
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);

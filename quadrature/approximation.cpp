@@ -175,8 +175,9 @@ template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh,
   }
   Stage stage("quadrature", monitor);
   result.quadrature = project(result.space, result.shape, every_cell(result.space));
-  result.averaged = options.dilatation;
-  if (options.dilatation) {
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (result.averaged) {
     const Index cells = mesh.num_cells(), points = result.quadrature.size() / cells;
     result.union_of.resize(result.quadrature.size());
     for (Index K = 0; K < result.quadrature.size(); ++K) result.union_of[K] = K / points;
@@ -210,6 +211,7 @@ template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim
   result.nodes = approximation.nodes;
   result.node_dofs = approximation.node_dofs;
   result.averaged = approximation.averaged;
+  result.undecided = approximation.undecided;
   result.shape = approximation.shape;
   return result;
 }
@@ -245,7 +247,9 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
   NearestSource nearest;
   NodeCloud<Dim> points;
   Stage stage("quadrature", monitor);
-  if (second_cloud || options.dilatation) {
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (second_cloud || result.averaged) {
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
     if (second_cloud) points = sample_points(mesh, cloud, nearest, options.ratio, options.seed + 0x9e3779b97f4a7c15ull);
@@ -256,8 +260,7 @@ Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOpt
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
-  result.averaged = options.dilatation;
-  if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
+  if (result.averaged) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;

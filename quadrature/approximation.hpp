@@ -27,6 +27,19 @@ enum class SecondaryKind {
   full,   ///< every fine cell
 };
 
+/// Whether the volumetric part is averaged on coarser clusters (B-bar); of finite elements on the cells, which makes a
+/// difference for quadratic ones. Without it functions lock where the material is nearly incompressible.
+enum class Dilatation {
+  automatic,  ///< where the material needs it. Who knows the material decides (`analyse`); `approximate` does not
+              ///< average, and solvers refuse materials under which its functions then lock
+  pointwise,  ///< never
+  averaged,
+};
+/// One of the two that leave nothing open.
+constexpr Dilatation averaged_if(bool averaged) {
+  return averaged ? Dilatation::averaged : Dilatation::pointwise;
+}
+
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
   bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
@@ -40,10 +53,9 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
-  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
-  bool dilatation = false;  ///< also build what carries the volumetric part (B-bar): coarser clusters; of finite
-                            ///< elements the cells, which makes a difference for quadratic ones
-  bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
+  double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
+  Dilatation dilatation = Dilatation::automatic;
+  bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
   /// strongly.
   std::vector<std::string> vanish_on{};
@@ -65,9 +77,10 @@ template <int Dim> struct Approximation {
   Points<Dim> nodes;               ///< Dim x N
   std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on, all different
   Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
-  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless asked for
-  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty without dilatation
+  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless averaged
+  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty unless averaged
   bool averaged = false;           ///< whether the volumetric part is on unions (B-bar)
+  bool undecided = false;          ///< Dilatation::automatic: nobody who knows the material said that it need not be
   Discretization<Dim> fine;        ///< full integration; empty unless asked for
   MlsReport mls;                   ///< how often supports had to grow
   Index small_bodies = 0;          ///< too small for moving least squares: finite elements

@@ -15,6 +15,7 @@
 #include "efree/solvers/internal/linear_elements.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -389,7 +390,7 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
   if (weak.empty()) return conditions;
   const auto elements = approximate<Dim>(space.mesh(), {.kind = space.degree() == 1 ? BasisKind::p1 : BasisKind::p2,
                                                         .axisymmetric = space.axisymmetric(),
-                                                        .dilatation = mean_dilatation});
+                                                        .dilatation = averaged_if(mean_dilatation)});
   auto system = nitsche<Dim>(space, elements.shape, stiffness_terms(elements, materials), weak);
   for (Index dof = 0; dof < space.size(); ++dof)
     conditions.rhs.col(nodes.at[dof]) += system.rhs.template segment<Dim>(Dim * dof);
@@ -407,7 +408,7 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
 }  // namespace
 
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model) {
-  constexpr double bearable = 50.0;
+  const double bearable = bearable_incompressibility(BasisKind::p2);
   const FineMesh<Dim>& mesh = approximation.space.mesh();
   return approximation.averaged && materials_of(model, mesh).incompressibility(mesh) > bearable;
 }
@@ -417,6 +418,7 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
                                              const Monitor& monitor) {
   const Stage stage("correction", monitor);
   const FineSpace<Dim>& space = approximation.space;
+  require_decided(approximation, model);
   require(!approximation.averaged || space.degree() == 2,
           "correction: linear elements lock where the dilatation has to be averaged (nearly incompressible materials): "
           "in_quadratic_space");

@@ -10,6 +10,7 @@
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -195,7 +196,7 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
       K = K.size() ? SymmetricMatrix(K + part) : part;
     }
     prescribed_rhs = Vector::Zero(K.rows());
-    if (model.essential == Essential::nitsche) {
+    if (model.essential.value_or(Essential::nitsche) == Essential::nitsche) {
       auto system = nitsche(approximation.space, approximation.shape, terms, restrained, ties);
       prescribed_rhs = system.rhs;
       K += system.matrix;
@@ -293,6 +294,7 @@ ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
+  require_decided(approximation, model);
   impl_->terms = stiffness_terms(approximation, impl_->materials, model.stabilisation);
   SymmetricMatrix K;
   {

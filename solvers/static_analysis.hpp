@@ -21,8 +21,8 @@ enum class Essential {
 
 struct ElasticModel {
   SharedMaterial material{};
-  std::optional<Plane> plane{};  ///< needed in 2D; axisymmetric exactly if the approximation is
-  Essential essential = Essential::nitsche;
+  std::optional<Plane> plane{};          ///< needed in 2D; axisymmetric exactly if the approximation is
+  std::optional<Essential> essential{};  ///< nothing said: Nitsche; of finite elements `analyse` takes strong ones
   double stabilisation =
       0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
   std::vector<SharedMaterial> regions{};  ///< by region of the mesh; empty: `material` everywhere
@@ -50,7 +50,8 @@ Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticMod
 /// once, then solves any number of load cases.
 template <int Dim> class ElasticSolver {
  public:
-  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not
+  /// Keeps references to the approximation. Throws InputError for materials under which it would lock while nobody said
+  /// whether dilatations are averaged (require_decided), naming the free rigid motions if the conditions do not
   /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
   /// assembly, solve (factorisation).
   ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
