@@ -290,7 +290,8 @@ template <int Dim> ShapeTable<Dim> with_own_functions(const SparseRows& weights,
   if (own.empty())
     return ShapeTable<Dim>(nodes, {weights.outerIndexPtr(), weights.outerIndexPtr() + weights.rows() + 1},
                            {weights.innerIndexPtr(), weights.innerIndexPtr() + weights.nonZeros()}, std::move(N));
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> values;
   Index number = 0;
   for (Index row = 0; row < weights.rows(); ++row) {
@@ -302,7 +303,7 @@ template <int Dim> ShapeTable<Dim> with_own_functions(const SparseRows& weights,
       columns.insert(columns.end(), weights.innerIndexPtr() + first, weights.innerIndexPtr() + last);
       values.insert(values.end(), N.begin() + first, N.begin() + last);
     }
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   return {nodes + number, std::move(offsets), std::move(columns), std::move(values)};
 }

@@ -176,7 +176,8 @@ Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, con
 
 /// Values of the cloud's functions at the nodes of the elements.
 template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, const Members<Dim>& members) {
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> N;
   columns.reserve(shape.num_entries());
   N.reserve(shape.num_entries());
@@ -191,7 +192,7 @@ template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, 
     // Twins belong to different bodies: no function acts on both.
     if (members.dofs[node].size() > 1) std::ranges::sort(row);
     for (const auto& [I, value] : row) columns.push_back(I), N.push_back(value);
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   return {shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
 }
@@ -268,7 +269,8 @@ AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const
     result.lift.parents.close_row();
   }
   result.lift.points = space.points()(Eigen::all, order);
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> N;
   columns.reserve(approximation.shape.num_entries());
   N.reserve(approximation.shape.num_entries());
@@ -276,7 +278,7 @@ AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const
     const auto row = approximation.shape.row(vertex);
     columns.insert(columns.end(), row.nodes.begin(), row.nodes.end());
     N.insert(N.end(), row.N.begin(), row.N.end());
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   result.shape = {approximation.shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
   return result;

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/quadrature/approximation.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/equilibrium.hpp"
 
 namespace efree {
 
