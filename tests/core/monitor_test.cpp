@@ -16,8 +16,8 @@ namespace {
 using ::testing::ElementsAre, ::testing::Pair;
 
 struct Told {
-  std::vector<std::pair<std::string, double>> progress;
-  StageTimes times;
+  std::vector<std::pair<std::string, double>> progress{};
+  StageTimes times{};
   /// Says yes from this question on.
   int patience = std::numeric_limits<int>::max();
   int asked = 0;
