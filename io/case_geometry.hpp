@@ -43,6 +43,7 @@ template <int Dim> struct CaseGeometry {
   double coarsening = 1.0;           ///< of the natural size, where it is open
   double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds
   std::vector<std::string> slits{};  ///< names of the parts the body was cut open along
+  ScalarField<Dim> grey{};           ///< value of the image at a point (grey_value); empty: the geometry is no image
   std::string where{};               ///< where the geometry was named in the case file
 };
 

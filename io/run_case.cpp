@@ -15,6 +15,7 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -31,13 +32,8 @@ template <class Work> auto located(const CaseSettings& analysis, const std::stri
 
 /// Whether all probes lie in the body: better known before the analysis than after it.
 template <int Dim> void check_probes(const Case<Dim>& analysis, const FineMesh<Dim>& mesh) {
-  if (analysis.probes.empty()) return;
-  const FineSpace<Dim> space(mesh, 1);
-  Fields<Dim> nothing;
-  nothing.displacement.setZero(Dim, space.size());
-  nothing.strain.setZero(voigt_size<Dim>, space.num_places());
-  nothing.stress.setZero(voigt_size<Dim>, space.num_places());
-  for (const auto& p : analysis.probes) located(analysis, p.where, [&] { return probe(space, nothing, p.at); });
+  const Locator<Dim> locate_probe(mesh, analysis.probes.size());
+  for (const auto& p : analysis.probes) located(analysis, p.where, [&] { return locate_probe(p.at); });
 }
 
 /// The material of each region.
@@ -477,8 +473,14 @@ template <int Dim> std::string why_not_on_cells(const Case<Dim>& analysis, const
   if (analysis.loads.body_force) return "there is a body force";
   if (analysis.has_exact()) return "there is an exact solution to compare with";
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
-  for (const auto& material : mesh.materials)
-    if (!is_isotropic(material)) return "a material is not isotropic, or differs from place to place";
+  std::vector<char> seen(mesh.materials.size(), 0);
+  for (Index c = 0; c < mesh.mesh->num_cells(); ++c) {
+    const Index region = mesh.mesh->region(c);
+    if (std::exchange(seen[region], 1)) continue;
+    Vec<3> there = Vec<3>::Zero();
+    there.head<Dim>() = mesh.mesh->centroid(c);
+    if (!is_isotropic(mesh.materials[region], there)) return "a material is not isotropic";
+  }
   if (locks_without_dilatation(analysis)) return "a material is nearly incompressible";
   for (const auto& group : analysis.groups)
     if (!is_side(group.name)) return fmt::format("\"{}\" is not a side of the image", group.name);
