@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Case files whose moduli depend on the grey values of their image.
+#include "efree/analysis/analyse.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "workspace.hpp"
 
 #include <gmock/gmock.h>
@@ -61,9 +62,9 @@ struct Bar : Workspace {
     write("bar.raw", pixels);
   }
 };
-template <int Dim> CaseResult<Dim> solved(const std::string& text) {
+template <int Dim> Result<Dim> solved(const std::string& text) {
   const Bar bar(text);
-  return solve_case(std::get<Case<Dim>>(read_case(bar / "case.toml")));
+  return analyse(std::get<Case<Dim>>(read_case(bar / "case.toml")));
 }
 
 TEST(GreyCase, ABarWhoseGreyValueGrowsHasTheClosedFormElongationWithinTheErrorSaid) {
