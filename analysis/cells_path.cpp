@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -23,8 +24,14 @@ template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, c
   if (settings.loads.body_force) return "there is a body force";
   if (settings.has_exact()) return "there is an exact solution to compare with";
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
-  for (const auto& material : mesh.materials)
-    if (!is_isotropic(material)) return "a material is not isotropic, or differs from place to place";
+  std::vector<char> seen(mesh.materials.size(), 0);
+  for (Index c = 0; c < mesh.mesh->num_cells(); ++c) {
+    const Index region = mesh.mesh->region(c);
+    if (std::exchange(seen[region], 1)) continue;
+    Vec<3> there = Vec<3>::Zero();
+    there.head<Dim>() = mesh.mesh->centroid(c);
+    if (!is_isotropic(mesh.materials[region], there)) return "a material is not isotropic";
+  }
   ElasticModel model = settings.model;
   model.regions = mesh.materials;
   if (incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::mls))

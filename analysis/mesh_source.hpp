@@ -42,6 +42,7 @@ template <int Dim> struct MeshSource {
   double coarsening = 1.0;           ///< of the natural size, where it is open
   double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds
   std::vector<std::string> slits{};  ///< names of the parts the body was cut open along
+  ScalarField<Dim> grey{};           ///< value of the image at a point (grey_value); empty: the geometry is no image
   std::string where{};               ///< where the geometry was named; messages begin with it unless it is empty
 
   /// Whether no other size may be taken.

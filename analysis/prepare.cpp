@@ -20,13 +20,8 @@ using internal::boundaries, internal::graded_regions, internal::located, interna
 
 /// Whether all probes lie in the body: better known before the analysis than after it.
 template <int Dim> void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  if (settings.probes.empty()) return;
-  const FineSpace<Dim> space(mesh, 1);
-  Fields<Dim> nothing;
-  nothing.displacement.setZero(Dim, space.size());
-  nothing.strain.setZero(voigt_size<Dim>, space.num_places());
-  nothing.stress.setZero(voigt_size<Dim>, space.num_places());
-  for (const auto& p : settings.probes) located(settings, p.where, [&] { return probe(space, nothing, p.at); });
+  const Locator<Dim> locate_probe(mesh, settings.probes.size());
+  for (const auto& p : settings.probes) located(settings, p.where, [&] { return locate_probe(p.at); });
 }
 
 /// The material of each region.

@@ -38,8 +38,9 @@ Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
 template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result) {
   result.probes.clear();
   result.extremes.clear();
+  const Locator<Dim> locate_probe(result.basis().space.mesh(), settings.probes.size());
   for (const auto& p : settings.probes)
-    result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, p.at));
+    result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, locate_probe(p.at)));
   const auto add = [&](const char* of, const Vector& values) {
     const FineSpace<Dim>& space = result.basis().space;
     Index place = 0;

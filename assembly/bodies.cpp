@@ -2,10 +2,10 @@
 #include "efree/assembly/bodies.hpp"
 
 #include "efree/assembly/internal/boundary_points.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 
 #include <Eigen/Geometry>
 #include <functional>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -73,23 +73,12 @@ template <int Dim> std::vector<std::string> motion_names(const Matrix& free, con
 
 /// Number of the body each component of the mesh belongs to, tied ones together, counted from 0.
 template <int Dim> std::vector<Index> tied_bodies(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties) {
-  std::vector<Index> parent(mesh.num_components());
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](Index c) {
-    while (parent[c] != c) c = parent[c] = parent[parent[c]];
-    return c;
-  };
-  for (const auto& [f, other] : ties) {
-    const Index a = root(mesh.component()[mesh.facets()(0, f)]), b = root(mesh.component()[mesh.facets()(0, other)]);
-    parent[std::max(a, b)] = std::min(a, b);
-  }
-  std::vector<Index> number(mesh.num_components(), -1), body;
+  internal::DisjointSets sets(mesh.num_components());
+  for (const auto& [f, other] : ties)
+    sets.join(mesh.component()[mesh.facets()(0, f)], mesh.component()[mesh.facets()(0, other)]);
+  std::vector<Index> body = std::move(sets).firsts();
   Index count = 0;
-  for (Index c = 0; c < mesh.num_components(); ++c) {
-    Index& of_root = number[root(c)];
-    if (of_root < 0) of_root = count++;
-    body.push_back(of_root);
-  }
+  for (Index c = 0; c < mesh.num_components(); ++c) body[c] = body[c] == c ? count++ : body[body[c]];
   return body;
 }
 

@@ -2,12 +2,12 @@
 #include "efree/assembly/internal/finite_elements.hpp"
 
 #include "efree/assembly/internal/gather.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -99,30 +99,23 @@ template <int Dim> class CellGradients {
 
 template <int Dim> ElementNodes element_nodes(const FineSpace<Dim>& space, const std::vector<TiedFacets>& ties) {
   const Index dofs = space.size();
-  std::vector<Index> parent(dofs);
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](Index dof) {
-    while (parent[dof] != dof) dof = parent[dof] = parent[parent[dof]];
-    return dof;
-  };
+  internal::DisjointSets places(dofs);
   for (const auto& [first, second] : ties) {
     const std::vector<Index> twins = space.facet(second);
     for (const Index dof : space.facet(first))
       for (const Index twin : twins)
-        if (space.points().col(dof) == space.points().col(twin)) {
-          const Index a = root(dof), b = root(twin);
-          parent[std::max(a, b)] = std::min(a, b);
-        }
+        if (space.points().col(dof) == space.points().col(twin)) places.join(dof, twin);
   }
+  const std::vector<Index> first = std::move(places).firsts();
   const Vec<Dim> low = space.points().rowwise().minCoeff();
   const double extent = (space.points().rowwise().maxCoeff() - low).maxCoeff();
   std::vector<std::pair<std::uint64_t, Index>> order;
   for (Index dof = 0; dof < dofs; ++dof)
-    if (root(dof) == dof) order.emplace_back(morton_code<Dim>((space.points().col(dof) - low) / extent), dof);
+    if (first[dof] == dof) order.emplace_back(morton_code<Dim>((space.points().col(dof) - low) / extent), dof);
   std::ranges::sort(order);
   ElementNodes nodes{std::vector<Index>(dofs, -1), static_cast<Index>(order.size())};
   for (Index i = 0; i < nodes.count; ++i) nodes.at[order[i].second] = i;
-  for (Index dof = 0; dof < dofs; ++dof) nodes.at[dof] = nodes.at[root(dof)];
+  for (Index dof = 0; dof < dofs; ++dof) nodes.at[dof] = nodes.at[first[dof]];
   return nodes;
 }
 

@@ -24,8 +24,8 @@ namespace {
 
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
 
-/// [definitions] in the order they are written: each may use those before.
-template <int Dim> Expressions<Dim> read_definitions(const Section& root) {
+/// [definitions] in the order they are written: each may use those before, and the grey value of an image.
+template <int Dim> Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey) {
   const Section section = root.section("definitions", {});
   std::vector<std::pair<std::string, const toml::node*>> entries;
   for (const auto& [key, node] : section.table()) entries.emplace_back(key.str(), &node);
@@ -34,6 +34,10 @@ template <int Dim> Expressions<Dim> read_definitions(const Section& root) {
     return std::pair(begin.line, begin.column);
   });
   Expressions<Dim> expressions;
+  if (grey)
+    expressions.define("grey", grey);
+  else
+    expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
   for (const auto& [name, node] : entries)
     expressions.define(name, section.expression(*node, name), section.where(*node));
   return expressions;
@@ -478,8 +482,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   Case<Dim> result;
   result.where = file.string();
   result.title = root.text("title", file.stem().string());
-  const Expressions<Dim> expressions = read_definitions<Dim>(root);
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path());
+  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey);
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
 
   result.model.plane = read_plane<Dim>(analysis);

@@ -18,6 +18,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <mutex>
 #include <span>
 
 namespace efree::internal {
@@ -268,9 +269,8 @@ void report_lost(const LostFeatures& lost, MadeMesh<3>& made) {
         lost.broken_off, lost.broken_volume, fmt::join(lost.broken_place, ", ")));
 }
 
-template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
-  refuse(geometry, {"slits", "parameters", "surface"}, "an image");
-  const Section image = image_section(geometry);
+/// How an image is read.
+template <int Dim> ImageOptions<Dim> image_options(const Section& image, bool is_raw) {
   ImageOptions<Dim> reading;
   if (image.has("spacing")) {
     reading.spacing = image.numbers("spacing", positive);
@@ -288,6 +288,26 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
   }
   if (!is_raw) refuse(image, {"raw"}, "a file with a header");
   if (is_raw) reading.raw = read_raw<Dim>(image);
+  return reading;
+}
+
+/// The grey value at a point. Not every case asks for it: the file is read for the first one that is.
+template <int Dim> ScalarField<Dim> grey_of(const Section& geometry, const fs::path& file, bool is_raw) {
+  struct Grey {
+    std::once_flag read;
+    ScalarField<Dim> value;
+  };
+  return [grey = std::make_shared<Grey>(), path = file.string(),
+          reading = image_options<Dim>(image_section(geometry), is_raw)](const Vec<Dim>& x) {
+    std::call_once(grey->read, [&] { grey->value = grey_value<Dim>(read_grey_image<Dim>(path, reading)); });
+    return grey->value(x);
+  };
+}
+
+template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
+  refuse(geometry, {"slits", "parameters", "surface"}, "an image");
+  const Section image = image_section(geometry);
+  const ImageOptions<Dim> reading = image_options<Dim>(image, is_raw);
   ImageMeshOptions meshing{.names = region_names(image)};
   if (Dim == 3) refuse(image, {"contour", "simplify"}, "an image in three dimensions, where boundaries are smooth");
   if (Dim == 2)
@@ -400,23 +420,25 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
   };
 }
 
-/// The function that makes the mesh of a file.
-template <int Dim>
-std::function<MadeMesh<Dim>(const MeshSize&)> file_mesh(const Section& geometry, const fs::path& file) {
+/// What makes the mesh of a file, and the grey values if it is an image.
+template <int Dim> void read_file(const Section& geometry, const fs::path& file, CaseGeometry<Dim>& result) {
   const FileKind kind = kind_of(geometry, file);
   switch (kind) {
     case FileKind::gmsh:
     case FileKind::cad:
-      return gmsh_mesh<Dim>(geometry, file);
+      result.mesh = gmsh_mesh<Dim>(geometry, file);
+      return;
     case FileKind::planar_image:
     case FileKind::image:
     case FileKind::raw_image:
-      return image_mesh<Dim>(geometry, file, kind == FileKind::raw_image);
+      result.mesh = image_mesh<Dim>(geometry, file, kind == FileKind::raw_image);
+      result.grey = grey_of<Dim>(geometry, file, kind == FileKind::raw_image);
+      return;
     case FileKind::surface:
       break;
   }
   if constexpr (Dim == 3)
-    return surface_mesh(geometry, file);
+    result.mesh = surface_mesh(geometry, file);
   else
     geometry.fail("file", fmt::format("{}: a surface bounds a solid, there is nothing planar in it", file.string()));
 }
@@ -471,7 +493,7 @@ template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const 
   if (geometry.has("shape"))
     result.mesh = shape_mesh<Dim>(geometry);
   else
-    result.mesh = file_mesh<Dim>(geometry, file_of(geometry, folder));
+    read_file(geometry, file_of(geometry, folder), result);
   return result;
 }
 

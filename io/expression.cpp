@@ -63,6 +63,13 @@ template <int Dim> class Program {
     else
       constants_[name] = evaluate(step);
   }
+  /// A field that later ones may call `name`.
+  void define(const std::string& name, const ScalarField<Dim>& given) {
+    steps_.emplace_back().name = name;
+    steps_.back().given = given;
+  }
+  /// Expressions that use the name are refused for this reason.
+  void refuse(const std::string& name, const std::string& why) { refused_[name] = why; }
   /// Compiles `text` as the next component of what the program computes.
   void add_result(const std::string& text, const std::string& where) { results_.push_back(compile("", text, where)); }
 
@@ -70,6 +77,7 @@ template <int Dim> class Program {
   void prune() {
     std::set<std::string> needed;
     const auto need = [&](const Step& step) {
+      if (step.given) return;
       for (const auto& entry : step.parser.GetUsedVar()) needed.insert(entry.first);
     };
     for (const Step& result : results_) need(result);
@@ -88,14 +96,15 @@ template <int Dim> class Program {
   /// Puts the components at x into `values`.
   void operator()(const Vec<Dim>& x, double* values) {
     for (int i = 0; i < Dim; ++i) at_[i] = x[i];
-    for (Step& step : steps_) step.value = step.parser.Eval();
+    for (Step& step : steps_) step.value = step.given ? step.given(x) : step.parser.Eval();
     for (Step& result : results_) *values++ = result.parser.Eval();
   }
 
  private:
   struct Step {
     std::string name;
-    mu::Parser parser;
+    mu::Parser parser;         ///< either this
+    ScalarField<Dim> given{};  ///< or this
     double value = 0.0;
   };
 
@@ -108,22 +117,28 @@ template <int Dim> class Program {
       for (const auto& [constant, value] : constants_) step.parser.DefineConst(constant, value);
       for (int i = 0; i < Dim; ++i) step.parser.DefineVar(coordinate<Dim>(i), &at_[i]);
       for (Step& earlier : steps_) step.parser.DefineVar(earlier.name, &earlier.value);
+      for (const auto& [unknown, why] : refused_) step.parser.DefineVar(unknown, &nothing_);
       step.parser.SetExpr(text);
       step.parser.Eval();  // compiles; the value does not matter yet
     } catch (const mu::Parser::exception_type& error) {
       reject(error, text, where);
     }
+    for (const auto& [unknown, why] : refused_)
+      if (step.parser.GetUsedVar().contains(unknown))
+        throw InputError(prefixed(where, fmt::format("expression \"{}\": {}", text, why)));
     if (step.parser.GetNumResults() != 1)
       throw InputError(prefixed(where, fmt::format("expression \"{}\" has {} values separated by commas, expected one",
                                                    text, step.parser.GetNumResults())));
     return step;
   }
-  static bool varies(const Step& step) { return !step.parser.GetUsedVar().empty(); }
+  static bool varies(const Step& step) { return step.given || !step.parser.GetUsedVar().empty(); }
   static double evaluate(const Step& step) { return step.parser.Eval(); }
 
   std::array<double, Dim> at_{};
+  double nothing_ = 0.0;
   std::map<std::string, double> constants_;
-  std::list<Step> steps_;  // a list, because values must not move once others refer to them
+  std::map<std::string, std::string> refused_;  // reasons by name
+  std::list<Step> steps_;                       // a list, because values must not move once others refer to them
   std::vector<Step> results_;
 };
 
@@ -154,7 +169,14 @@ template <int Dim> class Pool {
 template <int Dim, class Definitions, class Texts>
 std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const Texts& texts, const std::string& where) {
   auto program = std::make_unique<Program<Dim>>();
-  for (const auto& definition : definitions) program->define(definition.name, definition.text, where);
+  for (const auto& [name, text, given, refused] : definitions) {
+    if (!refused.empty())
+      program->refuse(name, refused);
+    else if (given)
+      program->define(name, given);
+    else
+      program->define(name, text, where);
+  }
   for (const std::string& text : texts) program->add_result(text, where);
   program->prune();
   return program;
@@ -162,8 +184,7 @@ std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const T
 
 }  // namespace
 
-template <int Dim>
-void Expressions<Dim>::define(const std::string& name, const std::string& text, const std::string& where) {
+template <int Dim> void Expressions<Dim>::require_free(const std::string& name, const std::string& where) const {
   static const std::regex identifier("[A-Za-z_][A-Za-z0-9_]*");
   if (!std::regex_match(name, identifier))
     throw InputError(
@@ -172,8 +193,21 @@ void Expressions<Dim>::define(const std::string& name, const std::string& text, 
   for (int i = 0; i < Dim; ++i) taken |= name == coordinate<Dim>(i);
   for (const Definition& earlier : definitions_) taken |= name == earlier.name;
   if (taken) throw InputError(prefixed(where, fmt::format("\"{}\" already has a meaning, choose another name", name)));
+}
+
+template <int Dim>
+void Expressions<Dim>::define(const std::string& name, const std::string& text, const std::string& where) {
+  require_free(name, where);
   field(text, where);
   definitions_.push_back({name, text});
+}
+template <int Dim> void Expressions<Dim>::define(const std::string& name, ScalarField<Dim> given) {
+  require_free(name, {});
+  definitions_.push_back({.name = name, .given = std::move(given)});
+}
+template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
+  require_free(name, {});
+  definitions_.push_back({.name = name, .refused = why});
 }
 
 template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& text, const std::string& where) const {

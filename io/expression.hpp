@@ -20,6 +20,10 @@ template <int Dim> class Expressions {
   /// `where` begins every message about it. Throws InputError for a name that is taken or no identifier, and as
   /// field().
   void define(const std::string& name, const std::string& text, const std::string& where = {});
+  /// Gives a name to a field that is no expression. Throws InputError for a name that is taken or no identifier.
+  void define(const std::string& name, ScalarField<Dim> given);
+  /// Keeps a name from being defined; expressions that use it are refused with this reason.
+  void refuse(const std::string& name, const std::string& why);
 
   /// The field described by `text`. Throws InputError naming expression, position in it and what is wrong; calling the
   /// field throws InputError naming expression and point where the value is not finite.
@@ -33,9 +37,14 @@ template <int Dim> class Expressions {
       const std::array<std::string, Size>& texts, const std::string& where = {}) const;
 
  private:
+  /// One of text, given and refused.
   struct Definition {
-    std::string name, text;
+    std::string name, text{};
+    ScalarField<Dim> given{};
+    std::string refused{};
   };
+  void require_free(const std::string& name, const std::string& where) const;
+
   std::vector<Definition> definitions_;
 };
 

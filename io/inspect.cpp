@@ -55,7 +55,7 @@ template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out
   out.boundary = summary.boundary;
   out.bodies = std::move(summary.bodies);
   out.groups = std::move(summary.groups);
-  out.smallest = smallest_feature(mesh, (out.box.high - out.box.low).norm());
+  out.smallest = smallest_feature(mesh, out.box.diagonal().norm());
   out.facts = {{"connected_bodies", summary.num_components},
                {"vertices", summary.num_vertices},
                {"cells", summary.num_cells},
@@ -328,7 +328,7 @@ template <int Dim> std::string tuple(const Vec<Dim>& x, double scale) {
   return fmt::format("({:.6g})", fmt::join(shown, ", "));
 }
 template <int Dim> std::string range(const BoundingBox<Dim>& box, double scale) {
-  return fmt::format("{} to {}", tuple<Dim>(box.low, scale), tuple<Dim>(box.high, scale));
+  return fmt::format("{} to {}", tuple<Dim>(box.min(), scale), tuple<Dim>(box.max(), scale));
 }
 template <int Dim> std::string direction(const Vec<Dim>& normal) {
   const Vec<Dim> shown = normal.unaryExpr([](double v) { return std::abs(v) < 5e-4 ? 0.0 : v; });
@@ -356,7 +356,7 @@ template <int Dim> ordered_json json_of(const Vec<Dim>& x) {
   return std::vector<double>(x.begin(), x.end());
 }
 template <int Dim> ordered_json json_of(const BoundingBox<Dim>& box) {
-  return {json_of<Dim>(box.low), json_of<Dim>(box.high)};
+  return {json_of<Dim>(box.min()), json_of<Dim>(box.max())};
 }
 
 std::string lower_case(std::string text) {
@@ -401,7 +401,7 @@ AnyInspection inspect(const fs::path& file) {
 template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
   const char* const volume = Dim == 2 ? "area" : "volume";
   const char* const area = Dim == 2 ? "length" : "area";
-  const Vec<Dim> size = in.box.high - in.box.low;
+  const Vec<Dim> size = in.box.sizes();
   const double scale = size.norm();
   std::string out = fmt::format("{}: {}, {} dimensions\n", in.file, in.kind, Dim);
   out += fmt::format("box {}, {:.6g} large\n", range<Dim>(in.box, scale), fmt::join(size, " x "));

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/picture.hpp"
 
+#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/io/internal/canvas.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
+#include <vtkColorTransferFunction.h>
+#include <vtkMath.h>
+#include <vtkNew.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -35,19 +39,15 @@ constexpr double lift = 4.0;                             ///< of lines on faces 
 class Scale {
  public:
   explicit Scale(const std::array<double, 2>& range) : range_(range) {
-    const std::array<Colour, 6> stops{{{0.267F, 0.005F, 0.329F},
-                                       {0.254F, 0.265F, 0.530F},
-                                       {0.164F, 0.471F, 0.558F},
-                                       {0.135F, 0.659F, 0.518F},
-                                       {0.478F, 0.821F, 0.318F},
-                                       {0.993F, 0.906F, 0.144F}}};
-    for (std::size_t i = 0; i < table_.size(); ++i) {
-      const float at = static_cast<float>(i) / (table_.size() - 1) * (stops.size() - 1);
-      const auto left = std::min(static_cast<std::size_t>(at), stops.size() - 2);
-      const float t = at - static_cast<float>(left);
-      table_[i] = (1.0F - t) * stops[left] + t * stops[left + 1];
-      pixels_[i] = Canvas::pixel(table_[i]);
-    }
+    vtkNew<vtkColorTransferFunction> stops;
+    stops->AddRGBPoint(0, 0.267, 0.005, 0.329);
+    stops->AddRGBPoint(1, 0.254, 0.265, 0.530);
+    stops->AddRGBPoint(2, 0.164, 0.471, 0.558);
+    stops->AddRGBPoint(3, 0.135, 0.659, 0.518);
+    stops->AddRGBPoint(4, 0.478, 0.821, 0.318);
+    stops->AddRGBPoint(5, 0.993, 0.906, 0.144);
+    stops->GetTable(0.0, 5.0, size, table_[0].data());
+    std::ranges::transform(table_, pixels_.begin(), Canvas::pixel);
   }
   const std::array<double, 2>& range() const { return range_; }
   /// 0 to 1 inside the range.
@@ -72,12 +72,9 @@ class Scale {
 Colour distinct(Index i) {
   const double hue = std::fmod(0.58 + 0.618034 * i, 1.0);
   const double saturation = i % 3 == 1 ? 0.40 : 0.62, value = i % 3 == 2 ? 0.72 : 0.92;
-  Colour rgb;
-  for (int k = 0; k < 3; ++k) {
-    const double x = std::fmod(5.0 - 2.0 * k + 6.0 * hue, 6.0);
-    rgb[k] = static_cast<float>(value * (1.0 - saturation * std::clamp(std::min(x, 4.0 - x), 0.0, 1.0)));
-  }
-  return rgb;
+  Vec3 rgb;
+  vtkMath::HSVToRGB(hue, saturation, value, &rgb[0], &rgb[1], &rgb[2]);
+  return rgb.cast<float>();
 }
 /// The same, behind others.
 Colour pale(Index i) {
@@ -98,18 +95,18 @@ struct Surface {
   }
 };
 
-struct Box {
-  Vec3 low, high;
-  explicit Box(const Points<3>& points) : low(points.rowwise().minCoeff()), high(points.rowwise().maxCoeff()) {}
-  Vec3 size() const { return high - low; }
-  double diagonal() const { return size().norm(); }
-  bool flat() const { return size()[2] == 0.0; }
-  std::string text() const {
-    const Vec3 s = size();
-    return flat() ? fmt::format("{:.4g} x {:.4g}", s[0], s[1])
-                  : fmt::format("{:.4g} x {:.4g} x {:.4g}", s[0], s[1], s[2]);
-  }
-};
+using Box = Eigen::AlignedBox3d;
+Box box_of(const Points<3>& points) {
+  return {points.rowwise().minCoeff(), points.rowwise().maxCoeff()};
+}
+bool is_flat(const Box& box) {
+  return box.sizes()[2] == 0.0;
+}
+std::string text_of(const Box& box) {
+  const Vec3 s = box.sizes();
+  return is_flat(box) ? fmt::format("{:.4g} x {:.4g}", s[0], s[1])
+                      : fmt::format("{:.4g} x {:.4g} x {:.4g}", s[0], s[1], s[2]);
+}
 
 template <int Dim> Points<3> in_space(const Points<Dim>& points) {
   Points<3> out = Points<3>::Zero(3, points.cols());
@@ -131,7 +128,7 @@ struct View {
 /// A view from above and from the side with the largest faces of the box; of its four sides the one that shows most of
 /// the triangles `marked`.
 View oblique(const Surface& surface, const std::vector<Triangle>& marked) {
-  const Vec3 size = Box(surface.points).size();
+  const Vec3 size = box_of(surface.points).sizes();
   const Vec3 area{size[1] * size[2], size[0] * size[2], size[0] * size[1]};
   const Vec3 share = 0.35 + 0.65 * area.array() / area.maxCoeff();
   std::array<Vec3, 4> directions;
@@ -265,16 +262,12 @@ std::vector<Segment> edges_of(const Surface& surface, const std::vector<Triangle
 
 /// The chains of lines that are connected and longer than `least`.
 std::vector<Segment> long_chains(const Points<3>& points, std::vector<Segment> lines, double least) {
-  std::vector<Index> chain(points.cols());  // a point that stands for it
-  std::iota(chain.begin(), chain.end(), 0);
-  const auto root = [&](Index p) {
-    while (chain[p] != p) p = chain[p] = chain[chain[p]];
-    return p;
-  };
-  for (const auto& [a, b] : lines) chain[root(a)] = root(b);
+  internal::DisjointSets sets(static_cast<Index>(points.cols()));
+  for (const auto& [a, b] : lines) sets.join(a, b);
+  const std::vector<Index> chain = std::move(sets).firsts();
   std::vector<double> total(chain.size(), 0.0);
-  for (const auto& [a, b] : lines) total[root(a)] += (points.col(b) - points.col(a)).norm();
-  std::erase_if(lines, [&](const Segment& line) { return total[root(line[0])] < least; });
+  for (const auto& [a, b] : lines) total[chain[a]] += (points.col(b) - points.col(a)).norm();
+  std::erase_if(lines, [&](const Segment& line) { return total[chain[line[0]]] < least; });
   return lines;
 }
 
@@ -285,7 +278,7 @@ std::vector<Segment> shape_edges(const Surface& surface) {
     return static_cast<double>(lines.size()) > 0.18 * static_cast<double>(surface.triangles.size());
   };
   const std::vector<Segment> edges = edges_of(surface, surface.triangles, true);
-  if (!is_rough(edges)) return long_chains(surface.points, edges, 0.15 * Box(surface.points).diagonal());
+  if (!is_rough(edges)) return long_chains(surface.points, edges, 0.15 * box_of(surface.points).diagonal().norm());
   std::vector<Segment> ends = edges_of(surface, surface.triangles, false);
   return is_rough(ends) ? std::vector<Segment>{} : ends;
 }
@@ -512,7 +505,7 @@ template <int Dim> void paint(const std::filesystem::path& file, const Settings<
   const FineSpace<Dim>& space = result.basis().space;
   const Points<Dim> u = space.at_places(result.fields.displacement), x = space.at_places(space.points());
   const Surface undeformed{in_space<Dim>(x), faces(space)};
-  const double length = Box(undeformed.points).diagonal();
+  const double length = box_of(undeformed.points).diagonal().norm();
   const double largest = u.colwise().norm().maxCoeff();
   const double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
   const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
@@ -560,7 +553,7 @@ template <int Dim> void paint(const std::filesystem::path& file, const Settings<
 
   draw_scale(canvas, scale);
   canvas.text(fmt::format("{}, displacements drawn x {:.3g}", title, drawn), 50, 1140, 34);
-  std::string facts = fmt::format("body {}, largest displacement {:.4g}", Box(undeformed.points).text(), largest);
+  std::string facts = fmt::format("body {}, largest displacement {:.4g}", text_of(box_of(undeformed.points)), largest);
   if (const double peak = values.maxCoeff(); peak > scale.range()[1])
     facts += fmt::format(", largest {} {:.4g}, beyond the scale", name, peak);
   canvas.text(facts, 50, 1098, 26);
@@ -624,8 +617,8 @@ template <class Part> void legend(Canvas& canvas, const std::string& title, cons
 template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& in) {
   using Piece = typename Inspection<Dim>::Piece;
   Surface surface{in_space<Dim>(in.points), {}};
-  const bool solid = Dim == 3 && !Box(surface.points).flat();  // surfaces are all there is of solids
-  std::vector<const Piece*> piece_of;                          // by triangle
+  const bool solid = Dim == 3 && !is_flat(box_of(surface.points));  // surfaces are all there is of solids
+  std::vector<const Piece*> piece_of;                               // by triangle
   std::vector<Segment> mesh_lines;
   Index num_faces = 0;
   bool pixels = false;
@@ -684,7 +677,7 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
       legend(canvas, "boundary", in.groups, distinct, in.bodies.size() > 1 ? 0.5 * width : 50.0, bottom - 30.0,
              0.86 * width, 10.0);
   }
-  canvas.text(fmt::format("body {}", Box(surface.points).text()), 50, 1140, 32);
+  canvas.text(fmt::format("body {}", text_of(box_of(surface.points))), 50, 1140, 32);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }

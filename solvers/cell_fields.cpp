@@ -182,7 +182,6 @@ Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& imag
     std::vector<float> inside(region_of_label.size());
     for (std::size_t label = 0; label < inside.size(); ++label) inside[label] = region_of_label[label] == region;
     const Matrix strains = nodal_strains(solution, box_averages(image, inside, {2 * n[0], 2 * n[1], 2 * n[2]}));
-    const VoigtMatrix<3> C = by_region.stiffness(region, Vec<3>::Zero()).C;
     parallel_for(mesh.num_vertices(), [&](Index v) {
       if (region_of[v] != region) return;
       const Place place = place_of(solution.grid, mesh.vertex(v));
@@ -202,7 +201,8 @@ Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& imag
       fields.displacement.col(v) = u;
       fields.strain.col(v) =
           all > 0.0 ? Eigen::Matrix<double, 6, 1>(strain / all) : Eigen::Matrix<double, 6, 1>::Zero();
-      fields.stress.col(v) = C * fields.strain.col(v);
+      Stiffness<3> room;
+      fields.stress.col(v) = by_region.stiffness(region, mesh.vertex(v), room).C * fields.strain.col(v);
     });
   }
   return fields;

@@ -17,15 +17,33 @@ namespace {
 
 constexpr std::array<std::string_view, 6> sides{"left", "right", "front", "back", "bottom", "top"};
 
+/// C_xyxy and C_xxyy.
+struct Isotropic {
+  double shear, across;
+};
+/// Those of a tangent by P and F, if it is isotropic.
+std::optional<Isotropic> isotropic(const MaterialResponse::Tangent& A) {
+  const Isotropic one{A(3, 3), A(0, 4)};
+  MaterialResponse::Tangent same = MaterialResponse::Tangent::Zero();
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      same(4 * i, 4 * j) += one.across;
+      same(i + 3 * j, i + 3 * j) += one.shear;
+      same(i + 3 * j, j + 3 * i) += one.shear;
+    }
+  if (!((A - same).norm() < 1e-9 * A.norm())) return {};
+  return one;
+}
+
+/// At a point of each column.
+MaterialResponse tangents(const Material& material, Points<3> X) {
+  return respond(material, Deformation::none(std::move(X), material.history_size()), true);
+}
+
 }  // namespace
 
-bool is_isotropic(const SharedMaterial& material) {
-  if (!material->homogeneous()) return false;
-  const VoigtMatrix<3> C = Materials<3>({material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
-  VoigtMatrix<3> isotropic = VoigtMatrix<3>::Zero();
-  isotropic.topLeftCorner<3, 3>().setConstant(C(0, 1));
-  isotropic.diagonal() << Vec<3>::Constant(C(0, 1) + 2.0 * C(5, 5)), Vec<3>::Constant(C(5, 5));
-  return (C - isotropic).norm() < 1e-9 * C.norm();
+bool is_isotropic(const SharedMaterial& material, const Vec<3>& X) {
+  return isotropic(tangents(*material, X).tangent_at(0)).has_value();
 }
 
 bool is_side(const std::string& name) {
@@ -108,10 +126,24 @@ std::optional<float> common_ratio(const std::vector<float>& a, const std::vector
   return ratio;
 }
 
-/// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy.
+/// C_xyxy and C_xxyy by part of a grid's cells.
+struct Parts {
+  std::vector<float> shear, across;
+};
+
+/// Centre of the first pixel with that label.
+Vec<3> first_place(const LabelImage<3>& image, Label label) {
+  auto pixel = static_cast<std::size_t>(std::ranges::find(image.labels, label) - image.labels.begin());
+  Vec<3> at;
+  for (int d = 0; d < 3; pixel /= image.size[d++]) at[d] = static_cast<double>(pixel % image.size[d]) + 0.5;
+  return image.origin + at.cwiseProduct(image.spacing);
+}
+
+/// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point).
 struct LabelStiffness {
-  std::vector<float> shear, across, solid;  ///< by label
-  double unit = 0.0;                        ///< [stress]
+  std::vector<float> shear, across, solid;                ///< by label; the first two 0 where they vary
+  std::vector<std::pair<Label, SharedMaterial>> varying;  ///< materials that differ from place to place
+  double unit = 0.0;                                      ///< [stress]
   float least_ratio = std::numeric_limits<float>::max(), most_ratio = std::numeric_limits<float>::lowest();
 
   LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
@@ -121,17 +153,21 @@ struct LabelStiffness {
       if (count.label == 0) continue;
       if (count.label >= materials.size())
         throw InputError(fmt::format("the image has the label {}, which has no material", count.label));
-      if (!is_isotropic(materials[count.label]))
-        throw InputError(fmt::format(
-            "on cells materials are isotropic and the same at all points of a label; that of label {} is not",
-            count.label));
-      C[count.label] = Materials<3>({materials[count.label]}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
+      const SharedMaterial& material = materials[count.label];
+      const Vec<3> place = first_place(image, count.label);
+      if (!is_isotropic(material, place))
+        throw InputError(fmt::format("on cells materials are isotropic; that of label {} is not", count.label));
+      const VoigtMatrix<3> there = Materials<3>({material}, Plane::strain).stiffness(0, place).C;
       solid[count.label] = 1.0F;
-      unit = std::max(unit, C[count.label](5, 5));
+      unit = std::max(unit, there(5, 5));
+      if (material->homogeneous())
+        C[count.label] = there;
+      else
+        varying.emplace_back(count.label, material);
     }
     if (unit == 0.0) throw InputError("all of the image is void");
     for (std::size_t l = 0; l < C.size(); ++l) {
-      if (solid[l] == 0.0F) continue;
+      if (C[l](5, 5) == 0.0) continue;
       shear[l] = static_cast<float>(C[l](5, 5) / unit);
       across[l] = static_cast<float>(C[l](0, 1) / unit);
       const auto ratio = static_cast<float>(C[l](0, 1) / C[l](5, 5));
@@ -139,12 +175,67 @@ struct LabelStiffness {
       most_ratio = std::max(most_ratio, ratio);
     }
   }
+
+  /// So that they hold those of all parts.
+  void widen_ratios(const Parts& parts) {
+    for (std::size_t i = 0; i < parts.shear.size(); ++i) {
+      if (!(parts.shear[i] > 0.0F)) continue;
+      const float ratio = parts.across[i] / parts.shear[i];
+      least_ratio = std::min(least_ratio, ratio);
+      most_ratio = std::max(most_ratio, ratio);
+    }
+  }
 };
 
-/// The same by part of a grid's cells.
-struct Parts {
-  std::vector<float> shear, across;
-};
+/// Adds what a material that differs from place to place has in each part.
+void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit, const Triple& boxes,
+                 double grown, Parts& parts) {
+  std::vector<float> one(label + 1, 0.0F);
+  one[label] = 1.0F;
+  const std::vector<float> share = box_averages(image, one, boxes, grown);
+  Vec<3> edges;
+  Triple samples;  // along each axis of a part
+  for (int d = 0; d < 3; ++d) {
+    edges[d] = image.size[d] * image.spacing[d] / boxes[d];
+    samples[d] = std::max(1, static_cast<int>(std::ceil(edges[d] / (2.0 * image.spacing[d]) - 1e-9)));
+  }
+  const Index of_part = samples[0] * samples[1] * samples[2];
+  parallel_chunks(boxes[1] * boxes[2], 16, [&](Index begin, Index end) {
+    for (Index row = begin; row < end; ++row) {
+      const std::size_t first = static_cast<std::size_t>(row) * boxes[0];
+      std::vector<Index> there;
+      for (Index i = 0; i < boxes[0]; ++i)
+        if (share[first + i] > 0.0F) there.push_back(i);
+      if (there.empty()) continue;
+      Points<3> X(3, of_part * static_cast<Index>(there.size()));
+      Index p = 0;
+      for (const Index i : there)
+        for (Index s = 0; s < of_part; ++s, ++p) {
+          const Triple part{i, row % boxes[1], row / boxes[1]},
+              sample{s % samples[0], s / samples[0] % samples[1], s / samples[0] / samples[1]};
+          for (int d = 0; d < 3; ++d) X(d, p) = image.origin[d] + edges[d] * (part[d] + (sample[d] + 0.5) / samples[d]);
+        }
+      const MaterialResponse response = tangents(material, X);
+      for (std::size_t k = 0; k < there.size(); ++k) {
+        Isotropic sum{0.0, 0.0};
+        for (Index s = 0; s < of_part; ++s) {
+          p = static_cast<Index>(k) * of_part + s;
+          const auto here = isotropic(response.tangent_at(p));
+          if (!here)
+            throw InputError(
+                fmt::format("on cells materials are isotropic; that of label {} is not at {}", label, text(X.col(p))));
+          sum.shear += here->shear;
+          sum.across += here->across;
+        }
+        const std::size_t at = first + there[k];
+        const double weight = share[at] / (of_part * unit);
+        parts.shear[at] += static_cast<float>(weight * sum.shear);
+        parts.across[at] += static_cast<float>(weight * sum.across);
+      }
+    }
+  });
+}
+
 Parts parts_of(const LabelImage<3>& image, const LabelStiffness& stiffness, const Triple& cells, double grown) {
   const Triple boxes{2 * cells[0], 2 * cells[1], 2 * cells[2]};
   Parts parts{box_averages(image, stiffness.shear, boxes, grown), {}};
@@ -154,6 +245,8 @@ Parts parts_of(const LabelImage<3>& image, const LabelStiffness& stiffness, cons
   } else {
     parts.across = box_averages(image, stiffness.across, boxes, grown);
   }
+  for (const auto& [label, material] : stiffness.varying)
+    add_varying(image, label, *material, stiffness.unit, boxes, grown, parts);
   return parts;
 }
 
@@ -325,11 +418,12 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<Triple> cells =
       grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff());
-  const LabelStiffness stiffness(image, materials);
+  LabelStiffness stiffness(image, materials);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
   CellProblems problems{held_sides(conditions), {}, stiffness.unit * unit_length, {}};
   Parts parts = parts_of(image, stiffness, cells[0], 0.0);
+  if (!stiffness.varying.empty()) stiffness.widen_ratios(parts);
   CellEigenvalues eigenvalues{};
   for (std::size_t l = 0; l < cells.size(); ++l) {
     const Triple& n = cells[l];

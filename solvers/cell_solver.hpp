@@ -18,8 +18,8 @@ namespace efree {
 /// "top" (z).
 bool is_side(const std::string& name);
 
-/// Whether a material is isotropic and the same everywhere, as cells take it. Throws InputError for none.
-bool is_isotropic(const SharedMaterial& material);
+/// Whether a material is isotropic at X, as cells take it. Throws InputError for none.
+bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
 
 /// Memory that solve_on_cells takes [bytes to a point of the grid].
 inline constexpr double cell_memory = 320.0;
@@ -68,9 +68,11 @@ struct CellSolution {
 /// gradients preconditioned by geometric multigrid, a Chebyshev polynomial over the diagonal as smoother (Adams,
 /// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
 ///
-/// `materials` by label, void 0 left out of account. Conditions and loads are on the sides of the frame: "left",
-/// "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the grid's points. Bodies that
-/// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
+/// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of each
+/// octant (of more than two voxels a side: at points two voxels apart, and their mean). Conditions and loads are on the
+/// sides of the frame: "left", "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the
+/// grid's points. Bodies that nothing holds and nothing loads do not count. Bitwise the same on any number of threads;
+/// memory: cell_memory.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
 /// or with one that is not isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not

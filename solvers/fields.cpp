@@ -378,51 +378,31 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
 }
 
 template <int Dim>
-std::pair<Index, typename FineSpace<Dim>::Barycentric> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x) {
-  Index best_cell = 0;
-  typename FineSpace<Dim>::Barycentric best = FineSpace<Dim>::Barycentric::Constant(-1e300);
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    typename FineSpace<Dim>::Barycentric at = mesh.hat_gradients(c).transpose() * (x - mesh.centroid(c));
-    at.array() += 1.0 / (Dim + 1);
-    if (at.minCoeff() > best.minCoeff()) best = at, best_cell = c;
-    if (best.minCoeff() >= 0.0) break;
-  }
-  if (best.minCoeff() >= -1e-9) return {best_cell, best};
-  Vec<Dim> nearest = mesh.vertex(0);
-  for (Index v = 1; v < mesh.num_vertices(); ++v)
-    if ((mesh.vertex(v) - x).squaredNorm() < (nearest - x).squaredNorm()) nearest = mesh.vertex(v);
-  throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})",
-                               fmt::join(x, ", "), fmt::join(nearest, ", ")));
-}
-
-template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
-  const auto [cell, inside] = locate(space.mesh(), at);
-  const auto N = space.values(inside);
-  const auto places = space.places(cell);
-  return {gather<Dim>(fields.displacement, space.cell(cell)) * N, gather<Dim>(fields.strain, places) * N,
+ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Location<Dim>& there) {
+  const auto N = space.values(there.at);
+  const auto places = space.places(there.cell);
+  return {gather<Dim>(fields.displacement, space.cell(there.cell)) * N, gather<Dim>(fields.strain, places) * N,
           gather<Dim>(fields.stress, places) * N};
 }
 
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&, const Materials<2>&);
 template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&);
 template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
-template std::pair<Index, FineSpace<2>::Barycentric> locate<2>(const FineMesh<2>&, const Vec<2>&);
 template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template std::vector<VoigtPoints<2>> stress_differences<2>(const Approximation<2>&, const Fields<2>&,
                                                            const Materials<2>&, Index);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
-template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Vec<2>&);
+template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Location<2>&);
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&,
                                   const ExactSolution<2>&);
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&, const Materials<3>&);
 template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&);
 template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
-template std::pair<Index, FineSpace<3>::Barycentric> locate<3>(const FineMesh<3>&, const Vec<3>&);
 template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template std::vector<VoigtPoints<3>> stress_differences<3>(const Approximation<3>&, const Fields<3>&,
                                                            const Materials<3>&, Index);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
-template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Vec<3>&);
+template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Location<3>&);
 template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&,
                                   const ExactSolution<3>&);
 

@@ -5,6 +5,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
+#include "efree/geometry/mesh/locator.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <fmt/format.h>

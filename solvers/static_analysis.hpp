@@ -2,6 +2,7 @@
 /// Static linear elasticity on any basis.
 #pragma once
 
+#include "efree/geometry/mesh/locator.hpp"
 #include "efree/solvers/equilibrium.hpp"
 #include "efree/solvers/functional.hpp"
 
@@ -58,17 +59,18 @@ template <int Dim> struct Fields {
 };
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
 
-/// Cell that holds the point with its barycentric coordinates. Throws InputError (with the nearest point of the body)
-/// if it lies outside.
-template <int Dim>
-std::pair<Index, typename FineSpace<Dim>::Barycentric> locate(const FineMesh<Dim>& mesh, const Vec<Dim>& x);
-
-/// Fields at one point. Throws InputError (with the nearest point of the body) if it lies outside.
+/// Fields at one point.
 template <int Dim> struct ProbeValues {
   Vec<Dim> displacement;
   Voigt<Dim> strain, stress;
 };
-template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at);
+/// There; a Locator finds many points.
+template <int Dim>
+ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Location<Dim>& there);
+/// At a point. Throws InputError (with the nearest vertex of the body) if it lies outside.
+template <int Dim> ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, const Vec<Dim>& at) {
+  return probe(space, fields, locate(space.mesh(), at));
+}
 
 /// Relative errors against an exact solution, integrated on the fine mesh. What is not given exactly has no error.
 struct Errors {

@@ -545,17 +545,23 @@ template <int Dim> Values read_values_of(const std::string& path, const ImageOpt
                   path));
 }
 
+/// Throws unless all channels but alpha are equal.
+template <class T> void require_grey(const std::string& path, const T* values, const Values& v) {
+  const int stride = v.components, colours = stride == 2 || stride == 4 ? stride - 1 : stride;
+  for (std::size_t p = 0; colours > 1 && p < v.pixels(); ++p)
+    for (int c = 1; c < colours; ++c)
+      if (values[p * stride + c] != values[p * stride])
+        throw InputError(fmt::format("{}: it is a colour image; turn it into a grey one, or one of labels", path));
+}
+
 /// Label of every value, in the order of the file.
 template <int Dim, class T>
 std::vector<Label> classify(const std::string& path, const Values& v, const ImageOptions<Dim>& options) {
   const T* values = static_cast<const T*>(v.data());
-  const int stride = v.components, colours = stride == 2 || stride == 4 ? stride - 1 : stride;
+  require_grey(path, values, v);
   std::vector<Label> labels(v.pixels());
   for (std::size_t p = 0; p < labels.size(); ++p) {
-    const T value = values[p * stride];
-    for (int c = 1; c < colours; ++c)
-      if (values[p * stride + c] != value)
-        throw InputError(fmt::format("{}: it is a colour image; turn it into a grey one, or one of labels", path));
+    const T value = values[p * v.components];
     if (options.threshold) {
       const bool high = static_cast<double>(value) >= *options.threshold;
       labels[p] = high != options.below;
@@ -587,45 +593,57 @@ template <int Dim, class T> std::vector<float> distances_from_threshold(const T*
   return out;
 }
 
-}  // namespace
-
-template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options) {
+/// The file's values, with the dimensions asked for.
+template <int Dim> Values read_checked(const std::string& path, const ImageOptions<Dim>& options) {
   if (!options.spacing.empty() && options.spacing.size() != 1 && options.spacing.size() != Dim)
     throw InputError(fmt::format("{}: {} spacings given, expected 1 or {}", path, options.spacing.size(), Dim));
-  if (options.threshold && !std::isfinite(*options.threshold))
-    throw InputError(fmt::format("{}: the threshold is {}", path, *options.threshold));
   Values v = read_values_of<Dim>(path, options);
   if (Dim == 2 && v.size[2] != 1)
     throw InputError(fmt::format("{}: it has {} layers, expected a plane image", path, v.size[2]));
   if (Dim == 3 && v.size[2] == 1)
     throw InputError(fmt::format("{}: it has a single layer, expected an image of three dimensions", path));
+  return v;
+}
 
-  LabelImage<Dim> image;
+/// An image of this size, in this place.
+template <class Image, int Dim> Image frame_of(const Values& v, const ImageOptions<Dim>& options) {
+  Image image;
   for (int d = 0; d < Dim; ++d) {
     image.size[d] = v.size[d];
     image.spacing[d] = options.spacing.empty() ? v.spacing[d] : options.spacing[options.spacing.size() == 1 ? 0 : d];
     // The origin is a length as well, but not one in pixels: a spacing that is given leaves it.
     image.origin[d] = v.origin[d];
   }
+  return image;
+}
+
+/// y points up.
+template <class T> void flip(const Values& v, std::vector<T>& values) {
+  if (!v.top_first) return;
+  for (Index k = 0; k < v.size[2]; ++k)
+    for (Index j = 0; j < v.size[1] / 2; ++j) {
+      const auto row = [&](Index of) {
+        return values.begin() + (static_cast<std::ptrdiff_t>(k) * v.size[1] + of) * v.size[0];
+      };
+      std::swap_ranges(row(j), row(j) + v.size[0], row(v.size[1] - 1 - j));
+    }
+}
+
+}  // namespace
+
+template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options) {
+  if (options.threshold && !std::isfinite(*options.threshold))
+    throw InputError(fmt::format("{}: the threshold is {}", path, *options.threshold));
+  const Values v = read_checked<Dim>(path, options);
+  auto image = frame_of<LabelImage<Dim>>(v, options);
   with_type(path, v.type, [&](auto value) {
     image.labels = classify<Dim, decltype(value)>(path, v, options);
     if (options.threshold)
       image.grey =
           distances_from_threshold(static_cast<const decltype(value)*>(v.data()), v.components, options, image.labels);
   });
-  if (v.top_first) {
-    const auto flip = [&](auto& values) {
-      for (Index k = 0; k < v.size[2]; ++k)
-        for (Index j = 0; j < v.size[1] / 2; ++j) {
-          const auto row = [&](Index of) {
-            return values.begin() + (static_cast<std::ptrdiff_t>(k) * v.size[1] + of) * v.size[0];
-          };
-          std::swap_ranges(row(j), row(j) + v.size[0], row(v.size[1] - 1 - j));
-        }
-    };
-    flip(image.labels);
-    if (options.threshold) flip(image.grey);
-  }
+  flip(v, image.labels);
+  if (options.threshold) flip(v, image.grey);
   if (!options.threshold)
     for (Label& label : image.labels)
       if (std::find(options.background.begin(), options.background.end(), label) != options.background.end()) label = 0;
@@ -637,6 +655,21 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
         fmt::format("{}: it has {} different values and looks like a grey image: give a threshold (or allow "
                     "that many labels)",
                     path, counts.size()));
+  return image;
+}
+
+template <int Dim> GreyImage<Dim> read_grey_image(const std::string& path, const ImageOptions<Dim>& options) {
+  const Values v = read_checked<Dim>(path, options);
+  auto image = frame_of<GreyImage<Dim>>(v, options);
+  with_type(path, v.type, [&](auto value) {
+    using T = decltype(value);
+    const T* values = static_cast<const T*>(v.data());
+    require_grey(path, values, v);
+    image.values.resize(v.pixels());
+    for (std::size_t p = 0; p < image.values.size(); ++p)
+      image.values[p] = static_cast<float>(values[p * v.components]);
+  });
+  flip(v, image.values);
   return image;
 }
 
@@ -724,6 +757,8 @@ template <int Dim> void write_image(const LabelImage<Dim>& image, const std::str
 
 template LabelImage<2> read_image<2>(const std::string&, const ImageOptions<2>&);
 template LabelImage<3> read_image<3>(const std::string&, const ImageOptions<3>&);
+template GreyImage<2> read_grey_image<2>(const std::string&, const ImageOptions<2>&);
+template GreyImage<3> read_grey_image<3>(const std::string&, const ImageOptions<3>&);
 template void write_image<2>(const LabelImage<2>&, const std::string&);
 template void write_image<3>(const LabelImage<3>&, const std::string&);
 

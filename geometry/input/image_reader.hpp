@@ -2,6 +2,7 @@
 /// Label images from files and into files.
 #pragma once
 
+#include "efree/geometry/input/grey_image.hpp"
 #include "efree/geometry/input/label_image.hpp"
 
 #include <cstdint>
@@ -41,6 +42,10 @@ template <int Dim> struct ImageOptions {
 /// raw size that does not match the file's length, and too little memory, which is said from the header, before it is
 /// taken.
 template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options = {});
+
+/// The values of the same pixels as they are in the file, in single precision; of `options` spacing and raw count.
+/// Throws InputError for the file itself as read_image does.
+template <int Dim> GreyImage<Dim> read_grey_image(const std::string& path, const ImageOptions<Dim>& options = {});
 
 /// What an image holds, for choosing how to read it.
 struct ImageValues {

@@ -10,11 +10,6 @@
 namespace efree {
 namespace {
 
-template <int Dim> BoundingBox<Dim> no_box() {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  return {Vec<Dim>::Constant(infinity), Vec<Dim>::Constant(-infinity)};
-}
-
 template <int Dim> class Pixels {
  public:
   explicit Pixels(const LabelImage<Dim>& image) : image_(image) {
@@ -44,40 +39,27 @@ template <int Dim> class Pixels {
 /// Connected parts of the material and of the void inside it.
 template <int Dim>
 void find_parts(const LabelImage<Dim>& image, const Pixels<Dim>& pixels, ImageSummary<Dim>& summary) {
-  std::vector<char> done(image.labels.size(), 0);
-  std::vector<std::size_t> stack;
-  for (std::size_t seed = 0; seed < image.labels.size(); ++seed) {
-    if (done[seed]) continue;
-    const bool is_void = image.labels[seed] == 0;
-    ImagePart<Dim> part{0, Vec<Dim>::Zero()};
-    bool on_frame = false;
-    stack.assign(1, seed);
-    done[seed] = 1;
-    while (!stack.empty()) {
-      const std::size_t pixel = stack.back();
-      stack.pop_back();
-      ++part.pixels;
-      for (int d = 0; d < Dim; ++d) {
-        const Index along = pixels.along(pixel, d);
-        part.centre[d] += along + 0.5;
-        const auto visit = [&](bool inside, std::size_t next) {
-          if (!inside) {
-            on_frame = true;
-            return;
-          }
-          if (done[next] || (image.labels[next] == 0) != is_void) return;
-          done[next] = 1;
-          stack.push_back(next);
-        };
-        visit(along > 0, pixel - pixels.stride(d));
-        visit(along + 1 < image.size[d], pixel + pixels.stride(d));
-      }
+  LabelImage<Dim> material{.size = image.size, .labels = image.labels};
+  for (Label& label : material.labels) label = label != 0;
+  const auto [parts, part_of] = connected_pixels(material);
+  std::vector<Vec<Dim>> sum(parts.size(), Vec<Dim>::Zero());  // of the centres of pixels, in pixels
+  std::vector<char> on_frame(parts.size(), 0);
+  std::array<Index, Dim> at{};
+  for (const Index part : part_of) {
+    for (int d = 0; d < Dim; ++d) {
+      sum[part][d] += at[d] + 0.5;
+      if (at[d] == 0 || at[d] + 1 == image.size[d]) on_frame[part] = 1;
     }
-    part.centre = image.origin + (part.centre / static_cast<double>(part.pixels)).cwiseProduct(image.spacing);
-    if (is_void && on_frame) continue;
+    pixels.step(at);
+  }
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    const bool is_void = parts[k].label == 0;
+    if (is_void && on_frame[k]) continue;
     ++(is_void ? summary.closed_pores : summary.bodies);
     auto& smallest = is_void ? summary.smallest_pore : summary.smallest_body;
-    if (!smallest || part.pixels < smallest->pixels) smallest = part;
+    if (smallest && smallest->pixels <= static_cast<std::int64_t>(parts[k].pixels)) continue;
+    const Vec<Dim> centre = sum[k] / static_cast<double>(parts[k].pixels);
+    smallest = {static_cast<std::int64_t>(parts[k].pixels), image.origin + centre.cwiseProduct(image.spacing)};
   }
 }
 
@@ -127,10 +109,7 @@ template <int Dim> void find_facets(const LabelImage<Dim>& image, const Pixels<D
     part.num_facets += count;
     part.measure += count * measure;
     part.mean_normal[d] += side * count * measure;
-    for (const Vec<Dim>& corner : facet.corners) {
-      part.box.low = part.box.low.cwiseMin(corner);
-      part.box.high = part.box.high.cwiseMax(corner);
-    }
+    for (const Vec<Dim>& corner : facet.corners) part.box.extend(corner);
     facets.push_back(std::move(facet));
   }
 }
@@ -147,8 +126,8 @@ template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& imag
     if (label == 0) continue;
     number[label] = static_cast<Index>(summary.labels.size());
     material += count;
-    summary.labels.push_back({std::to_string(label), static_cast<Index>(count),
-                              static_cast<double>(count) * image.pixel_volume(), no_box<Dim>()});
+    summary.labels.push_back(
+        {std::to_string(label), static_cast<Index>(count), static_cast<double>(count) * image.pixel_volume(), {}});
   }
   if (material == 0) throw InputError("image: all of it is void");
   summary.material = static_cast<double>(material) / static_cast<double>(image.labels.size());
@@ -157,8 +136,7 @@ template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& imag
     if (image.labels[pixel] == 0) continue;
     BoundingBox<Dim>& box = summary.labels[number[image.labels[pixel]]].box;
     const Vec<Dim> low = pixels.corner(at);
-    box.low = box.low.cwiseMin(low);
-    box.high = box.high.cwiseMax(low + image.spacing);
+    box.extend(low).extend(low + image.spacing);
   }
   find_parts(image, pixels, summary);
 
@@ -166,7 +144,7 @@ template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& imag
       Dim == 2 ? std::vector<std::string>{"left", "right", "bottom", "top", "pores"}
                : std::vector<std::string>{"left", "right", "front", "back", "bottom", "top", "pores"};
   std::vector<GroupSummary<Dim>> groups;
-  for (const std::string& name : names) groups.push_back({name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()});
+  for (const std::string& name : names) groups.push_back({name, 0, 0.0, std::nullopt, {}, Vec<Dim>::Zero()});
   for (int d = 0; d < Dim; ++d)
     for (const int side : {-1, 1}) find_facets(image, pixels, number, d, side, groups, summary.facets);
   std::vector<Index> kept(groups.size(), -1);

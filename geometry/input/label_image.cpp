@@ -2,6 +2,7 @@
 #include "efree/geometry/input/label_image.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/memory.hpp"
 
 #include <fmt/format.h>
@@ -51,35 +52,30 @@ template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image
   if (pixels > static_cast<std::size_t>(std::numeric_limits<Index>::max()))
     throw InputError(
         fmt::format("image: {} pixels, at most {} can be numbered", pixels, std::numeric_limits<Index>::max()));
-  ConnectedPixels out;
-  // Trees of pixels, each with its first one as root.
-  auto& parent = out.part_of;
-  parent.resize(pixels);
-  const auto root = [&](Index pixel) {
-    while (parent[pixel] != pixel) pixel = parent[pixel] = parent[parent[pixel]];
-    return pixel;
-  };
+  internal::DisjointSets parts(static_cast<Index>(pixels));
   for (std::size_t first = 0; first < pixels; first += row) {
     std::array<std::size_t, Dim> back{1};  // to the neighbour before along each axis, 0: none
     std::size_t stride = row;
     for (int d = 1; d < Dim; stride *= image.size[d++]) back[d] = first / stride % image.size[d] > 0 ? stride : 0;
     for (std::size_t pixel = first; pixel < first + row; ++pixel) {
       const Label label = image.labels[pixel];
-      Index own = static_cast<Index>(pixel);
-      parent[pixel] = own;
-      for (int d = 0; d < Dim; ++d) {
-        if (back[d] == 0 || (d == 0 && pixel == first) || image.labels[pixel - back[d]] != label) continue;
-        const Index other = root(static_cast<Index>(pixel - back[d]));
-        parent[std::max(own, other)] = std::min(own, other);
-        own = std::min(own, other);
+      const auto has_it = [&](std::size_t other) { return image.labels[other] == label; };
+      const bool goes_on = pixel > first && has_it(pixel - 1);
+      if (goes_on) parts.join(static_cast<Index>(pixel - 1), static_cast<Index>(pixel));
+      for (int d = 1; d < Dim; ++d) {
+        // The pixel before this one has been joined to its neighbour there, if that has the label, too.
+        if (back[d] == 0 || !has_it(pixel - back[d]) || (goes_on && has_it(pixel - 1 - back[d]))) continue;
+        parts.join(static_cast<Index>(pixel - back[d]), static_cast<Index>(pixel));
       }
     }
   }
+  ConnectedPixels out{{}, std::move(parts).firsts()};
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-    const bool is_root = parent[pixel] == static_cast<Index>(pixel);
-    parent[pixel] = is_root ? static_cast<Index>(out.parts.size()) : parent[parent[pixel]];
-    if (is_root) out.parts.push_back({image.labels[pixel], 0});
-    ++out.parts[parent[pixel]].pixels;
+    Index& part = out.part_of[pixel];
+    const bool is_first = part == static_cast<Index>(pixel);
+    part = is_first ? static_cast<Index>(out.parts.size()) : out.part_of[part];
+    if (is_first) out.parts.push_back({image.labels[pixel], 0});
+    ++out.parts[part].pixels;
   }
   return out;
 }

@@ -2,6 +2,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 
 #include <CGAL/AABB_traits.h>
@@ -15,7 +16,6 @@
 #include <limits>
 #include <map>
 #include <numbers>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -24,10 +24,6 @@ namespace pmp = CGAL::Polygon_mesh_processing;
 using internal::Kernel;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-
-BoundingBox<3> no_box() {
-  return {Vec<3>::Constant(infinity), Vec<3>::Constant(-infinity)};
-}
 
 /// Normal of a triangle times its area.
 Vec<3> area_vector(const SurfaceSoup& soup, Index t) {
@@ -52,44 +48,29 @@ Edges edges_of(const SurfaceSoup& soup) {
   return edges;
 }
 
-/// Sets that grow together.
-class Union {
- public:
-  explicit Union(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0); }
-  Index root(Index i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(Index i, Index j) { parent_[root(i)] = root(j); }
-
- private:
-  std::vector<Index> parent_;
-};
-
 void find_groups(SurfaceCheck& check, double feature_angle) {
   const SurfaceSoup& soup = check.surface;
   const auto count = static_cast<Index>(soup.triangles.size());
   const double cosine = std::cos(feature_angle * std::numbers::pi / 180.0);
-  Union parts(soup.triangles.size());
+  internal::DisjointSets sets(count);
   for (const auto& [edge, sides] : edges_of(soup)) {
     if (sides.size() != 2) continue;
     const Vec<3> a = area_vector(soup, sides[0].triangle).normalized(),
                  b = area_vector(soup, sides[1].triangle).normalized();
     // Neighbours that are turned the same way pass their edge in opposite directions.
     const double turn = sides[0].ascending != sides[1].ascending ? a.dot(b) : -a.dot(b);
-    if (turn >= cosine) parts.join(sides[0].triangle, sides[1].triangle);
+    if (turn >= cosine) sets.join(sides[0].triangle, sides[1].triangle);
   }
+  const std::vector<Index> part = std::move(sets).firsts();
   std::map<Index, GroupSummary<3>> groups;
   for (Index t = 0; t < count; ++t) {
-    auto& group =
-        groups.try_emplace(parts.root(t), GroupSummary<3>{"", 0, 0.0, {}, no_box(), Vec<3>::Zero()}).first->second;
+    auto& group = groups.try_emplace(part[t], GroupSummary<3>{"", 0, 0.0, {}, {}, Vec<3>::Zero()}).first->second;
     const Vec<3> area = area_vector(soup, t);
     ++group.num_facets;
     group.measure += area.norm();
     group.mean_normal += area;
     for (const Index v : soup.triangles[t]) {
-      group.box.low = group.box.low.cwiseMin(soup.points.col(v));
-      group.box.high = group.box.high.cwiseMax(soup.points.col(v));
+      group.box.extend(soup.points.col(v));
     }
   }
   std::vector<Index> roots;
@@ -106,7 +87,7 @@ void find_groups(SurfaceCheck& check, double feature_angle) {
     check.groups.push_back(groups.at(root));
     check.groups.back().name = fmt::format("surface {}", check.groups.size());
   }
-  for (Index t = 0; t < count; ++t) check.group_of.push_back(number.at(parts.root(t)));
+  for (Index t = 0; t < count; ++t) check.group_of.push_back(number.at(part[t]));
 }
 
 std::optional<SurfaceCheck::Wall> thinnest_wall(const SurfaceSoup& soup) {
@@ -145,9 +126,9 @@ SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
   check.triangles = static_cast<Index>(soup.triangles.size());
   check.points = static_cast<Index>(soup.points.cols());
   check.box = {soup.points.rowwise().minCoeff(), soup.points.rowwise().maxCoeff()};
-  const double diagonal = (check.box.high - check.box.low).norm();
+  const double diagonal = check.box.diagonal().norm();
   check.shortest_edge = infinity;
-  Union shells(soup.points.cols());
+  internal::DisjointSets shells(check.points);
   std::vector<char> used(soup.points.cols(), 0);
   for (Index t = 0; t < check.triangles; ++t) {
     const double area = area_vector(soup, t).norm();
@@ -165,7 +146,8 @@ SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
     }
   }
   if (check.longest_edge == 0.0) check.shortest_edge = 0.0;
-  for (Index v = 0; v < check.points; ++v) check.shells += used[v] && shells.root(v) == v;
+  const std::vector<Index> shell = std::move(shells).firsts();
+  for (Index v = 0; v < check.points; ++v) check.shells += used[v] && shell[v] == v;
   for (const auto& [edge, sides] : edges_of(soup)) {
     check.open_edges += sides.size() == 1;
     check.crowded_edges += sides.size() > 2;

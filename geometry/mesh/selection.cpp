@@ -2,6 +2,7 @@
 #include "efree/geometry/mesh/selection.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,7 +11,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -59,21 +59,15 @@ struct Interfaces {
 /// Facets that share an edge (a vertex in 2D). Vertices that ties put into one place count as one.
 template <int Dim> class Neighbours {
  public:
-  Neighbours(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties)
-      : mesh_(mesh), place_(static_cast<std::size_t>(mesh.num_vertices())) {
-    std::iota(place_.begin(), place_.end(), 0);
-    const auto root = [&](Index v) {
-      while (place_[v] != v) v = place_[v] = place_[place_[v]];
-      return v;
-    };
+  Neighbours(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties) : mesh_(mesh) {
+    internal::DisjointSets places(mesh.num_vertices());
     for (const auto& [first, second] : ties)
       for (const Index v : mesh.facets().col(first))
         for (const Index w : mesh.facets().col(second))
-          if (mesh.vertex(v) == mesh.vertex(w)) place_[std::max(root(v), root(w))] = std::min(root(v), root(w));
-    for (Index v = 0; v < mesh.num_vertices(); ++v) {
-      place_[v] = root(v);
+          if (mesh.vertex(v) == mesh.vertex(w)) places.join(v, w);
+    place_ = std::move(places).firsts();
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
       if (place_[v] != v) copies_.emplace_back(place_[v], v);
-    }
     std::ranges::sort(copies_);
   }
 

@@ -14,15 +14,6 @@ namespace {
 constexpr double degree = std::numbers::pi / 180.0;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-template <int Dim> BoundingBox<Dim> no_box() {
-  return {Vec<Dim>::Constant(infinity), Vec<Dim>::Constant(-infinity)};
-}
-
-template <int Dim> void grow(BoundingBox<Dim>& box, const Vec<Dim>& x) {
-  box.low = box.low.cwiseMin(x);
-  box.high = box.high.cwiseMax(x);
-}
-
 /// Normal of a facet times its measure, outward for a boundary facet in FineMesh's order.
 template <int Dim> Vec<Dim> area_vector(const Points<Dim>& x, const std::array<Index, Dim>& facet) {
   if constexpr (Dim == 2) {
@@ -42,7 +33,7 @@ template <int Dim> std::array<Index, Dim> sorted(std::array<Index, Dim> facet) {
 template <int Dim>
 GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename MeshData<Dim>::Group& group,
                                   const std::map<std::array<Index, Dim>, std::array<Index, Dim>>& outward) {
-  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, no_box<Dim>(), Vec<Dim>::Zero()};
+  GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, {}, Vec<Dim>::Zero()};
   auto facets = group.facets;
   for (auto& facet : facets) facet = sorted<Dim>(facet);
   std::sort(facets.begin(), facets.end());
@@ -57,7 +48,7 @@ GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename Mesh
     sum += area;
     out.measure += area.norm();
     normals.push_back(area.normalized());
-    for (const Index v : facet) grow<Dim>(out.box, mesh.vertices.col(v));
+    for (const Index v : facet) out.box.extend(mesh.vertices.col(v));
   }
   out.num_facets = static_cast<Index>(facets.size());
   if (out.measure > 0.0) out.mean_normal = sum / out.measure;
@@ -79,9 +70,8 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
   out.num_components = mesh.num_components();
   out.volume = mesh.volumes().sum();
   out.largest_edge = mesh.size();
-  out.box = no_box<Dim>();
-  for (Index v = 0; v < mesh.num_vertices(); ++v) grow<Dim>(out.box, mesh.vertex(v));
-  for (const std::string& name : mesh.region_names()) out.bodies.push_back({name, 0, 0.0, no_box<Dim>()});
+  for (Index v = 0; v < mesh.num_vertices(); ++v) out.box.extend(mesh.vertex(v));
+  for (const std::string& name : mesh.region_names()) out.bodies.push_back({name, 0, 0.0, {}});
 
   out.smallest_edge = infinity;
   double largest_cosine = -1.0;
@@ -92,7 +82,7 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
     auto normals = mesh.hat_gradients(c);
     normals.colwise().normalize();
     for (int i = 0; i <= Dim; ++i) {
-      grow<Dim>(body.box, mesh.vertex(mesh.cells()(i, c)));
+      body.box.extend(mesh.vertex(mesh.cells()(i, c)));
       for (int j = 0; j < i; ++j) {
         out.smallest_edge =
             std::min(out.smallest_edge, (mesh.vertex(mesh.cells()(i, c)) - mesh.vertex(mesh.cells()(j, c))).norm());

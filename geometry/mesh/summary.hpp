@@ -4,6 +4,7 @@
 
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
+#include <Eigen/Geometry>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@
 namespace efree {
 
 /// Smallest axis-parallel box.
-template <int Dim> struct BoundingBox { Vec<Dim> low, high; };
+template <int Dim> using BoundingBox = Eigen::AlignedBox<double, Dim>;
 
 /// A region.
 template <int Dim> struct BodySummary {

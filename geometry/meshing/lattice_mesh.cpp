@@ -2,6 +2,7 @@
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/bodies.hpp"
@@ -405,13 +406,7 @@ class LatticeMesher {
     for (const auto& of_layer : found) unseen.insert(unseen.end(), of_layer.begin(), of_layer.end());
     if (unseen.empty()) return;
 
-    // Clusters by union and find; the root of each is its first voxel.
-    std::vector<std::size_t> parent(unseen.size());
-    std::iota(parent.begin(), parent.end(), 0);
-    const auto root = [&](std::size_t n) {
-      while (parent[n] != n) n = parent[n] = parent[parent[n]];
-      return n;
-    };
+    internal::DisjointSets sets(static_cast<Index>(unseen.size()));
     std::vector<char> hangs_on(unseen.size(), 0);  // next to a voxel of its region that is seen
     const auto for_each_neighbour = [&](std::size_t voxel, const auto& body) {
       const std::size_t at[3] = {voxel % row, voxel % layer / row, voxel / layer}, step[3] = {1, row, layer};
@@ -428,9 +423,9 @@ class LatticeMesher {
           hangs_on[n] = 1;
           return;
         }
-        const std::size_t a = root(n), b = root(static_cast<std::size_t>(it - unseen.begin()));
-        parent[std::max(a, b)] = std::min(a, b);
+        sets.join(static_cast<Index>(n), static_cast<Index>(it - unseen.begin()));
       });
+    const std::vector<Index> cluster_of = std::move(sets).firsts();
     struct Cluster {
       std::size_t voxels = 0;
       bool hangs_on = false;
@@ -442,14 +437,14 @@ class LatticeMesher {
     };
     std::vector<Cluster> clusters(unseen.size());
     for (std::size_t n = 0; n < unseen.size(); ++n) {
-      Cluster& cluster = clusters[root(n)];
+      Cluster& cluster = clusters[cluster_of[n]];
       ++cluster.voxels;
       cluster.hangs_on = cluster.hangs_on || hangs_on[n];
       cluster.sum += centre(unseen[n]);
     }
     std::size_t worst = 0;
     for (std::size_t n = 0; n < unseen.size(); ++n) {
-      if (parent[n] != n) continue;
+      if (cluster_of[n] != static_cast<Index>(n)) continue;
       ++(clusters[n].hangs_on ? lost.pieces : lost.parts);
       const auto rank = [&](std::size_t of) { return std::pair(clusters[of].voxels, !clusters[of].hangs_on); };
       if (rank(n) > rank(worst)) worst = n;
@@ -461,7 +456,8 @@ class LatticeMesher {
     const Vec<3> mean = clusters[worst].sum / static_cast<double>(clusters[worst].voxels);
     double nearest = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < unseen.size(); ++n)
-      if (const double distance = (centre(unseen[n]) - mean).squaredNorm(); root(n) == worst && distance < nearest) {
+      if (const double distance = (centre(unseen[n]) - mean).squaredNorm();
+          cluster_of[n] == static_cast<Index>(worst) && distance < nearest) {
         nearest = distance;
         lost.worst_place = image_.origin + image_.spacing.cwiseProduct(centre(unseen[n]));
       }

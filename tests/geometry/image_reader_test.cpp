@@ -191,6 +191,49 @@ TEST_F(ReadImage, ThresholdsAndBackgrounds) {
   EXPECT_EQ(read_image<2>(floats, {.threshold = 0.5, .raw = raw}).labels, (std::vector<Label>{1, 0, 0, 1}));
 }
 
+TEST_F(ReadImage, GreyValuesAreThoseOfTheFile) {
+  // The first row of a picture is the top one.
+  const auto picture = read_grey_image<2>(put("a.png", grey_png));
+  EXPECT_EQ(picture.values, (std::vector<float>{2, 2, 0, 0, 1, 2}));
+  EXPECT_EQ(picture.size, (std::array<Index, 2>{3, 2}));
+  const auto stack = read_grey_image<3>(put("a.tif", tiff(2, 2, {"\1\2\3\4", "\5\6\7\10"})), {.spacing = {0.5}});
+  EXPECT_EQ(stack.values, (std::vector<float>{3, 4, 1, 2, 7, 8, 5, 6}));
+  EXPECT_EQ(stack.spacing, Vec<3>::Constant(0.5));
+  const float values[4] = {0.25f, -1e9f, 2.0f, 0.0f};
+  const std::string floats = put("a.raw", std::string(reinterpret_cast<const char*>(values), sizeof values));
+  EXPECT_EQ(read_grey_image<2>(floats, {.raw = RawImage<2>{.size = {2, 2}, .type = "float32"}}).values,
+            (std::vector<float>{2.0f, 0.0f, 0.25f, -1e9f}));
+  EXPECT_EQ(read_grey_image<2>(put("e.png", equal_png)).values, (std::vector<float>{1, 0}));
+  EXPECT_INPUT_ERROR(read_grey_image<2>(put("c.png", colour_png)), "it is a colour image");
+  EXPECT_INPUT_ERROR(read_grey_image<3>(put("a.png", grey_png)), "single layer");
+}
+
+TEST(GreyValue, IsLinearBetweenCentresOfPixelsAndConstantBeyond) {
+  GreyImage<3> image{.size = {4, 3, 2}, .spacing = {0.5, 1.0, 2.0}, .origin = {1.0, -1.0, 0.0}};
+  const Vec<3> slope(3.0, -2.0, 5.0), low = image.origin + 0.5 * image.spacing;
+  const Vec<3> high = low + image.spacing.cwiseProduct(Vec<3>(3, 2, 1));
+  for (Index k = 0; k < 2; ++k)
+    for (Index j = 0; j < 3; ++j)
+      for (Index i = 0; i < 4; ++i)
+        image.values.push_back(static_cast<float>(7.0 + slope.dot(low + image.spacing.cwiseProduct(Vec<3>(i, j, k)))));
+  const ScalarField<3> grey = grey_value(image);
+  double worst = 0.0;
+  for (double x = 0.5; x < 4.0; x += 0.17)
+    for (double y = -1.5; y < 3.0; y += 0.23)
+      for (double z = -0.5; z < 5.0; z += 0.31) {
+        const Vec<3> at(x, y, z);
+        worst = std::max(worst, std::abs(grey(at) - 7.0 - slope.dot(at.cwiseMax(low).cwiseMin(high))));
+      }
+  EXPECT_LT(worst, 1e-5);  // of single precision
+  image.values.pop_back();
+  EXPECT_INPUT_ERROR(grey_value(image), "23 grey values for 4 x 3 x 2 pixels");
+}
+
+TEST(GreyValue, OfASinglePixelIsConstant) {
+  const ScalarField<2> grey = grey_value(GreyImage<2>{.size = {1, 1}, .values = {3.5f}});
+  EXPECT_EQ(grey({0.2, 5.0}), 3.5);
+}
+
 TEST_F(ReadImage, RefusesBadFilesWithOneClearMessage) {
   EXPECT_INPUT_ERROR(read_image<2>((folder_ / "no.png").string()), "no.png: there is no such file");
   EXPECT_INPUT_ERROR(read_image<2>(folder_.string()), "it is no file");

@@ -364,13 +364,13 @@ TEST(Summary, PlanarMeshesToo) {
   ASSERT_EQ(summary.bodies.size(), 2u);
   EXPECT_EQ(summary.bodies[1].name, "high");
   EXPECT_DOUBLE_EQ(summary.bodies[1].volume, 0.5);
-  EXPECT_EQ(summary.box.high, Vec<2>(1.0, 1.0));
+  EXPECT_EQ(summary.box.max(), Vec<2>(1.0, 1.0));
   ASSERT_EQ(summary.groups.size(), 3u);
   EXPECT_LT((*summary.groups[0].normal - Vec<2>(-1.0, 0.0)).norm(), 1e-15);
   EXPECT_DOUBLE_EQ(summary.groups[1].measure, std::sqrt(2.0));
   EXPECT_NEAR(std::abs(summary.groups[1].normal->dot(Vec<2>(1.0, -1.0).normalized())), 1.0, 1e-15);
   EXPECT_FALSE(summary.groups[2].normal.has_value());
-  EXPECT_EQ(summary.groups[2].box.low, Vec<2>(0.0, 0.0));
+  EXPECT_EQ(summary.groups[2].box.min(), Vec<2>(0.0, 0.0));
 }
 
 }  // namespace

@@ -45,6 +45,29 @@ TEST(Expression, DefinitionsBuildOnEachOther) {
   EXPECT_DOUBLE_EQ(pair[1], 7.5);
 }
 
+TEST(Expression, FieldsThatAreNoTextHaveNames) {
+  Expressions<2> expressions;
+  expressions.define("half", "0.5");
+  expressions.define("grey", [](const Vec<2>& x) { return 100.0 * x[0]; });
+  expressions.define("unused", [](const Vec<2>&) -> double { throw InputError("asked for"); });
+  expressions.define("density", "half*grey");
+  EXPECT_DOUBLE_EQ(expressions.field("density + y")(Vec<2>(3, 4)), 154.0);
+  EXPECT_TRUE(expressions.varies("density"));
+  EXPECT_FALSE(expressions.varies("half"));
+  EXPECT_EQ(complaint([&] { expressions.define("grey", "1", "case:3"); }),
+            "case:3: \"grey\" already has a meaning, choose another name");
+}
+
+TEST(Expression, RefusedNamesSayWhy) {
+  Expressions<2> expressions;
+  expressions.refuse("grey", "there is no image");
+  EXPECT_DOUBLE_EQ(expressions.field("2*x")(Vec<2>(3, 4)), 6.0);
+  EXPECT_EQ(complaint([&] { expressions.field("2*grey", "case:3"); }),
+            "case:3: expression \"2*grey\": there is no image");
+  EXPECT_EQ(complaint([&] { expressions.define("a", "grey + 1", "case:4"); }),
+            "case:4: expression \"grey + 1\": there is no image");
+}
+
 TEST(Expression, SaysWhereAndWhatIsWrong) {
   Expressions<2> expressions;
   EXPECT_EQ(complaint([&] { expressions.field("1 + foo*x", "case:3"); }),

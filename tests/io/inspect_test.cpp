@@ -52,7 +52,7 @@ TEST(Inspect, AClosedSurfaceHasAVolumeSidesThatFaceOutwardsAndAThinnestWall) {
     EXPECT_EQ(part.num_facets, 2);
     ASSERT_TRUE(part.normal.has_value());
     sum += part.measure * part.mean_normal;
-    const Vec<3> middle = 0.5 * (part.box.low + part.box.high) - Vec<3>(1.5, 1, 0.25);
+    const Vec<3> middle = part.box.center() - Vec<3>(1.5, 1, 0.25);
     EXPECT_GT(middle.dot(*part.normal), 0.0) << part.name;
   }
   EXPECT_LT(sum.norm(), 1e-12);
@@ -116,13 +116,13 @@ TEST(Inspect, AnImageIsMeasuredByItsPixels) {
   write_image(small_image(), (work / "image.mha").string());
   const auto image = std::get<Inspection<2>>(inspect(work / "image.mha"));
   EXPECT_EQ(image.kind, "label image");
-  EXPECT_EQ(image.box.low, Vec<2>(1.0, -1.0));
-  EXPECT_EQ(image.box.high, Vec<2>(4.0, 9.0));
+  EXPECT_EQ(image.box.min(), Vec<2>(1.0, -1.0));
+  EXPECT_EQ(image.box.max(), Vec<2>(4.0, 9.0));
   ASSERT_EQ(image.bodies.size(), 2u);
   EXPECT_EQ(image.bodies[1].name, "2");
   EXPECT_DOUBLE_EQ(image.bodies[1].volume, 2.0);
-  EXPECT_EQ(image.bodies[1].box.low, Vec<2>(2.0, 3.0));
-  EXPECT_EQ(image.bodies[1].box.high, Vec<2>(3.0, 5.0));
+  EXPECT_EQ(image.bodies[1].box.min(), Vec<2>(2.0, 3.0));
+  EXPECT_EQ(image.bodies[1].box.max(), Vec<2>(3.0, 5.0));
   EXPECT_DOUBLE_EQ(image.volume, 25.0);
   // Rows run upwards, the first is the lowest.
   EXPECT_DOUBLE_EQ(group(image, "bottom").measure, 2.5);
