@@ -163,20 +163,21 @@ template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<D
 }
 
 template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
-                                                      StageTimes& times, const Progress& progress) {
+                                                      const Monitor& monitor) {
   Approximation<Dim> result;
   {
-    Stage stage("basis", times, progress);
+    Stage stage("basis", monitor);
     result.space = FineSpace<Dim>(mesh, options.kind == BasisKind::p1 ? 1 : 2, options.axisymmetric);
     result.shape = ShapeTable<Dim>::identity(result.space.size());
     result.nodes = result.space.points();
     result.node_dofs.resize(result.space.size());
     std::iota(result.node_dofs.begin(), result.node_dofs.end(), 0);
   }
-  Stage stage("quadrature", times, progress);
+  Stage stage("quadrature", monitor);
   result.quadrature = project(result.space, result.shape, every_cell(result.space));
-  result.averaged = options.dilatation;
-  if (options.dilatation) {
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (result.averaged) {
     const Index cells = mesh.num_cells(), points = result.quadrature.size() / cells;
     result.union_of.resize(result.quadrature.size());
     for (Index K = 0; K < result.quadrature.size(); ++K) result.union_of[K] = K / points;
@@ -210,22 +211,21 @@ template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim
   result.nodes = approximation.nodes;
   result.node_dofs = approximation.node_dofs;
   result.averaged = approximation.averaged;
+  result.undecided = approximation.undecided;
   result.shape = approximation.shape;
   return result;
 }
 
-template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& wanted,
-                                                  StageTimes* times, const Progress& progress) {
+template <int Dim>
+Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& wanted, const Monitor& monitor) {
   ApproximationOptions asked = wanted;
   if (asked.kind == BasisKind::mls && asked.spacing == 0.0) asked.spacing = default_spacing(mesh);
   check(mesh, asked);
-  StageTimes unused;
-  StageTimes& clock = times ? *times : unused;
-  if (asked.kind != BasisKind::mls) return finite_elements(mesh, asked, clock, progress);
+  if (asked.kind != BasisKind::mls) return finite_elements(mesh, asked, monitor);
 
   BodyClouds<Dim> clouds;
   {
-    Stage stage("cloud", clock, progress);
+    Stage stage("cloud", monitor);
     clouds = sample_bodies(mesh, graded_spacing(mesh, asked.spacing, asked.grading), asked.order, asked.seed);
   }
   const NodeCloud<Dim>& cloud = clouds.all;
@@ -236,7 +236,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                                .support = options.support,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
-  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, &clock, progress);
+  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, monitor);
   result.shape = std::move(mls.shape);
   result.mls = mls.report;
   result.small_bodies = static_cast<Index>(std::ranges::count(clouds.has_basis, 0));
@@ -246,8 +246,10 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   const bool second_cloud = options.secondary != SecondaryKind::full;
   NearestSource nearest;
   NodeCloud<Dim> points;
-  Stage stage("quadrature", clock, progress);
-  if (second_cloud || options.dilatation) {
+  Stage stage("quadrature", monitor);
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (second_cloud || result.averaged) {
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
     if (second_cloud) points = sample_points(mesh, cloud, nearest, options.ratio, options.seed + 0x9e3779b97f4a7c15ull);
@@ -258,8 +260,7 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
-  result.averaged = options.dilatation;
-  if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
+  if (result.averaged) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;
@@ -271,7 +272,7 @@ template ApproximationOptions with_defaults<2>(ApproximationOptions, double);
 template double default_spacing<3>(const FineMesh<3>&);
 template Approximation<3> in_quadratic_space<3>(const Approximation<3>&);
 template ApproximationOptions with_defaults<3>(ApproximationOptions, double);
-template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
-template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);
+template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, const Monitor&);
+template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, const Monitor&);
 
 }  // namespace efree

@@ -7,6 +7,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -278,13 +279,14 @@ template <int Dim> Equilibrium<Dim>::Equilibrium(const Approximation<Dim>& appro
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
+  require_decided(approximation, model);
   const Index nodes = approximation.shape.num_nodes();
   auto materials = materials_of(model, approximation.space.mesh());
   auto initial = efree::stiffness_terms(approximation, materials, model.stabilisation);
   const auto restrained = restraints(conditions);
   const auto ties = tied_facets(approximation.space.mesh(), model.open_interface);
   require_restrained(approximation.space, restrained, ties);
-  const bool weakly = model.essential == Essential::nitsche;
+  const bool weakly = model.essential.value_or(Essential::nitsche) == Essential::nitsche;
   NitscheSystem<Dim> weak;
   if (weakly || !ties.empty())
     weak = nitsche(approximation.space, approximation.shape, initial,

@@ -22,8 +22,8 @@ enum class Essential {
 
 struct ElasticModel {
   SharedMaterial material{};
-  std::optional<Plane> plane{};  ///< needed in 2D; axisymmetric exactly if the approximation is
-  Essential essential = Essential::nitsche;
+  std::optional<Plane> plane{};          ///< needed in 2D; axisymmetric exactly if the approximation is
+  std::optional<Essential> essential{};  ///< nothing said: Nitsche; of finite elements `analyse` takes strong ones
   double stabilisation =
       0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
   std::vector<SharedMaterial> regions{};  ///< by region of the mesh; empty: `material` everywhere
@@ -43,7 +43,8 @@ template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const 
 /// ties, bring the stresses of small strains on the boundary.
 template <int Dim> class Equilibrium final : public Equations {
  public:
-  /// Refers to the approximation. Throws InputError naming the free rigid motions if the conditions do not hold every
+  /// Refers to the approximation. Throws InputError for materials under which it would lock while nobody said whether
+  /// dilatations are averaged (require_decided), naming the free rigid motions if the conditions do not hold every
   /// body, for a boundary that does not exist, for an approximation in another plane than the model.
   Equilibrium(const Approximation<Dim>& approximation, const ElasticModel& model,
               const std::vector<DisplacementCondition<Dim>>& conditions);

@@ -112,18 +112,16 @@ template <int Dim> struct ElasticSolver<Dim>::Impl {
 
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                                                      const std::vector<DisplacementCondition<Dim>>& conditions,
-                                                     StageTimes* times, const Progress& progress) {
-  StageTimes unused;
-  StageTimes& clock = times ? *times : unused;
+                                                     const Monitor& monitor) {
   SymmetricMatrix K;
   {
-    Stage stage("assembly", clock, progress);
+    Stage stage("assembly", monitor);
     impl_.reset(new Impl{Equilibrium<Dim>(approximation, model, conditions), {}});
     impl_->equations.tangent(impl_->equations.rest(), K);
   }
   if (!K.coeffs().allFinite())
     throw NumericalError("the stiffness is not finite: moduli are too large for floating-point numbers");
-  Stage stage("solve", clock, progress);
+  Stage stage("solve", monitor);
   try {
     impl_->factor.emplace(K, impl_->equations.node_of_unknowns());
   } catch (const NumericalError& error) {

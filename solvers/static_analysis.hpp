@@ -27,12 +27,12 @@ Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticMod
 /// parted by cut_regions are tied to each other where they touch, by Nitsche.
 template <int Dim> class ElasticSolver {
  public:
-  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not
+  /// Keeps references to the approximation. Throws InputError for materials under which it would lock while nobody said
+  /// whether dilatations are averaged (require_decided), naming the free rigid motions if the conditions do not
   /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
   /// assembly, solve (factorisation).
   ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
-                const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
-                const Progress& progress = {});
+                const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor = {});
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
 

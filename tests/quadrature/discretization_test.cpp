@@ -117,7 +117,7 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
                                                        .interpolation = interpolation,
                                                        .spacing = body.spacing,
                                                        .secondary = secondary,
-                                                       .dilatation = true});
+                                                       .dilatation = Dilatation::averaged});
     expect_exact_sums(body.mesh, approximation.dilatation);
     EXPECT_LT(approximation.dilatation.size(), approximation.nodes.cols());
     const auto exact = exact_moments(approximation.space, approximation.shape),

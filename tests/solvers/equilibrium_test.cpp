@@ -90,10 +90,13 @@ struct Variant {
 /// Everything that the work of the materials is made of.
 std::vector<Variant> variants(double spacing) {
   return {{"plain", {.spacing = spacing}},
-          {"averaged dilatations", {.spacing = spacing, .dilatation = true}},
+          {"averaged dilatations", {.spacing = spacing, .dilatation = Dilatation::averaged}},
           {"stabilised", {.spacing = spacing, .fine = true}, 0.3},
-          {"both", {.spacing = spacing, .dilatation = true, .fine = true}, 0.3},
-          {"quadratic elements, nodal values", {.kind = BasisKind::p2, .dilatation = true}, 0.0, Essential::strong}};
+          {"both", {.spacing = spacing, .dilatation = Dilatation::averaged, .fine = true}, 0.3},
+          {"quadratic elements, nodal values",
+           {.kind = BasisKind::p2, .dilatation = Dilatation::averaged},
+           0.0,
+           Essential::strong}};
 }
 
 Matrix dense(const SymmetricMatrix& lower) {
@@ -197,7 +200,8 @@ TEST(Equilibrium, NewtonStretchesASaintVenantKirchhoffSheetAsInItsClosedForm) {
   const double across = std::sqrt(1.0 + 2.0 * E2) - 1.0;
   for (const ApproximationOptions& options :
        {ApproximationOptions{.spacing = 0.3, .vanish_on = {"left", "bottom", "right"}},
-        ApproximationOptions{.spacing = 0.3, .dilatation = true, .vanish_on = {"left", "bottom", "right"}},
+        ApproximationOptions{
+            .spacing = 0.3, .dilatation = Dilatation::averaged, .vanish_on = {"left", "bottom", "right"}},
         ApproximationOptions{.kind = BasisKind::p1}}) {
     const auto approximation = approximate(mesh, options);
     const Equilibrium<2> equations(
@@ -273,7 +277,7 @@ TEST(Equilibrium, MaterialsRememberWhatIsCommittedAndNothingElse) {
 
 TEST(Equilibrium, TangentsAreSummedIntoTheSamePlaces) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.25});
-  const auto approximation = approximate(mesh, {.spacing = 0.6, .dilatation = true});
+  const auto approximation = approximate(mesh, {.spacing = 0.6, .dilatation = Dilatation::averaged});
   const Equilibrium<2> equations(approximation, {.material = SaintVenantKirchhoff(1.3, 0.7), .plane = Plane::strain},
                                  stretched<2>(0.1));
   SymmetricMatrix K;
