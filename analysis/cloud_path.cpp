@@ -119,7 +119,7 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   require_memory(least_memory(options, *result.mesh),
                  fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
                  "use a wider cloud spacing or a coarser mesh");
-  result.approximation = approximate(*result.mesh, options, monitor);
+  result.approximation = approximate(result.mesh, options, monitor);
   std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
                                            monitor);
   {

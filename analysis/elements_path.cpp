@@ -21,7 +21,7 @@ template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result
   std::optional<Stage> stage;
   stage.emplace("correction", monitor);
   Approximation<Dim> quadratic;
-  quadratic.space = FineSpace<Dim>(*result.mesh, 2, settings.approximation.axisymmetric);
+  quadratic.space = FineSpace<Dim>(result.mesh, 2, settings.approximation.axisymmetric);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, quadratic.space.size());
   const double tolerance = tolerance_of(settings);
   Corrected<Dim> best = corrected(settings, result, quadratic, nothing, {.tolerance = tolerance}, stage->within());

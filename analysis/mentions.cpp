@@ -17,13 +17,13 @@ template <int Dim> std::vector<Mention> boundaries(const Settings<Dim>& settings
   for (const auto& support : settings.supports) mention(all, support.on);
   for (const auto& load : settings.loads.tractions) mention(all, load.on);
   for (const auto& reaction : settings.reactions) mention(all, reaction.on);
-  for (const auto& graded : settings.approximation.grading.boundaries) mention(all, graded.name);
+  for (const auto& graded : settings.approximation.grading.boundaries) mention(all, graded.boundary);
   return all;
 }
 
 template <int Dim> std::vector<Mention> graded_regions(const Settings<Dim>& settings) {
   std::vector<Mention> all = settings.graded;
-  for (const auto& graded : settings.approximation.grading.regions) mention(all, graded.name);
+  for (const auto& graded : settings.approximation.grading.regions) mention(all, graded.region);
   return all;
 }
 

@@ -3,6 +3,7 @@
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/io/convergence.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"

@@ -10,7 +10,9 @@
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/discretization.hpp"
 
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace efree {
@@ -70,7 +72,7 @@ template <int Dim> ApproximationOptions with_defaults(ApproximationOptions optio
 /// more than 10000 nodes by volume; no less than one and a half edges of the fine mesh.
 template <int Dim> double default_spacing(const FineMesh<Dim>& mesh);
 
-/// Immutable result. Keeps a pointer to the mesh, which must outlive it.
+/// Immutable result; shares its mesh (space.shared_mesh()).
 template <int Dim> struct Approximation {
   FineSpace<Dim> space;            ///< Lagrange space on the fine mesh that holds the functions
   ShapeTable<Dim> shape;           ///< space.size() x N: values of the basis at the fine degrees of freedom
@@ -96,8 +98,30 @@ template <int Dim> struct Approximation {
 /// the finite elements of `space`, integrated in full. Stages: cloud, weights, basis,
 /// quadrature. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
 /// support) and NumericalError where no basis can be built.
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& mesh,
+                                                  const ApproximationOptions& options, const Monitor& monitor = {});
+/// The same on a mesh that somebody else keeps, and that must outlive the result.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
+                                                  const Monitor& monitor = {}) {
+  return approximate(borrowed(mesh), options, monitor);
+}
+/// The same on a mesh that the result takes: approximate(triangulate(...), ...).
+template <int Dim>
+Approximation<Dim> approximate(FineMesh<Dim>&& mesh, const ApproximationOptions& options, const Monitor& monitor = {}) {
+  return approximate(std::make_shared<const FineMesh<Dim>>(std::move(mesh)), options, monitor);
+}
+
+/// Moving least squares on a given cloud (sample_cloud with any field of spacings, or one of your own);
+/// options.spacing, grading and seed of the nodes mean nothing. Bodies whose nodes do not determine polynomials are
+/// left to the finite elements. Throws InputError, besides, for a cloud that is not one of the mesh, and for finite
+/// elements.
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& mesh,
+                                                  const NodeCloud<Dim>& cloud, const ApproximationOptions& options,
                                                   const Monitor& monitor = {});
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                  const ApproximationOptions& options, const Monitor& monitor = {}) {
+  return approximate(borrowed(mesh), cloud, options, monitor);
+}
 
 /// The same functions as members of the quadratic space of the mesh: space, nodes, node_dofs, averaged, and the shape
 /// at the vertices alone, as they are linear along edges; the rest is empty. Throws InputError unless the space is of

@@ -2,6 +2,7 @@
 /// Nearly incompressible materials, under which functions lock unless dilatations are averaged (B-bar).
 #pragma once
 
+#include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/equilibrium.hpp"
 
 namespace efree {

@@ -27,10 +27,8 @@ Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticMod
 /// parted by cut_regions are tied to each other where they touch, by Nitsche.
 template <int Dim> class ElasticSolver {
  public:
-  /// Keeps references to the approximation. Throws InputError for materials under which it would lock while nobody said
-  /// whether dilatations are averaged (require_decided), naming the free rigid motions if the conditions do not
-  /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
-  /// assembly, solve (factorisation).
+  /// Keeps references to the approximation. Throws InputError like Equilibrium; NumericalError if the matrix cannot be
+  /// factored. Stages: assembly, solve (factorisation).
   ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
                 const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor = {});
   ~ElasticSolver();
