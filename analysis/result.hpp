@@ -56,6 +56,7 @@ struct Estimates {
   double total() const { return std::hypot(cloud, mesh); }
 };
 
+/// What an analysis found.
 template <int Dim> struct Result {
   std::shared_ptr<const FineMesh<Dim>> mesh;
   ElasticModel model;                ///< with the materials of all regions

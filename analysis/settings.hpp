@@ -17,11 +17,13 @@ namespace efree {
 struct Mention {
   std::string name, where;
 };
+/// What a region is made of, and where that was said.
 struct RegionMaterial {
   std::string region;
   SharedMaterial material;
   std::string where{};
 };
+/// A point to report.
 template <int Dim> struct Probe {
   std::string name;
   Vec<Dim> at;

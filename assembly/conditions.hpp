@@ -24,6 +24,7 @@ template <int Dim> struct TractionCondition {
   std::function<Vec<Dim>(const Vec<Dim>& x, const Vec<Dim>& n)> traction;
 };
 
+/// What acts on a body.
 template <int Dim> struct Loads {
   std::vector<TractionCondition<Dim>> tractions;
   VectorField<Dim> body_force;  ///< force per volume; may be empty
