@@ -55,9 +55,9 @@ struct ApproximationOptions {
   Grading grading{};          ///< where the cloud is denser than that
   std::uint64_t seed = 1;     ///< of the clouds
   double support = 0.0;       ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
-  Weight weight = Weight::automatic;
-  Kernel kernel = Kernel::cubic_spline;
-  SecondaryKind secondary = SecondaryKind::cells;
+  Weight weight = Weight::automatic;               ///< how nodes reach through the body
+  Kernel kernel = Kernel::cubic_spline;            ///< weight by distance
+  SecondaryKind secondary = SecondaryKind::cells;  ///< quadrature
   double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
   Dilatation dilatation = Dilatation::automatic;
   bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
