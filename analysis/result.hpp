@@ -56,17 +56,18 @@ struct Estimates {
   double total() const { return std::hypot(cloud, mesh); }
 };
 
+/// What an analysis found.
 template <int Dim> struct Result {
-  std::shared_ptr<const FineMesh<Dim>> mesh;
-  ElasticModel model;                ///< with the materials of all regions
-  Approximation<Dim> approximation;  ///< refers to *mesh
+  std::shared_ptr<const FineMesh<Dim>> mesh;  ///< the fine mesh, without what was left out
+  ElasticModel model;                         ///< with the materials of all regions
+  Approximation<Dim> approximation;           ///< shares the mesh
   /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
   std::optional<Approximation<Dim>> elements;
   Solution<Dim> solution;             ///< on cells the strain energy only
   std::optional<CellSolution> cells;  ///< if it was solved on cells; then `approximation` is a space only
   /// None for finite elements, nor where averaged dilatations lack memory for them.
   std::optional<Estimates> estimates;
-  Fields<Dim> fields;
+  Fields<Dim> fields;  ///< displacements, recovered strains and stresses
   /// What `solution` and `fields` belong to.
   const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
 

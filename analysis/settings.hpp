@@ -17,11 +17,13 @@ namespace efree {
 struct Mention {
   std::string name, where;
 };
+/// What a region is made of, and where that was said.
 struct RegionMaterial {
   std::string region;
   SharedMaterial material;
   std::string where{};
 };
+/// A point to report.
 template <int Dim> struct Probe {
   std::string name;
   Vec<Dim> at;
@@ -54,22 +56,22 @@ enum class OnCells {
 /// `where`, here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is
 /// empty.
 template <int Dim> struct Settings {
-  std::string title{};
-  std::string where{};                      ///< all of it: the case file
-  ElasticModel model{};                     ///< but for `regions` and `open_interface`, which the mesh tells
-  std::vector<RegionMaterial> materials{};  ///< one for each region; empty: model.material everywhere
-  std::vector<NamedSelection<Dim>> selections{};
-  std::vector<DisplacementCondition<Dim>> supports{};
-  Loads<Dim> loads{};
-  ExactSolution<Dim> exact{};  ///< to compare with; both fields empty if there is none
-  std::vector<Probe<Dim>> probes{};
-  std::vector<Reaction> reactions{};
+  std::string title{};                                 ///< for people
+  std::string where{};                                 ///< all of it: the case file
+  ElasticModel model{};                                ///< but for `regions` and `open_interface`, which the mesh tells
+  std::vector<RegionMaterial> materials{};             ///< one for each region; empty: model.material everywhere
+  std::vector<NamedSelection<Dim>> selections{};       ///< parts of the boundary besides those the mesh has
+  std::vector<DisplacementCondition<Dim>> supports{};  ///< displacements that are prescribed
+  Loads<Dim> loads{};                                  ///< forces
+  ExactSolution<Dim> exact{};                          ///< to compare with; both fields empty if there is none
+  std::vector<Probe<Dim>> probes{};                    ///< points to report
+  std::vector<Reaction> reactions{};                   ///< parts whose forces to report
   bool largest_displacement = false, largest_stress = false;  ///< extremes to report
   /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};
 
-  ApproximationOptions approximation{};
+  ApproximationOptions approximation{};  ///< functions and quadrature
   OnCells cells = OnCells::automatic;
   bool estimated = true;           ///< say how far the answer is from the finite elements of the fine mesh
   bool corrected = true;           ///< hand out the corrected answer, not that of the cloud

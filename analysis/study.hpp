@@ -22,6 +22,7 @@ struct Method {
   double ratio = 0.0;
 };
 
+/// What a study varies.
 struct StudyOptions {
   std::vector<double> spacings;  ///< H, at least two, all different [length]
   int seeds = 1;                 ///< clouds per spacing, with the seed of the settings and those that follow
@@ -49,6 +50,7 @@ struct ErrorKind {
   const char* label;
   std::optional<double> Errors::*value;
 };
+/// The errors that a study compares.
 inline constexpr ErrorKind error_kinds[] = {
     {"l2_displacement", "displacement, L_2 norm", &Errors::l2_displacement},
     {"energy_norm", "energy norm, gradients of u", &Errors::energy_norm},
@@ -57,6 +59,7 @@ inline constexpr ErrorKind error_kinds[] = {
 
 /// What all rows of one method and spacing say together.
 struct StudyPoint {
+  /// Of one number over the seeds.
   struct Spread {
     double low = 0.0, median = 0.0, high = 0.0;
   };
@@ -67,6 +70,7 @@ struct StudyPoint {
   std::vector<std::pair<std::string, double>> stages;  ///< median seconds
 };
 
+/// What a study found.
 struct Study {
   /// Those that count: without recovery, errors and files.
   static constexpr std::array<const char*, 7> stages{"mesh",       "cloud",    "weights", "basis",

@@ -20,6 +20,7 @@ template <int Dim> struct Bodies {
   Index size() const { return static_cast<Index>(volumes.size()); }
   bool is_free(Index body) const { return !free_motions[body].empty(); }
 };
+/// Bodies of the mesh under these restraints.
 template <int Dim> Bodies<Dim> find_bodies(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
                                            const std::vector<TiedFacets>& ties = {});
 

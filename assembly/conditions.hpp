@@ -14,8 +14,8 @@ namespace efree {
 /// component along the outward normal (a plane that slides).
 template <int Dim> struct DisplacementCondition {
   std::string on;
-  std::array<ScalarField<Dim>, Dim> components;
-  ScalarField<Dim> normal;
+  std::array<ScalarField<Dim>, Dim> components;  ///< of the displacement [length]
+  ScalarField<Dim> normal;                       ///< along the outward normal [length]; goes without components
 };
 
 /// Force per area on a named part of the boundary, from position and outward normal.
@@ -24,9 +24,10 @@ template <int Dim> struct TractionCondition {
   std::function<Vec<Dim>(const Vec<Dim>& x, const Vec<Dim>& n)> traction;
 };
 
+/// What acts on a body.
 template <int Dim> struct Loads {
-  std::vector<TractionCondition<Dim>> tractions;
-  VectorField<Dim> body_force;  ///< force per volume; may be empty
+  std::vector<TractionCondition<Dim>> tractions;  ///< several on one part add up
+  VectorField<Dim> body_force;                    ///< force per volume; may be empty
 };
 
 /// Pressure p on a named part: traction -p n.

@@ -14,6 +14,7 @@ namespace efree {
 /// Components of a displacement's gradient H(i, J) = du_i / dX_J that are not zero for good. In 2D xx, yx, xy, yy and
 /// zz: the hoop strain u_r / r of a body of revolution, and zero in the plane. In space all nine, by columns.
 template <int Dim> inline constexpr int gradient_size = Dim == 2 ? 5 : 9;
+/// These components.
 template <int Dim> using Gradient = Vec<gradient_size<Dim>>;
 /// A gradient, or what does work on one (first Piola-Kirchhoff stress), in every column = point.
 template <int Dim> using Gradients = Points<gradient_size<Dim>>;

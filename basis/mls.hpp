@@ -10,6 +10,7 @@
 
 namespace efree {
 
+/// How functions are made.
 struct MlsOptions {
   int order = 1;         ///< polynomials reproduced: 1 or 2
   double support = 2.0;  ///< radius in units of each node's spacing
@@ -35,6 +36,7 @@ template <int Dim> constexpr int num_polynomials(int order) {
 /// Whether no polynomial of the order but zero vanishes at all of the points.
 template <int Dim> bool determine_polynomials(const Points<Dim>& points, int order);
 
+/// Moving least squares on a mesh.
 template <int Dim> struct Mls {
   ShapeTable<Dim> shape;         ///< fine degrees of freedom x N
   std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on: those of the cloud first

@@ -12,7 +12,7 @@ namespace efree {
 /// Number of threads used by parallel_for from now on, at least 1. BLAS always runs on one (its sums must not depend on
 /// threads).
 void set_num_threads(int threads);
-int num_threads();
+int num_threads();  ///< threads that parallel_for uses
 
 /// Calls body(begin, end) on consecutive ranges that cover [0, n), each at most `chunk` long; ranges run concurrently.
 /// The first exception (in range order) is rethrown. Put scratch memory inside body: one allocation per chunk.

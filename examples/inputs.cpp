@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Makes what examples 03 to 07 read: example_inputs FOLDER. Their case files are copied beside it.
+/// Makes what the case files of the examples read: example_inputs FOLDER. These are copied beside it.
 ///
 /// porous.pgm     a square of 256 x 256 pixels with overlapping discs cut out of it
 /// part.mha       a bar of 72 x 24 x 24 voxels as a scanner sees it: rough skin, some pores
@@ -121,8 +121,7 @@ int main(int argc, char** argv) try {
   write_image(random_spheres<3>(64, {.porosity = 0.3, .r_min = 5.0, .r_max = 12.0}), (folder / "block.mha").string());
   assembly(folder / "assembly.step");
   dirty_surface(folder / "dirty.stl");
-  for (const char* name :
-       {"03_porous_image", "04_scanned_part", "05_step_assembly", "06_dirty_surface", "07_porous_block"})
+  for (const char* name : {"porous_image", "scanned_part", "step_assembly", "dirty_surface", "porous_block"})
     fs::copy_file(fs::path(EFREE_EXAMPLES) / name / "case.toml", folder / (std::string(name) + ".toml"),
                   fs::copy_options::overwrite_existing);
   return 0;

@@ -26,6 +26,7 @@ struct LocalField {
   std::vector<double> values;
 };
 
+/// How distances are found.
 struct GeodesicOptions {
   Weight engine = Weight::automatic;
   double heat_time = 0.25;    ///< heat method: t in units of the squared mean edge length
@@ -60,6 +61,7 @@ template <int Dim> std::vector<LocalField> heat_flow_weights(const FineMesh<Dim>
                                                              const std::vector<Index>& sources, const Vector& radii,
                                                              int steps = 6);
 
+/// What a weight is a function of, and which.
 struct WeightOptions {
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
@@ -82,6 +84,7 @@ struct NearestSource {
   std::vector<Index> source;  ///< index into `sources`
   Vector distance;
 };
+/// Of all fine vertices.
 template <int Dim> NearestSource nearest_source(const FineMesh<Dim>& mesh, const std::vector<Index>& sources,
                                                 double reach = std::numeric_limits<double>::infinity());
 

@@ -7,6 +7,7 @@
 
 namespace efree {
 
+/// Weight as a function of the distance.
 enum class Kernel {
   cubic_spline,    ///< C2 (Monaghan & Lattanzio 1985, scaled to w(0) = 1)
   quintic_spline,  ///< C4

@@ -25,9 +25,11 @@ AnyCase read_case(const std::filesystem::path& file);
 template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return prepare(analysis.geometry, analysis, monitor);
 }
+/// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return analyse(analysis.geometry, analysis, monitor);
 }
+/// On as many as it takes.
 template <int Dim> Result<Dim> analyse_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return analyse_to_accuracy(analysis.geometry, analysis, monitor);
 }

@@ -14,6 +14,7 @@
 
 namespace efree {
 
+/// What a file holds.
 template <int Dim> struct Inspection {
   std::string file;  ///< as it was named
   std::string kind;  ///< "CAD", "gmsh geometry", "gmsh mesh", "label image", "grey image", "surface", "case"
@@ -53,6 +54,7 @@ template <int Dim> struct Inspection {
   Points<Dim> points{};
   std::vector<Piece> pieces{};
 };
+/// Of a file in the plane or in space.
 using AnyInspection = std::variant<Inspection<2>, Inspection<3>>;
 
 /// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and

@@ -6,6 +6,7 @@
 
 namespace efree {
 
+/// Stiffness that is the same in all directions.
 struct IsotropicModuli {
   double E = 0.0;   ///< Young's modulus [stress], positive
   double nu = 0.0;  ///< Poisson's ratio, in (-1, 0.5)

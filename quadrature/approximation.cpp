@@ -225,7 +225,7 @@ template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<cons
 }  // namespace
 
 template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node) {
-  const bool coarse = Dim == 2 && vertices_per_node < 50.0;  // linear cells would show: docs/method.md
+  const bool coarse = Dim == 2 && vertices_per_node < 50.0;  // linear cells would show: docs/evidence.md
   if (options.interpolation == 0) options.interpolation = coarse && options.weight != Weight::heat_flow ? 2 : 1;
   if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
   if (options.ratio == 0.0) options.ratio = options.secondary != SecondaryKind::mls ? 4.0 : Dim == 2 ? 6.0 : 24.0;

@@ -17,12 +17,14 @@
 
 namespace efree {
 
+/// Which functions carry the solution.
 enum class BasisKind {
   mls,  ///< moving least squares on a coarse cloud of nodes
   p1,   ///< linear finite elements on the fine mesh
   p2,   ///< quadratic finite elements on the fine mesh
 };
 
+/// Where stresses live: the functions that gradients are projected on.
 enum class SecondaryKind {
   cells,  ///< clusters of fine cells: diagonal Gram matrix, positive weights
   mls,    ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
@@ -42,6 +44,7 @@ constexpr Dilatation averaged_if(bool averaged) {
   return averaged ? Dilatation::averaged : Dilatation::pointwise;
 }
 
+/// Which functions and which quadrature; all may be left as it is.
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
   bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
@@ -52,9 +55,9 @@ struct ApproximationOptions {
   Grading grading{};          ///< where the cloud is denser than that
   std::uint64_t seed = 1;     ///< of the clouds
   double support = 0.0;       ///< radius in units of H; 0: 2.5 for order 1, 3 for order 2
-  Weight weight = Weight::automatic;
-  Kernel kernel = Kernel::cubic_spline;
-  SecondaryKind secondary = SecondaryKind::cells;
+  Weight weight = Weight::automatic;               ///< how nodes reach through the body
+  Kernel kernel = Kernel::cubic_spline;            ///< weight by distance
+  SecondaryKind secondary = SecondaryKind::cells;  ///< quadrature
   double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
   Dilatation dilatation = Dilatation::automatic;
   bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
@@ -118,6 +121,7 @@ Approximation<Dim> approximate(FineMesh<Dim>&& mesh, const ApproximationOptions&
 template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& mesh,
                                                   const NodeCloud<Dim>& cloud, const ApproximationOptions& options,
                                                   const Monitor& monitor = {});
+/// The same on a mesh that somebody else keeps, and that must outlive the result.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
                                                   const ApproximationOptions& options, const Monitor& monitor = {}) {
   return approximate(borrowed(mesh), cloud, options, monitor);

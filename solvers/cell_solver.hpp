@@ -24,6 +24,7 @@ bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
 /// Memory that solve_on_cells takes [bytes to a point of the grid].
 inline constexpr double cell_memory = 320.0;
 
+/// How fine and how exact a solution on cells is.
 struct CellOptions {
   double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
   double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
@@ -46,6 +47,7 @@ struct CellLevel {
   Points<3> displacement{};
 };
 
+/// What was found on the finest grid, and on the coarser ones before it.
 struct CellSolution {
   Lattice grid;
   Points<3> displacement;         ///< 3 x points of the grid; continued to points of void next to the body, 0 beyond

@@ -35,7 +35,7 @@ namespace {
 /// it takes more: the nearer to nu = 1/2, the more convergence slows down after the first ones.
 constexpr int least_iterations = 2, least_iterations_averaged = 4, delay = 1;
 /// Iterations after which it is asked whether the cloud is too coarse to help, and what the set-up of hats costs in
-/// iterations; they take a tenth of the squared error and less in each (docs/method.md, "Iterations").
+/// iterations; they take a tenth of the squared error and less in each (docs/evidence.md, "Iterations").
 constexpr int probation = 5;
 constexpr double cost_of_hats = 15.0;
 /// Iterations after which elements few enough for it are solved directly: no coarse space helps.

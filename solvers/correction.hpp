@@ -10,6 +10,7 @@
 
 namespace efree {
 
+/// How far a correction goes.
 struct CorrectionOptions {
   int iterations = -1;      ///< this many; -1: as many as `tolerance` takes, at least one, three with B-bar
   double tolerance = 0.01;  ///< relative error in the energy norm that may be left

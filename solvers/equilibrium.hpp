@@ -20,6 +20,7 @@ enum class Essential {
             ///< elements)
 };
 
+/// What a body is made of and how it is held.
 struct ElasticModel {
   SharedMaterial material{};
   std::optional<Plane> plane{};          ///< needed in 2D; axisymmetric exactly if the approximation is

@@ -11,7 +11,7 @@
 namespace efree {
 namespace {
 
-/// Least distance between nodes, in edges, and how far a hat reaches, in units of it: docs/method.md, "Iterations".
+/// Least distance between nodes, in edges, and how far a hat reaches, in units of it: docs/evidence.md, "Iterations".
 constexpr double edges_apart = 2.5, hat_reach = 2.0;
 /// Nodes, squared, that are worth their factor, over those of the elements, which measure an iteration. In space
 /// factors grow with the square; in the plane they are always cheap.

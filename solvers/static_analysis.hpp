@@ -57,6 +57,7 @@ template <int Dim> struct Fields {
   Points<Dim> displacement;         ///< Dim x space.size()
   VoigtPoints<Dim> strain, stress;  ///< columns: space.num_places()
 };
+/// Of a solution, from its quadrature points.
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
 
 /// Fields at one point.
@@ -78,10 +79,12 @@ struct Errors {
   std::optional<double> energy_norm;            ///< from the gradients of u_h on the fine cells
   std::optional<double> energy_norm_recovered;  ///< from the recovered stress
 };
+/// A closed form to compare with.
 template <int Dim> struct ExactSolution {
   VectorField<Dim> displacement;  ///< may be empty
   VoigtField<Dim> stress;         ///< may be empty
 };
+/// Of fields on the space of an approximation.
 template <int Dim> Errors errors_against(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                          const Materials<Dim>& materials, const ExactSolution<Dim>& exact);
 
@@ -92,6 +95,7 @@ struct RecoveryError {
   double relative;  ///< of the body; 0 without any stress
   Vector squares;   ///< by cell: square of the distance [force * length]
 };
+/// Of fields that were recovered.
 template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                                 const Materials<Dim>& materials);
 

@@ -12,7 +12,7 @@ namespace efree::internal {
 template <int Dim> double least_memory(const ApproximationOptions& asked, const FineMesh<Dim>& mesh);
 
 /// Bytes that an answer by quadratic elements takes at its peak for each cell of the mesh, which is included: measured
-/// (docs/method.md, "Memory of quadratic elements").
+/// (docs/evidence.md, "Memory of quadratic elements").
 template <int Dim> constexpr double quadratic_bytes_per_cell = Dim == 2 ? 2.5e3 : 5.2e3;
 /// Share of the memory there is that may be planned for.
 constexpr double usable_memory = 0.8;

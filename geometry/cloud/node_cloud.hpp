@@ -17,6 +17,7 @@ template <int Dim> struct NodeCloud {
   Index size() const { return static_cast<Index>(vertices.size()); }
 };
 
+/// How densely nodes lie, and which of many such clouds.
 struct CloudOptions {
   double spacing = 0.0;    ///< packing size H [length]; required
   std::uint64_t seed = 1;  ///< order in which candidates are tried

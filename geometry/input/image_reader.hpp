@@ -20,6 +20,7 @@ template <int Dim> struct RawImage {
   std::int64_t header = 0;  ///< bytes to skip
 };
 
+/// How an image is read.
 template <int Dim> struct ImageOptions {
   /// Edge lengths of a pixel, one number for all directions or one for each; empty: the file's, or 1 where it has none.
   std::vector<double> spacing{};

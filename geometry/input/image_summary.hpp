@@ -24,6 +24,7 @@ template <int Dim> struct ImageFacet {
   Index group;                                   ///< by `groups` of the summary
 };
 
+/// What an image holds, before it is meshed.
 template <int Dim> struct ImageSummary {
   std::vector<BodySummary<Dim>> labels;   ///< all but 0, ascending, named by their numbers; cells are pixels
   std::vector<GroupSummary<Dim>> groups;  ///< as mesh_image names them, as far as there are any; facets are pixels'

@@ -10,6 +10,7 @@
 
 namespace efree {
 
+/// What is in a pixel; 0 is void.
 using Label = std::uint16_t;
 
 /// Pixel (i, j) or voxel (i, j, k) fills the box origin + spacing * [i, i+1] x [j, j+1] (x [k, k+1]); x runs fastest,
@@ -46,6 +47,7 @@ template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& i
 
 /// Pixels of the same label that hang together by their edges (faces in 3D).
 struct ConnectedPixels {
+  /// One of them.
   struct Part {
     Label label;
     std::size_t pixels;
@@ -67,6 +69,7 @@ template <int Dim> struct LargestBody {
 /// stays. Throws InputError if all is void.
 template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image);
 
+/// What random_spheres carves out.
 struct RandomSpheres {
   double porosity = 0.3;             ///< wanted part of void, counted in pixels; the last sphere goes beyond it
   double r_min = 6.0, r_max = 14.0;  ///< radii, uniformly distributed [pixels]

@@ -21,6 +21,7 @@ struct SurfaceSoup {
 /// or in another format than its name says, without a triangle, or with a coordinate that is not a finite number.
 SurfaceSoup read_surface(const std::string& path);
 
+/// How a surface is meshed.
 struct SurfaceMeshOptions {
   double size = 0.0;            ///< longest edge [length]; required
   double feature_angle = 30.0;  ///< edges with a larger angle between the normals of their triangles are kept [degrees]
@@ -42,10 +43,12 @@ struct SurfaceMeshOptions {
 /// helps.
 MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& options);
 
+/// How a surface is wrapped.
 struct WrapOptions {
   double alpha = 0.0;   ///< holes and gaps narrower than about this are closed [length]; 0: diagonal of the box / 50
   double offset = 0.0;  ///< distance of the wrap from the surface [length]; 0: alpha / 30
 };
+/// A wrapped surface, and what it encloses.
 struct SurfaceWrap {
   SurfaceSoup surface;               ///< closed, oriented, free of self-intersections
   double max_distance = 0.0;         ///< of the wrap's vertices and middles of triangles to the given ones [length]

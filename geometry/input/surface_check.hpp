@@ -11,6 +11,7 @@
 
 namespace efree {
 
+/// What is wrong with a surface, and how fine it is.
 struct SurfaceCheck {
   BoundingBox<3> box;
   Index triangles = 0, points = 0;  ///< of the soup
@@ -28,6 +29,7 @@ struct SurfaceCheck {
   std::vector<GroupSummary<3>> groups;
   SurfaceSoup surface;          ///< what the groups are made of: turned outward if there is no fault
   std::vector<Index> group_of;  ///< of each triangle of `surface`
+  /// The thinnest of its walls.
   struct Wall {
     double thickness;
     Vec<3> at;  ///< on one of its sides

@@ -18,6 +18,7 @@ template <int Dim> using Facets = Eigen::Matrix<Index, Dim, Eigen::Dynamic>;
 
 /// What a mesher or a reader hands over: plain arrays, nothing checked yet.
 template <int Dim> struct MeshData {
+  /// A named set of facets.
   struct Group {
     std::string name;
     std::vector<std::array<Index, Dim>> facets;  ///< vertex indices, in any order
@@ -43,6 +44,7 @@ template <int Dim> MeshData<Dim> cut_regions(MeshData<Dim> mesh);
 /// Immutable simplicial mesh with adjacency and named parts of the boundary.
 template <int Dim> class FineMesh {
  public:
+  /// A named part of the boundary.
   struct Group {
     std::string name;
     std::vector<Index> facets;  ///< boundary facets, ascending

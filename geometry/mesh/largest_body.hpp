@@ -6,6 +6,7 @@
 
 namespace efree {
 
+/// A mesh without its islands.
 template <int Dim> struct LargestMesh {
   MeshData<Dim> mesh;     ///< with all vertices, also those that no cell uses any more
   Index islands = 0;      ///< bodies left out

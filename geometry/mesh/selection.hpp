@@ -32,6 +32,7 @@ template <int Dim> struct NearestPatch {
   double angle = 30.0;  ///< [degrees]
   bool operator==(const NearestPatch&) const = default;
 };
+/// Any of them.
 template <int Dim> using Selection = std::variant<InBox<Dim>, OnPlane<Dim>, Facing<Dim>, NearestPatch<Dim>>;
 
 /// Boundary facets that are selected, ascending; may be none. Facets that tie two regions (tied_facets) are left out,

@@ -35,6 +35,7 @@ template <int Dim> struct GroupSummary {
   Vec<Dim> mean_normal = Vec<Dim>::Zero();
 };
 
+/// What a mesh holds.
 template <int Dim> struct GeometrySummary {
   std::vector<BodySummary<Dim>> bodies;   ///< by region; one without a name if the mesh has no regions
   std::vector<GroupSummary<Dim>> groups;  ///< in the mesh's order

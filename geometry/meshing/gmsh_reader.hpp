@@ -10,6 +10,7 @@
 
 namespace efree {
 
+/// How gmsh reads and meshes a file.
 struct GmshOptions {
   double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
   /// Values for the .geo file's DefineNumber parameters, by full name ("Parameters/radius") or its last part

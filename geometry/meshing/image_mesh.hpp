@@ -22,6 +22,7 @@ enum class Mesher {
   delaunay,  ///< Delaunay refinement (CGAL Mesh_3; Boissonnat and Oudot 2005)
 };
 
+/// How an image is meshed.
 struct ImageMeshOptions {
   /// Required [length]. In 2D the longest edge allowed; on a lattice the edge of its cubes, the longest edge of cells
   /// is 1.7 to 2 times it; for Delaunay refinement the edge wanted.

@@ -29,6 +29,7 @@ struct PlanarDomain {
   std::vector<Polyline> slits{};
 };
 
+/// How fine a triangulation is.
 struct TriangulateOptions {
   double size = 0.0;        ///< longest edge allowed [length]; required
   double min_angle = 20.7;  ///< [degrees] angle that refinement aims at, at most 20.7; 0 leaves slivers alone
