@@ -22,9 +22,10 @@ enum class BasisKind {
 };
 
 enum class SecondaryKind {
-  cells,  ///< clusters of fine cells: diagonal Gram matrix, positive weights
-  mls,    ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
-  full,   ///< every fine cell
+  cells,   ///< clusters of fine cells: diagonal Gram matrix, positive weights
+  linear,  ///< linear functions on such clusters: the same, and exact for quadratics
+  mls,     ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
+  full,    ///< every fine cell
 };
 
 struct ApproximationOptions {
@@ -40,7 +41,8 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
-  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
+  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear, for mls 6 in the plane
+                            ///< and 24 in space
   bool dilatation = false;  ///< also build what carries the volumetric part (B-bar): coarser clusters; of finite
                             ///< elements the cells, which makes a difference for quadratic ones
   bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
