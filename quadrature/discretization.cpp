@@ -195,6 +195,60 @@ template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<D
   return clusters;
 }
 
+/// Clusters alike in size, at walls too, where nodes of the cloud own but half of one: cells go over to the cluster
+/// next to them whose centroid is nearer, one layer of cells at a time (Lloyd 1982), which takes no distances in the
+/// body.
+template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters) {
+  const Index cells = mesh.num_cells(), count = static_cast<Index>(clusters.vertices.size());
+  Points<Dim> centres(Dim, count);
+  const auto find_centres = [&] {
+    Vector volumes = Vector::Zero(count);
+    centres.setZero();
+    for (Index c = 0; c < cells; ++c) {
+      volumes[clusters.of_cell[c]] += mesh.volume(c);
+      centres.col(clusters.of_cell[c]) += mesh.volume(c) * mesh.centroid(c);
+    }
+    for (Index K = 0; K < count; ++K) centres.col(K) /= std::max(volumes[K], std::numeric_limits<double>::min());
+  };
+  const int layers = static_cast<int>(std::ceil(2.0 * std::pow(static_cast<double>(cells) / count, 1.0 / Dim)));
+  std::vector<Index> next(cells);
+  for (int layer = 0; layer < layers; ++layer) {
+    find_centres();
+    parallel_for(cells, [&](Index c) {
+      const Vec<Dim> x = mesh.centroid(c);
+      next[c] = clusters.of_cell[c];
+      double least = (x - centres.col(next[c])).squaredNorm();
+      for (int i = 0; i <= Dim; ++i)
+        if (const Index other = mesh.neighbour(i, c); other >= 0) {
+          const Index K = clusters.of_cell[other];
+          if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least)
+            least = distance, next[c] = K;
+        }
+    });
+    std::swap(clusters.of_cell, next);
+  }
+
+  // Those that lost all of their cells are left out; the others have a vertex in their middle.
+  find_centres();
+  std::vector<double> least(count, std::numeric_limits<double>::infinity());
+  for (Index c = 0; c < cells; ++c)
+    for (const Index v : mesh.cells().col(c)) {
+      const Index K = clusters.of_cell[c];
+      if (const double distance = (mesh.vertex(v) - centres.col(K)).squaredNorm(); distance < least[K])
+        least[K] = distance, clusters.vertices[K] = v;
+    }
+  std::vector<Index> number(count, -1);
+  Index kept = 0;
+  for (Index K = 0; K < count; ++K)
+    if (std::isfinite(least[K])) {
+      clusters.vertices[kept] = clusters.vertices[K];
+      number[K] = kept++;
+    }
+  clusters.vertices.resize(kept);
+  for (Index& K : clusters.of_cell) K = number[K];
+  return clusters;
+}
+
 /// Around each of the points at these vertices: how many of them a node has to itself, in the mean over the nodes that
 /// act there. With the values phi of the nodes' functions at the points (a partition of unity): phi phi^T 1.
 template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
@@ -462,7 +516,8 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
 template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                        const ShapeTable<Dim>& shape, double fewest) {
   const Index small = space.degree() == 1 ? Dim + 1 : 0;
-  return linear_functions_of(space, take_apart(cluster(space.mesh(), cloud), space, shape, fewest, small));
+  return linear_functions_of(
+      space, take_apart(levelled(space.mesh(), cluster(space.mesh(), cloud)), space, shape, fewest, small));
 }
 
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
