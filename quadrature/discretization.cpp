@@ -200,36 +200,35 @@ template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<D
 /// body.
 template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters) {
   const Index cells = mesh.num_cells(), count = static_cast<Index>(clusters.vertices.size());
-  Points<Dim> centres(Dim, count);
-  const auto find_centres = [&] {
-    Vector volumes = Vector::Zero(count);
-    centres.setZero();
-    for (Index c = 0; c < cells; ++c) {
-      volumes[clusters.of_cell[c]] += mesh.volume(c);
-      centres.col(clusters.of_cell[c]) += mesh.volume(c) * mesh.centroid(c);
-    }
-    for (Index K = 0; K < count; ++K) centres.col(K) /= std::max(volumes[K], std::numeric_limits<double>::min());
+  Vector volumes = Vector::Zero(count);
+  Points<Dim> moments = Points<Dim>::Zero(Dim, count), centres(Dim, count);
+  const auto add = [&](Index c, Index K, double sign) {
+    volumes[K] += sign * mesh.volume(c);
+    moments.col(K) += sign * mesh.volume(c) * mesh.centroid(c);
   };
+  for (Index c = 0; c < cells; ++c) add(c, clusters.of_cell[c], 1.0);
   const int layers = static_cast<int>(std::ceil(2.0 * std::pow(static_cast<double>(cells) / count, 1.0 / Dim)));
   std::vector<Index> next(cells);
   for (int layer = 0; layer < layers; ++layer) {
-    find_centres();
+    for (Index K = 0; K < count; ++K) centres.col(K) = moments.col(K) / volumes[K];
     parallel_for(cells, [&](Index c) {
-      const Vec<Dim> x = mesh.centroid(c);
-      next[c] = clusters.of_cell[c];
-      double least = (x - centres.col(next[c])).squaredNorm();
-      for (int i = 0; i <= Dim; ++i)
-        if (const Index other = mesh.neighbour(i, c); other >= 0) {
-          const Index K = clusters.of_cell[other];
-          if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least)
-            least = distance, next[c] = K;
-        }
+      const Index own = next[c] = clusters.of_cell[c];
+      double least = -1.0;  // distance, once it is needed
+      for (int i = 0; i <= Dim; ++i) {
+        const Index other = mesh.neighbour(i, c);
+        if (other < 0 || clusters.of_cell[other] == own) continue;
+        const Vec<Dim> x = mesh.centroid(c);
+        if (least < 0.0) least = (x - centres.col(own)).squaredNorm();
+        const Index K = clusters.of_cell[other];
+        if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least) least = distance, next[c] = K;
+      }
     });
+    for (Index c = 0; c < cells; ++c)
+      if (next[c] != clusters.of_cell[c]) add(c, clusters.of_cell[c], -1.0), add(c, next[c], 1.0);
     std::swap(clusters.of_cell, next);
   }
 
   // Those that lost all of their cells are left out; the others have a vertex in their middle.
-  find_centres();
   std::vector<double> least(count, std::numeric_limits<double>::infinity());
   for (Index c = 0; c < cells; ++c)
     for (const Index v : mesh.cells().col(c)) {
