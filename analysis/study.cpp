@@ -22,8 +22,9 @@ Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   if (kind == BasisKind::p1) return {"p1", "P1 finite elements", kind, SecondaryKind::full, 0.0};
   if (kind == BasisKind::p2) return {"p2", "P2 (straight sides)", kind, SecondaryKind::full, 0.0};
   if (secondary == SecondaryKind::full) return {"full", "efree, full integration", kind, secondary, 0.0};
-  const bool cells = secondary == SecondaryKind::cells;
-  Method method{cells ? "cells" : "mls", cells ? "efree, cells" : "efree, MLS", kind, secondary, ratio};
+  Method method = secondary == SecondaryKind::cells    ? Method{"cells", "efree, cells", kind, secondary, ratio}
+                  : secondary == SecondaryKind::linear ? Method{"linear", "efree, linear", kind, secondary, ratio}
+                                                       : Method{"mls", "efree, MLS", kind, secondary, ratio};
   if (ratio > 0.0) {
     method.name += fmt::format("-{}", ratio);
     method.label += fmt::format(", M/N = {}", ratio);
@@ -36,6 +37,7 @@ template <int Dim> std::vector<Method> methods_for(const Settings<Dim>& settings
     return {method_of(settings.approximation.kind, settings.approximation.secondary, settings.approximation.ratio)};
   std::vector<Method> methods;
   for (const double ratio : {1.0, 2.0, 4.0}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::cells, ratio));
+  for (const double ratio : {1.5, 2.5}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::linear, ratio));
   const double most = with_defaults<Dim>({.secondary = SecondaryKind::mls}, 0.0).ratio;
   for (const double ratio : {1.0, 2.0, 4.0, most})
     methods.push_back(method_of(BasisKind::mls, SecondaryKind::mls, ratio));

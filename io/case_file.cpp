@@ -77,9 +77,12 @@ template <int Dim> void read_approximation(const Section& cloud, const Section& 
                                          {"wendland_c2", Kernel::wendland_c2}},
                                         options.kernel);
 
-  options.secondary = quadrature.choice<SecondaryKind>(
-      "basis", {{"mls", SecondaryKind::mls}, {"cells", SecondaryKind::cells}, {"full", SecondaryKind::full}},
-      options.secondary);
+  options.secondary = quadrature.choice<SecondaryKind>("basis",
+                                                       {{"cells", SecondaryKind::cells},
+                                                        {"linear", SecondaryKind::linear},
+                                                        {"mls", SecondaryKind::mls},
+                                                        {"full", SecondaryKind::full}},
+                                                       options.secondary);
   options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
   result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
   if (const auto averaged = quadrature.switch_or_auto("dilatation")) options.dilatation = averaged_if(*averaged);

@@ -25,15 +25,16 @@ Look look_of(const Method& method) {
   if (method.kind == BasisKind::p1) return {"#000000", 1, "1"};
   if (method.kind == BasisKind::p2) return {"#CC79A7", 2, "1"};
   if (method.secondary == SecondaryKind::full) return {"#009E73", 9, "1"};
-  const bool cells = method.secondary == SecondaryKind::cells;
   const int step = method.ratio == 0.0  ? 2
                    : method.ratio < 1.5 ? 0
                    : method.ratio < 3.0 ? 1
                    : method.ratio < 5.0 ? 2
                                         : 3;
   constexpr const char* dashes[] = {"'.'", "'-'", "1", "'_-'"};
-  constexpr int cell_points[] = {6, 10, 7, 11}, mls_points[] = {4, 12, 5, 13};
-  return {cells ? "#0072B2" : "#D55E00", cells ? cell_points[step] : mls_points[step], dashes[step]};
+  constexpr int cell_points[] = {6, 10, 7, 11}, linear_points[] = {8, 14, 9, 15}, mls_points[] = {4, 12, 5, 13};
+  if (method.secondary == SecondaryKind::cells) return {"#0072B2", cell_points[step], dashes[step]};
+  if (method.secondary == SecondaryKind::linear) return {"#56B4E9", linear_points[step], dashes[step]};
+  return {"#D55E00", mls_points[step], dashes[step]};
 }
 constexpr const char* stage_colours[] = {"#999999", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"};
 

@@ -222,13 +222,25 @@ template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<cons
   return result;
 }
 
+/// Quadrature points per node.
+template <int Dim> double default_ratio(SecondaryKind secondary) {
+  switch (secondary) {
+    case SecondaryKind::linear:
+      return 2.5;
+    case SecondaryKind::mls:
+      return Dim == 2 ? 6.0 : 24.0;
+    default:
+      return 4.0;
+  }
+}
+
 }  // namespace
 
 template <int Dim> ApproximationOptions with_defaults(ApproximationOptions options, double vertices_per_node) {
   const bool coarse = Dim == 2 && vertices_per_node < 50.0;  // linear cells would show: docs/evidence.md
   if (options.interpolation == 0) options.interpolation = coarse && options.weight != Weight::heat_flow ? 2 : 1;
   if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
-  if (options.ratio == 0.0) options.ratio = options.secondary != SecondaryKind::mls ? 4.0 : Dim == 2 ? 6.0 : 24.0;
+  if (options.ratio == 0.0) options.ratio = default_ratio<Dim>(options.secondary);
   return options;
 }
 
@@ -274,6 +286,7 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
   result.nodes = result.space.points()(Eigen::all, result.node_dofs);
 
   const bool second_cloud = options.secondary != SecondaryKind::full;
+  const double seeds_per_node = options.ratio / (options.secondary == SecondaryKind::linear ? Dim + 1 : 1);
   NearestSource nearest;
   NodeCloud<Dim> points;
   Stage stage("quadrature", monitor);
@@ -282,10 +295,13 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
   if (second_cloud || result.averaged) {
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
-    if (second_cloud) points = sample_points(mesh, cloud, nearest, options.ratio, options.seed + 0x9e3779b97f4a7c15ull);
+    if (second_cloud)
+      points = sample_points(mesh, cloud, nearest, seeds_per_node, options.seed + 0x9e3779b97f4a7c15ull);
   }
   const auto secondary = options.secondary == SecondaryKind::cells
-                             ? cell_clusters(result.space, points, result.shape, 0.5 * options.ratio)
+                             ? cell_clusters(result.space, points, result.shape, 0.5 * seeds_per_node)
+                         : options.secondary == SecondaryKind::linear
+                             ? linear_clusters(result.space, points, result.shape, 0.5 * seeds_per_node)
                          : options.secondary == SecondaryKind::mls
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);

@@ -26,9 +26,10 @@ enum class BasisKind {
 
 /// Where stresses live: the functions that gradients are projected on.
 enum class SecondaryKind {
-  cells,  ///< clusters of fine cells: diagonal Gram matrix, positive weights
-  mls,    ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
-  full,   ///< every fine cell
+  cells,   ///< clusters of fine cells: diagonal Gram matrix, positive weights
+  linear,  ///< linear functions on such clusters: the same, and exact for quadratics
+  mls,     ///< MLS functions on a second cloud, lumped Gram matrix (Bishop 2022)
+  full,    ///< every fine cell
 };
 
 /// Whether the volumetric part is averaged on coarser clusters (B-bar); of finite elements on the cells, which makes a
@@ -58,7 +59,8 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;               ///< how nodes reach through the body
   Kernel kernel = Kernel::cubic_spline;            ///< weight by distance
   SecondaryKind secondary = SecondaryKind::cells;  ///< quadrature
-  double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, for mls 6 in the plane and 24 in space
+  double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear, for mls 6 in the plane and
+                       ///< 24 in space
   Dilatation dilatation = Dilatation::automatic;
   bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set

@@ -9,9 +9,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 namespace efree {
 namespace {
@@ -20,6 +23,18 @@ SparseRows from_rows(Index cols, const std::vector<Index>& offsets, const std::v
                      const std::vector<double>& values) {
   return Eigen::Map<const SparseRows>(static_cast<Index>(offsets.size()) - 1, cols, static_cast<Index>(columns.size()),
                                       offsets.data(), columns.data(), values.data());
+}
+
+/// The members of each group, ascending; group[k] is that of k.
+Ragged<Index> members_of(const std::vector<Index>& group, Index groups) {
+  Ragged<Index> members;
+  members.offsets.assign(groups + 1, 0);
+  for (const Index g : group) ++members.offsets[g + 1];
+  std::partial_sum(members.offsets.begin(), members.offsets.end(), members.offsets.begin());
+  members.items.resize(group.size());
+  std::vector<Index> cursor(members.offsets.begin(), members.offsets.end() - 1);
+  for (std::size_t k = 0; k < group.size(); ++k) members.items[cursor[group[k]]++] = static_cast<Index>(k);
+  return members;
 }
 
 /// One entry of 1 per row: rows of indicator functions.
@@ -31,7 +46,15 @@ SparseRows indicators(const std::vector<Index>& column, Index cols) {
 
 /// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r:
 /// four numbers in 2D and in 3D.
-template <int Dim> using Moment = Vec<4>;
+using Moment = Vec<4>;
+/// The same for several points, whose functions live on the same cells.
+template <int Count> using Moments = Eigen::Matrix<double, 4, Count>;
+
+/// Volume of the body that point q of a rule stands for in cell c.
+template <int Dim> double weight(const FineSpace<Dim>& space, const SimplexRule<Dim>& rule, Index c, Index q) {
+  const double flat = space.mesh().volume(c) * rule.weights[q];
+  return space.axisymmetric() ? flat * space.measure(space.position(c, rule.points.col(q))) : flat;
+}
 
 /// Rows of a table with gradients, built in chunks that run concurrently and are joined in order.
 template <int Dim> class TableBuilder {
@@ -79,7 +102,7 @@ template <int Dim> class TableBuilder {
     std::vector<Vec<Dim>> dN{};
     std::vector<double> hoop{};
     explicit Part(bool is_axisymmetric) : axisymmetric(is_axisymmetric) {}
-    void add(Index node, const Moment<Dim>& moment) {
+    void add(Index node, const Moment& moment) {
       nodes.push_back(node);
       N.push_back(moment[0]);
       dN.push_back(moment.template segment<Dim>(1));
@@ -93,34 +116,39 @@ template <int Dim> class TableBuilder {
   bool axisymmetric_;
 };
 
-/// Adds `factor` times the value and gradient of the fine functions at rule point q of cell c.
-template <int Dim>
-void add_cell_point(const FineSpace<Dim>& space, Index c, Index q, double factor, Accumulator<Moment<Dim>>& fine) {
-  const auto at = space.cell_rule().points.col(q);
+/// Adds the value and gradient of the fine functions at a point of cell c, times a factor for each quadrature point.
+template <int Dim, int Count>
+void add_cell_point(const FineSpace<Dim>& space, Index c, const typename FineSpace<Dim>::Barycentric& at,
+                    const Eigen::Matrix<double, 1, Count>& factors, Accumulator<Moments<Count>>& fine) {
   const auto N = space.values(at);
   const auto dN = space.gradients(c, at);
   const auto dofs = space.cell(c);
-  const double over_r = space.axisymmetric() ? factor / space.position(c, at)[0] : 0.0;
+  const double over_r = space.axisymmetric() ? 1.0 / space.position(c, at)[0] : 0.0;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
-    auto& moment = fine[dofs[i]];
-    moment[0] += factor * N[i];
-    moment.template segment<Dim>(1) += factor * dN.col(i);
-    if constexpr (Dim == 2) moment[3] += over_r * N[i];
+    Moment moment = Moment::Zero();
+    moment[0] = N[i];
+    moment.template segment<Dim>(1) = dN.col(i);
+    if constexpr (Dim == 2) moment[3] = over_r * N[i];
+    fine[dofs[i]].noalias() += moment * factors;
   }
 }
 
-/// Turns moments of the fine functions into moments of the nodes: phi_I = sum_v eta_v phi_I(v).
-template <int Dim> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moment<Dim>>& fine,
-                                   Accumulator<Moment<Dim>>& nodal, double scale,
-                                   typename TableBuilder<Dim>::Part& out) {
+/// Turns moments of the fine functions into moments of the nodes, phi_I = sum_v eta_v phi_I(v), and these into the
+/// first `rows` rows of a table.
+template <int Dim, int Count> void emit_nodes(const ShapeTable<Dim>& shape, Accumulator<Moments<Count>>& fine,
+                                              Accumulator<Moments<Count>>& nodal, int rows,
+                                              typename TableBuilder<Dim>::Part& out) {
   nodal.clear();
   for (Index v : fine.touched()) {
-    const Moment<Dim> moment = scale * fine[v];
+    const Moments<Count> moments = fine[v];
     const auto row = shape.row(v);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * moment;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * moments;
   }
-  for (Index I : nodal.sorted()) out.add(I, nodal[I]);
-  out.close();
+  const auto& nodes = nodal.sorted();
+  for (int row = 0; row < rows; ++row) {
+    for (Index I : nodes) out.add(I, nodal[I].col(row));
+    out.close();
+  }
 }
 
 /// In place of a cluster's number: the cell is in none and integrated point by point.
@@ -168,6 +196,59 @@ template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<D
   return clusters;
 }
 
+/// Clusters alike in size, at walls too, where nodes of the cloud own but half of one: cells go over to the cluster
+/// next to them whose centroid is nearer, one layer of cells at a time (Lloyd 1982), which takes no distances in the
+/// body.
+template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters) {
+  const Index cells = mesh.num_cells(), count = static_cast<Index>(clusters.vertices.size());
+  Vector volumes = Vector::Zero(count);
+  Points<Dim> moments = Points<Dim>::Zero(Dim, count), centres(Dim, count);
+  const auto add = [&](Index c, Index K, double sign) {
+    volumes[K] += sign * mesh.volume(c);
+    moments.col(K) += sign * mesh.volume(c) * mesh.centroid(c);
+  };
+  for (Index c = 0; c < cells; ++c) add(c, clusters.of_cell[c], 1.0);
+  const int layers = static_cast<int>(std::ceil(2.0 * std::pow(static_cast<double>(cells) / count, 1.0 / Dim)));
+  std::vector<Index> next(cells);
+  for (int layer = 0; layer < layers; ++layer) {
+    for (Index K = 0; K < count; ++K) centres.col(K) = moments.col(K) / volumes[K];
+    parallel_for(cells, [&](Index c) {
+      const Index own = next[c] = clusters.of_cell[c];
+      double least = -1.0;  // distance, once it is needed
+      for (int i = 0; i <= Dim; ++i) {
+        const Index other = mesh.neighbour(i, c);
+        if (other < 0 || clusters.of_cell[other] == own) continue;
+        const Vec<Dim> x = mesh.centroid(c);
+        if (least < 0.0) least = (x - centres.col(own)).squaredNorm();
+        const Index K = clusters.of_cell[other];
+        if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least) least = distance, next[c] = K;
+      }
+    });
+    for (Index c = 0; c < cells; ++c)
+      if (next[c] != clusters.of_cell[c]) add(c, clusters.of_cell[c], -1.0), add(c, next[c], 1.0);
+    std::swap(clusters.of_cell, next);
+  }
+
+  // Those that lost all of their cells are left out; the others have a vertex in their middle.
+  std::vector<double> least(count, std::numeric_limits<double>::infinity());
+  for (Index c = 0; c < cells; ++c)
+    for (const Index v : mesh.cells().col(c)) {
+      const Index K = clusters.of_cell[c];
+      if (const double distance = (mesh.vertex(v) - centres.col(K)).squaredNorm(); distance < least[K])
+        least[K] = distance, clusters.vertices[K] = v;
+    }
+  std::vector<Index> number(count, -1);
+  Index kept = 0;
+  for (Index K = 0; K < count; ++K)
+    if (std::isfinite(least[K])) {
+      clusters.vertices[kept] = clusters.vertices[K];
+      number[K] = kept++;
+    }
+  clusters.vertices.resize(kept);
+  for (Index& K : clusters.of_cell) K = number[K];
+  return clusters;
+}
+
 /// Around each of the points at these vertices: how many of them a node has to itself, in the mean over the nodes that
 /// act there. With the values phi of the nodes' functions at the points (a partition of unity): phi phi^T 1.
 template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
@@ -199,10 +280,11 @@ template <int Dim> std::vector<char> has_elements(const FineSpace<Dim>& space, c
 }
 
 /// Takes clusters apart around which nodes have fewer than `fewest` to themselves because fine vertices run out there
-/// (they hold no more cells than there are around a vertex): into their cells, and those of one cell into the points of
-/// the cell rule. Cells with functions of finite elements stand alone in any case.
+/// (they hold no more cells than there are around a vertex), and those of no more than `small` cells: into their cells,
+/// and those of one cell into the points of the cell rule. Cells with functions of finite elements stand alone in any
+/// case.
 template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace<Dim>& space,
-                                       const ShapeTable<Dim>& shape, double fewest) {
+                                       const ShapeTable<Dim>& shape, double fewest, Index small = 0) {
   constexpr Index around_a_vertex = Dim == 2 ? 6 : 24;
   const Vector points = points_per_node_around(shape, clusters.vertices);
   const Index size = static_cast<Index>(points.size()),
@@ -213,7 +295,8 @@ template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace
   Clusters parts{{}, {}};
   for (Index K = 0; K < size; ++K) {
     const bool indivisible = cells[K] == 1 && parts_of_a_cell == 1;
-    if (cells[K] == 0 || (points[K] < fewest && cells[K] <= around_a_vertex && !indivisible)) continue;
+    const bool soft = points[K] < fewest && cells[K] <= around_a_vertex;
+    if (cells[K] == 0 || ((soft || cells[K] <= small) && !indivisible)) continue;
     renumbered[K] = static_cast<Index>(parts.vertices.size());
     parts.vertices.push_back(clusters.vertices[K]);
   }
@@ -233,23 +316,13 @@ template <int Dim> Clusters take_apart(const Clusters& clusters, const FineSpace
   return parts;
 }
 
-/// The functions of clusters, and after them those of the rule points of all cells that stand alone.
-template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space, const Clusters& clusters) {
-  const FineMesh<Dim>& mesh = space.mesh();
-  const auto& rule = space.cell_rule();
-  const Index per_cell = static_cast<Index>(rule.weights.size());
-  const Index whole = static_cast<Index>(clusters.vertices.size());
-  SecondaryBasis<Dim> secondary;
-  secondary.vertices = clusters.vertices;
-  secondary.region.assign(whole, -1);
-  std::vector<double> volume(whole, 0.0);
-  Points<Dim> moment = Points<Dim>::Zero(Dim, whole);
+/// Region of each cluster. Throws InputError for a cluster that spans two.
+template <int Dim> std::vector<Index> regions_of(const FineMesh<Dim>& mesh, const Clusters& clusters) {
+  std::vector<Index> regions(clusters.vertices.size(), -1);
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const Index K = clusters.of_cell[c];
     if (K == alone) continue;
-    volume[K] += space.volume(c);
-    moment.col(K) += space.volume(c) * space.centre_of_mass(c);
-    Index& region = secondary.region[K];
+    Index& region = regions[K];
     if (region >= 0 && region != mesh.region(c))
       throw InputError(
           fmt::format("quadrature: the cluster around ({:.6g}) spans regions \"{}\" and \"{}\"; part the "
@@ -257,6 +330,27 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
                       fmt::join(mesh.vertex(clusters.vertices[K]), ", "), mesh.region_names()[region],
                       mesh.region_names()[mesh.region(c)]));
     region = mesh.region(c);
+  }
+  return regions;
+}
+
+/// The functions of clusters, and after them those of the rule points of all cells that stand alone.
+template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space, const Clusters& clusters) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const auto& rule = space.cell_rule();
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const Index whole = static_cast<Index>(clusters.vertices.size());
+  SecondaryBasis<Dim> secondary;
+  secondary.rule = rule;
+  secondary.vertices = clusters.vertices;
+  secondary.region = regions_of(mesh, clusters);
+  std::vector<double> volume(whole, 0.0);
+  Points<Dim> moment = Points<Dim>::Zero(Dim, whole);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const Index K = clusters.of_cell[c];
+    if (K == alone) continue;
+    volume[K] += space.volume(c);
+    moment.col(K) += space.volume(c) * space.centre_of_mass(c);
   }
 
   const Index size = whole + per_cell * static_cast<Index>(std::ranges::count(clusters.of_cell, alone));
@@ -302,6 +396,112 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
   return secondary;
 }
 
+/// Corners of the regular simplex with |xi_i|^2 = Dim: their sum is 0, xi_i . xi_j = -1.
+template <int Dim> Eigen::Matrix<double, Dim, Dim + 1> regular_simplex() {
+  Eigen::Matrix<double, Dim, Dim + 1> corners;
+  if constexpr (Dim == 2)
+    corners << 0.0, -std::sqrt(1.5), std::sqrt(1.5), std::sqrt(2.0), -std::sqrt(0.5), -std::sqrt(0.5);
+  else
+    corners << 1, 1, -1, -1, 1, -1, 1, -1, 1, -1, -1, 1;
+  return corners;
+}
+
+/// Linear functions on a set of cells, one at the point of their own and zero at the others.
+template <int Dim> struct LinearFunctions {
+  using Values = Eigen::Matrix<double, Dim + 1, 1>;
+  Vec<Dim> centroid;
+  Mat<Dim> root;  ///< L, the covariance being L L^T; lower triangle
+
+  LinearFunctions(const FineSpace<Dim>& space, std::span<const Index> cells, const SimplexRule<Dim>& exact) {
+    const Index per_cell = static_cast<Index>(exact.weights.size()), size = per_cell * static_cast<Index>(cells.size());
+    Eigen::Matrix<double, Eigen::Dynamic, Dim> x(size, Dim);
+    Vector weights(size);
+    for (Index p = 0; p < size; ++p) {
+      const Index c = cells[p / per_cell], q = p % per_cell;
+      weights[p] = weight(space, exact, c, q);
+      x.row(p) = space.position(c, exact.points.col(q)).transpose();
+    }
+    weights /= weights.sum();
+    centroid = x.transpose() * weights;
+    x.rowwise() -= centroid.transpose();
+    x.array().colwise() *= weights.array().sqrt();
+    // L by the QR decomposition of its factors, not from the covariance itself: flat cells keep twice the digits.
+    const Eigen::HouseholderQR<decltype(x)> qr(x);
+    root = Mat<Dim>(qr.matrixQR().template topRows<Dim>().template triangularView<Eigen::Upper>()).transpose();
+  }
+  Eigen::Matrix<double, Dim, Dim + 1> points() const { return (root * regular_simplex<Dim>()).colwise() + centroid; }
+  Values at(const Vec<Dim>& x) const {
+    const Vec<Dim> y = root.template triangularView<Eigen::Lower>().solve(x - centroid);
+    return (Values::Ones() + regular_simplex<Dim>().transpose() * y) / (Dim + 1);
+  }
+};
+
+/// The linear functions of clusters, those of one cluster one after the other; cells that stand alone are clusters. One
+/// cell has a single function, its indicator, if gradients are constant there.
+template <int Dim> SecondaryBasis<Dim> linear_functions_of(const FineSpace<Dim>& space, Clusters clusters) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (clusters.of_cell[c] == alone) {
+      clusters.of_cell[c] = static_cast<Index>(clusters.vertices.size());
+      clusters.vertices.push_back(mesh.cells()(0, c));
+    }
+  const Index count = static_cast<Index>(clusters.vertices.size());
+  const Ragged<Index> cells = members_of(clusters.of_cell, count);
+  const std::vector<Index> regions = regions_of(mesh, clusters);
+  std::vector<Index> first(count + 1, 0);  // function of each cluster
+  for (Index K = 0; K < count; ++K)
+    first[K + 1] = first[K] + (space.degree() == 1 && cells[K].size() == 1 ? 1 : Dim + 1);
+
+  SecondaryBasis<Dim> secondary;
+  secondary.points.resize(Dim, first[count]);
+  secondary.rule = simplex_rule<Dim>(space.degree() + (space.axisymmetric() ? 1 : 0));
+  const auto exact = simplex_rule<Dim>(space.axisymmetric() ? 3 : 2);  // for second moments
+  std::vector<std::optional<LinearFunctions<Dim>>> functions(count);
+  parallel_for(count, [&](Index K) {
+    if (first[K + 1] - first[K] == 1) {
+      secondary.points.col(first[K]) = space.centre_of_mass(cells[K].front());
+    } else {
+      functions[K].emplace(space, cells[K], exact);
+      secondary.points.template middleCols<Dim + 1>(first[K]) = functions[K]->points();
+    }
+  });
+  for (Index K = 0; K < count; ++K) {
+    secondary.vertices.insert(secondary.vertices.end(), first[K + 1] - first[K], clusters.vertices[K]);
+    secondary.region.insert(secondary.region.end(), first[K + 1] - first[K], regions[K]);
+  }
+
+  /// Rows of the functions at `per_item` points of every cell or facet.
+  const auto rows_at = [&](Index items, Index per_item, const auto& cell_of, const auto& position) {
+    std::vector<Index> offsets{0};
+    offsets.reserve(static_cast<std::size_t>(items) * per_item + 1);
+    for (Index item = 0; item < items; ++item)
+      for (Index q = 0; q < per_item; ++q) {
+        const Index K = clusters.of_cell[cell_of(item)];
+        offsets.push_back(offsets.back() + first[K + 1] - first[K]);
+      }
+    std::vector<Index> columns(offsets.back());
+    std::vector<double> values(offsets.back(), 1.0);
+    parallel_for(items * per_item, [&](Index row) {
+      const Index K = clusters.of_cell[cell_of(row / per_item)];
+      std::iota(columns.begin() + offsets[row], columns.begin() + offsets[row + 1], first[K]);
+      if (functions[K])
+        Eigen::Map<typename LinearFunctions<Dim>::Values>(values.data() + offsets[row]) =
+            functions[K]->at(position(row / per_item, row % per_item));
+    });
+    return from_rows(first[count], offsets, columns, values);
+  };
+  secondary.in_cells = rows_at(
+      mesh.num_cells(), static_cast<Index>(secondary.rule.weights.size()), [](Index c) { return c; },
+      [&](Index c, Index q) { return space.position(c, secondary.rule.points.col(q)); });
+  secondary.on_facets = rows_at(
+      mesh.num_facets(), static_cast<Index>(space.facet_rule().weights.size()),
+      [&](Index f) { return mesh.facet_cell(f); },
+      [&](Index f, Index g) {
+        return space.position(mesh.facet_cell(f), space.facet_point(f, space.facet_rule().points.col(g)));
+      });
+  return secondary;
+}
+
 }  // namespace
 
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud) {
@@ -313,11 +513,18 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
   return indicators_of(space, take_apart(cluster(space.mesh(), cloud), space, shape, fewest));
 }
 
+template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+                                                       const ShapeTable<Dim>& shape, double fewest) {
+  const Index small = space.degree() == 1 ? Dim + 1 : 0;
+  return linear_functions_of(
+      space, take_apart(levelled(space.mesh(), cluster(space.mesh(), cloud)), space, shape, fewest, small));
+}
+
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
                                                             const NodeCloud<Dim>& cloud) {
   const FineMesh<Dim>& mesh = space.mesh();
   const Index functions = table.num_nodes();
-  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}, {}};
+  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, space.cell_rule(), {}, {}};
   for (Index v : cloud.vertices) secondary.region.push_back(mesh.region(mesh.cells_of(v).front()));
   // Rows at points inside cells or facets are means of the rows at their vertices, weighted by barycentric coordinates.
   const auto interpolate_rows = [&](Index items, const auto& vertex_of, const auto& points) {
@@ -350,69 +557,100 @@ template <int Dim> SecondaryBasis<Dim> every_cell(const FineSpace<Dim>& space) {
 }
 
 template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
-  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
+  const Index per_cell = static_cast<Index>(secondary.rule.weights.size());
   Vector weights = Vector::Zero(secondary.in_cells.cols());
   for (Index p = 0; p < secondary.in_cells.rows(); ++p) {
-    const double volume = space.weight(p / per_cell, p % per_cell);
+    const double volume = weight(space, secondary.rule, p / per_cell, p % per_cell);
     for (SparseRows::InnerIterator entry(secondary.in_cells, p); entry; ++entry)
       weights[entry.col()] += volume * entry.value();
   }
   return weights;
 }
 
-template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                               const SecondaryBasis<Dim>& secondary) {
-  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
-  const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
+namespace {
+
+/// All of a discretization but its table.
+template <int Dim>
+Discretization<Dim> without_table(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
   Discretization<Dim> result;
   result.points = secondary.points;
   result.on_facets = secondary.on_facets;
   result.region = secondary.region;
   result.weights = secondary_weights(space, secondary);
+  return result;
+}
+
+/// Whether rows K and K + 1 have their entries in the same columns.
+bool share_columns(const SparseRows& matrix, Index K) {
+  const Index *offsets = matrix.outerIndexPtr() + K, *columns = matrix.innerIndexPtr();
+  return std::equal(columns + offsets[0], columns + offsets[1], columns + offsets[1], columns + offsets[2]);
+}
+
+/// The projected table, up to `Count` points at a time where their functions live on the same cells.
+template <int Count, int Dim> ShapeTable<Dim> projected_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                              const SimplexRule<Dim>& rule, const SparseRows& points_of,
+                                                              const Vector& weights) {
+  const Index per_cell = static_cast<Index>(rule.weights.size());
+  const auto fill = [&](Index begin, Index end, auto& out) {
+    Accumulator<Moments<Count>> fine(space.size()), nodal(shape.num_nodes());
+    for (Index K = begin, next; K < end; K = next) {
+      next = K + 1;
+      while (next < end && next < K + Count && share_columns(points_of, next - 1)) ++next;
+      fine.clear();
+      const Index *offsets = points_of.outerIndexPtr(), length = offsets[K + 1] - offsets[K];
+      for (Index e = 0; e < length; ++e) {
+        const Index point = points_of.innerIndexPtr()[offsets[K] + e], c = point / per_cell, q = point % per_cell;
+        Eigen::Matrix<double, 1, Count> factors = Eigen::Matrix<double, 1, Count>::Zero();
+        for (Index k = K; k < next; ++k)
+          factors[k - K] = points_of.valuePtr()[offsets[k] + e] * weight(space, rule, c, q) / weights[k];
+        add_cell_point<Dim, Count>(space, c, rule.points.col(q), factors, fine);
+      }
+      emit_nodes<Dim, Count>(shape, fine, nodal, static_cast<int>(next - K), out);
+    }
+  };
+  return TableBuilder<Dim>(static_cast<Index>(weights.size()), shape.num_nodes(), space.axisymmetric()).build(fill);
+}
+
+}  // namespace
+
+template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                               const SecondaryBasis<Dim>& secondary) {
+  const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
+  Discretization<Dim> result = without_table(space, secondary);
   for (Index K = 0; K < result.size(); ++K)
     if (!(result.weights[K] > 0.0))
       throw NumericalError(
           fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
                       fmt::join(result.points.col(K), ", "), result.weights[K]));
-  result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes(), space.axisymmetric())
-                     .build([&](Index begin, Index end, auto& out) {
-                       Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
-                       for (Index K = begin; K < end; ++K) {
-                         fine.clear();
-                         for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-                           const Index c = entry.col() / per_cell, q = entry.col() % per_cell;
-                           add_cell_point<Dim>(space, c, q, entry.value() * space.weight(c, q), fine);
-                         }
-                         emit_nodes<Dim>(shape, fine, nodal, 1.0 / result.weights[K], out);
-                       }
-                     });
+  bool together = false;
+  for (Index K = 0; K + 1 < result.size() && !together; ++K) together = share_columns(points_of, K);
+  result.shape = together ? projected_table<Dim + 1, Dim>(space, shape, secondary.rule, points_of, result.weights)
+                          : projected_table<1, Dim>(space, shape, secondary.rule, points_of, result.weights);
   return result;
 }
 
 template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                           const SecondaryBasis<Dim>& secondary) {
-  const Index per_cell = static_cast<Index>(space.cell_rule().weights.size());
+  const auto& rule = secondary.rule;
+  const Index per_cell = static_cast<Index>(rule.weights.size());
   const SparseRows points_of = secondary.in_cells.transpose();
-  Discretization<Dim> result;
-  result.points = secondary.points;
-  result.on_facets = secondary.on_facets;
-  result.region = secondary.region;
-  result.weights = secondary_weights(space, secondary);
+  Discretization<Dim> result = without_table(space, secondary);
   result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes(), space.axisymmetric())
                      .build([&](Index begin, Index end, auto& out) {
-                       Accumulator<Moment<Dim>> fine(space.size()), nodal(shape.num_nodes());
+                       Accumulator<Moments<1>> fine(space.size()), nodal(shape.num_nodes());
                        for (Index K = begin; K < end; ++K) {
                          Index nearest = -1;
                          double best = std::numeric_limits<double>::infinity();
                          for (SparseRows::InnerIterator entry(points_of, K); entry; ++entry) {
-                           const Vec<Dim> x = space.position(entry.col() / per_cell,
-                                                             space.cell_rule().points.col(entry.col() % per_cell));
+                           const Vec<Dim> x =
+                               space.position(entry.col() / per_cell, rule.points.col(entry.col() % per_cell));
                            if (const double distance = (x - result.points.col(K)).norm(); distance < best)
                              best = distance, nearest = entry.col();
                          }
                          fine.clear();
-                         add_cell_point<Dim>(space, nearest / per_cell, nearest % per_cell, 1.0, fine);
-                         emit_nodes<Dim>(shape, fine, nodal, 1.0, out);
+                         add_cell_point<Dim, 1>(space, nearest / per_cell, rule.points.col(nearest % per_cell),
+                                                Eigen::Matrix<double, 1, 1>(1.0), fine);
+                         emit_nodes<Dim, 1>(shape, fine, nodal, 1, out);
                        }
                      });
   return result;
@@ -425,17 +663,10 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
   Discretization<Dim> result;
   result.points = Points<Dim>::Zero(Dim, groups);
   result.weights = Vector::Zero(groups);
-  Ragged<Index> members;
-  members.offsets.assign(groups + 1, 0);
-  for (Index g : group) {
+  for (Index g : group)
     if (g < 0 || g >= groups) throw InputError(fmt::format("merge: group number {}, expected 0 to {}", g, groups - 1));
-    ++members.offsets[g + 1];
-  }
-  std::partial_sum(members.offsets.begin(), members.offsets.end(), members.offsets.begin());
-  members.items.resize(group.size());
-  std::vector<Index> cursor(members.offsets.begin(), members.offsets.end() - 1);
+  const Ragged<Index> members = members_of(group, groups);
   for (Index K = 0; K < fine.size(); ++K) {
-    members.items[cursor[group[K]]++] = K;
     result.weights[group[K]] += fine.weights[K];
     result.points.col(group[K]) += fine.weights[K] * fine.points.col(K);
   }
@@ -449,7 +680,7 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
   result.on_facets = fine.on_facets * indicators(group, groups);
   result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes(), fine.axisymmetric())
                      .build([&](Index begin, Index end, auto& out) {
-                       Accumulator<Moment<Dim>> nodal(fine.shape.num_nodes());
+                       Accumulator<Moment> nodal(fine.shape.num_nodes());
                        for (Index g = begin; g < end; ++g) {
                          nodal.clear();
                          for (Index K : members[g]) {
@@ -472,6 +703,7 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
 template struct Discretization<2>;
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
+template SecondaryBasis<2> linear_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
 template SecondaryBasis<2> secondary_from_table<2>(const FineSpace<2>&, const ShapeTable<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
 template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
@@ -481,6 +713,7 @@ template Discretization<2> merge<2>(const Discretization<2>&, const std::vector<
 template struct Discretization<3>;
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
+template SecondaryBasis<3> linear_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
 template SecondaryBasis<3> secondary_from_table<3>(const FineSpace<3>&, const ShapeTable<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
 template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);

@@ -13,7 +13,8 @@ template <int Dim> struct SecondaryBasis {
   Points<Dim> points;           ///< Dim x M, x_K
   std::vector<Index> vertices;  ///< M, a fine vertex at or near x_K, in the same body
   std::vector<Index> region;    ///< M, region of the mesh that Phi_K lives in
-  SparseRows in_cells;   ///< (cells * cell rule points) x M: Phi_K at the points of FineSpace::cell_rule, cell by cell
+  SimplexRule<Dim> rule;        ///< on every cell, exact for one gradient times Phi_K
+  SparseRows in_cells;          ///< (cells * rule points) x M: Phi_K at the points of the rule, cell by cell
   SparseRows on_facets;  ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
 };
 
@@ -22,7 +23,8 @@ template <int Dim> struct SecondaryBasis {
 template <int Dim> struct Discretization {
   Points<Dim> points;  ///< Dim x M
   Vector weights;      ///< M, w_K = int Phi_K, positive, sum = volume
-  /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K
+  /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K; N as
+  /// far as SecondaryBasis::rule goes, which is made for gradients
   ShapeTable<Dim> shape;
   SparseRows on_facets;       ///< Phi_K on the boundary, see SecondaryBasis
   std::vector<Index> region;  ///< M, region of the mesh that each point stands for
@@ -42,6 +44,16 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
 /// cells, and those of one cell by the points of the cell rule, whose functions are linear on the boundary.
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
                                                      const ShapeTable<Dim>& shape, double fewest);
+
+/// Linear functions on clusters: on each of them the Dim + 1 functions (1 + xi_i . L^-1 (x - c)) / (Dim + 1), with its
+/// volume W, centroid c and covariance L L^T, and the corners xi_i of the regular simplex with |xi_i|^2 = Dim. The
+/// points x_i = c + L xi_i, of weight W / (Dim + 1), integrate quadratics exactly; the functions are orthogonal, so
+/// that the projection is the L2 one on discontinuous linear functions, and stresses that are linear do exact work.
+/// Axisymmetric: all of it with the measure 2 pi r. Clusters are taken apart into their cells where nodes have fewer
+/// than `fewest` (see above), and where that takes no more points: gradients of linear functions are constant in a
+/// cell, which then has one point, its centre of mass.
+template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+                                                       const ShapeTable<Dim>& shape, double fewest);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,

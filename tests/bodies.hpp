@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -93,6 +94,28 @@ template <int Dim> VoigtMatrix<Dim> hooke(const IsotropicModuli& moduli, Plane p
   return Materials<Dim>({LinearElastic(moduli)}, plane).stiffness(0, Vec<Dim>::Zero()).C;
 }
 
+/// For names of tests and rows of tables.
+inline const char* name_of(SecondaryKind secondary) {
+  switch (secondary) {
+    case SecondaryKind::cells:
+      return "cells";
+    case SecondaryKind::linear:
+      return "linear";
+    case SecondaryKind::mls:
+      return "mls";
+    case SecondaryKind::full:
+      return "full";
+  }
+  throw std::invalid_argument("a secondary basis without a name");
+}
+
+/// Of the displacement gradient H.
+template <int Dim> Voigt<Dim> strain_of_gradient(const Mat<Dim>& H) {
+  Gradient<Dim> gradient = Gradient<Dim>::Zero();
+  gradient.template head<Dim * Dim>() = H.reshaped();
+  return strain_of<Dim>(gradient);
+}
+
 /// u(x) = shift + H x.
 template <int Dim> struct LinearField {
   const char* name;
@@ -100,11 +123,7 @@ template <int Dim> struct LinearField {
   Vec<Dim> shift;
 
   Vec<Dim> displacement(const Vec<Dim>& x) const { return shift + H * x; }
-  Voigt<Dim> strain() const {
-    Gradient<Dim> gradient = Gradient<Dim>::Zero();
-    gradient.template head<Dim * Dim>() = H.reshaped();
-    return strain_of<Dim>(gradient);
-  }
+  Mat<Dim> gradient(const Vec<Dim>&) const { return H; }
 };
 template <int Dim> std::vector<LinearField<Dim>> linear_fields() {
   Mat<Dim> tension = -0.3 * Mat<Dim>::Identity(), shear = Mat<Dim>::Zero(), rotation = Mat<Dim>::Zero();
@@ -115,6 +134,35 @@ template <int Dim> std::vector<LinearField<Dim>> linear_fields() {
   return {{"tension", tension, shift}, {"shear", shear, shift}, {"rotation", rotation, shift}};
 }
 
+/// u_i(x) = x . Q_i x, Q_i symmetric: linear stresses, constant body forces.
+template <int Dim> struct QuadraticField {
+  const char* name;
+  std::array<Mat<Dim>, Dim> Q;
+
+  Vec<Dim> displacement(const Vec<Dim>& x) const {
+    Vec<Dim> u;
+    for (int i = 0; i < Dim; ++i) u[i] = x.dot(Q[i] * x);
+    return u;
+  }
+  Mat<Dim> gradient(const Vec<Dim>& x) const {
+    Mat<Dim> H;
+    for (int i = 0; i < Dim; ++i) H.row(i) = 2.0 * (Q[i] * x).transpose();
+    return H;
+  }
+};
+/// Pure bending about the origin (nu = 0.3, plane stress), and one with every coefficient.
+template <int Dim> std::vector<QuadraticField<Dim>> quadratic_fields() {
+  QuadraticField<Dim> bending{"bending", {}}, all{"all", {}};
+  for (auto& Q : bending.Q) Q.setZero();
+  bending.Q[0](0, 1) = bending.Q[0](1, 0) = 0.5;
+  bending.Q[1](0, 0) = -0.5;
+  bending.Q[1](1, 1) = -0.15;
+  for (int i = 0; i < Dim; ++i)
+    for (int j = 0; j < Dim; ++j)
+      for (int k = 0; k < Dim; ++k) all.Q[i](j, k) = 1.0 + 0.5 * i - 0.4 * (j + k) + 0.7 * (i == j || i == k);
+  return {bending, all};
+}
+
 /// Every component prescribed.
 template <int Dim> DisplacementCondition<Dim> displacement(std::string on, const VectorField<Dim>& u) {
   DisplacementCondition<Dim> condition{std::move(on), {}, {}};
@@ -122,35 +170,49 @@ template <int Dim> DisplacementCondition<Dim> displacement(std::string on, const
   return condition;
 }
 
-/// Largest errors anywhere, relative to the largest displacement and to |C| |H|.
+/// Largest errors anywhere, relative to the largest displacement and to |C| times the largest |H|.
 struct PatchError {
-  double displacement = 0.0;  ///< at fine vertices
+  double displacement = 0.0;  ///< at fine degrees of freedom
   double stress = 0.0;        ///< at quadrature points
-  double recovered = 0.0;     ///< stress at fine vertices
+  double recovered = 0.0;     ///< stress at fine degrees of freedom
 };
 
-/// Solves for a linear field: displacements prescribed on some parts of the boundary, its tractions on others.
-template <int Dim> PatchError patch_error(const Approximation<Dim>& approximation, const ElasticModel& model,
-                                          const LinearField<Dim>& field, const std::vector<std::string>& held,
-                                          const std::vector<std::string>& loaded) {
+/// Solves for a linear or quadratic field with its body force: displacements prescribed on some parts of the boundary,
+/// its tractions on others.
+template <int Dim, class Field>
+PatchError patch_error(const Approximation<Dim>& approximation, const ElasticModel& model, const Field& field,
+                       const std::vector<std::string>& held, const std::vector<std::string>& loaded) {
   const VoigtMatrix<Dim> C = materials_of(model, approximation.space.mesh()).stiffness(0, Vec<Dim>::Zero()).C;
-  const Voigt<Dim> stress = C * field.strain();
+  const auto stress = [&](const Vec<Dim>& x) -> Voigt<Dim> { return C * strain_of_gradient<Dim>(field.gradient(x)); };
   const VectorField<Dim> u = [&](const Vec<Dim>& x) { return field.displacement(x); };
   std::vector<DisplacementCondition<Dim>> conditions;
   for (const auto& part : held) conditions.push_back(displacement<Dim>(part, u));
   Loads<Dim> loads;
   for (const auto& part : loaded)
-    loads.tractions.push_back({part, [&](const Vec<Dim>&, const Vec<Dim>& n) { return traction<Dim>(stress, n); }});
+    loads.tractions.push_back(
+        {part, [&](const Vec<Dim>& x, const Vec<Dim>& n) { return traction<Dim>(stress(x), n); }});
+  Vec<Dim> force = Vec<Dim>::Zero();  // less the divergence of the stress
+  for (int j = 0; j < Dim; ++j)
+    force -= traction<Dim>(stress(Vec<Dim>::Unit(j)) - stress(Vec<Dim>::Zero()), Vec<Dim>::Unit(j));
+  if (!force.isZero(0.0)) loads.body_force = [&](const Vec<Dim>&) { return force; };
   const auto solution = ElasticSolver<Dim>(approximation, model, conditions).solve(loads);
   const auto fields = recover_fields(approximation, solution);
 
-  const auto& vertices = approximation.space.points();
-  Points<Dim> exact(Dim, vertices.cols());
-  for (Index v = 0; v < exact.cols(); ++v) exact.col(v) = u(vertices.col(v));
-  const double scale = C(0, 0) * field.H.norm();
-  return {(fields.displacement - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff(),
-          (solution.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale,
-          (fields.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale};
+  const auto& x = approximation.space.points();
+  const auto& points = approximation.quadrature.points;
+  PatchError error;
+  double largest_displacement = 0.0, largest_gradient = 0.0;
+  for (Index v = 0; v < x.cols(); ++v) {
+    const Vec<Dim> exact = u(x.col(v));
+    largest_displacement = std::max(largest_displacement, exact.cwiseAbs().maxCoeff());
+    largest_gradient = std::max(largest_gradient, field.gradient(x.col(v)).norm());
+    error.displacement = std::max(error.displacement, (fields.displacement.col(v) - exact).cwiseAbs().maxCoeff());
+    error.recovered = std::max(error.recovered, (fields.stress.col(v) - stress(x.col(v))).cwiseAbs().maxCoeff());
+  }
+  for (Index K = 0; K < points.cols(); ++K)
+    error.stress = std::max(error.stress, (solution.stress.col(K) - stress(points.col(K))).cwiseAbs().maxCoeff());
+  const double scale = C(0, 0) * largest_gradient;
+  return {error.displacement / largest_displacement, error.stress / scale, error.recovered / scale};
 }
 
 /// The approximation with gradients evaluated at the quadrature points instead of projected. Clusters of cells.

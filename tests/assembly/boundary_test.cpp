@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/loads.hpp"
+#include "efree/assembly/nitsche.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 namespace efree {
 namespace {
@@ -189,6 +191,51 @@ TEST_F(NodalConditionsTest, DisplacementThatIsNotFiniteIsRefused) {
       },
       ThrowsMessage<InputError>(HasSubstr("displacement on \"right\" is nan at (1, ")));
 }
+
+class NitscheOn : public ::testing::TestWithParam<std::tuple<std::string, SecondaryKind>> {};
+
+TEST_P(NitscheOn, ClampedBodiesKeepHalfOfTheirEnergy) {
+  // a(u, u) - 2 int (sigma n).u + int beta u.u >= a(u, u) / 2 for every u, whatever the functions of the quadrature are
+  // on the boundary: the trace inequality that the penalty rests on.
+  const auto [name, secondary] = GetParam();
+  const auto body = testing::body(name);
+  std::vector<DisplacementCondition<2>> clamped;
+  for (const auto& side : body.outer) clamped.push_back(clamp<2>(side));
+  for (const bool split : {false, true}) {
+    const auto approximation = approximate(
+        body.mesh,
+        {.order = 2, .interpolation = 2, .spacing = body.spacing, .secondary = secondary, .dilatation = split});
+    const Materials<2> materials({LinearElastic(1.0, split ? 0.49 : 0.3)}, Plane::strain);
+    std::vector<StiffnessTerm<2>> terms;
+    if (split) {
+      terms.push_back(
+          {&approximation.quadrature, materials.tangents(approximation.quadrature, StiffnessPart::deviatoric)});
+      terms.push_back(
+          {&approximation.dilatation, materials.tangents(approximation.dilatation, StiffnessPart::volumetric), true});
+    } else {
+      terms.push_back({&approximation.quadrature, materials.tangents(approximation.quadrature)});
+    }
+    SymmetricMatrix form = nitsche(approximation.space, approximation.shape, terms, restraints(clamped)).matrix;
+    double largest = 0.0;
+    for (const auto& term : terms) {
+      const SymmetricMatrix K = stiffness_matrix(*term.discretization, term.tangents);
+      form += 0.5 * K;
+      largest = std::max(largest, K.diagonal().maxCoeff());
+    }
+    const Matrix dense = SymmetricMatrix(form.selfadjointView<Eigen::Lower>());
+    const Vector eigenvalues = Eigen::SelfAdjointEigenSolver<Matrix>(dense, Eigen::EigenvaluesOnly).eigenvalues();
+    EXPECT_GE(eigenvalues.minCoeff(), -1e-10 * largest) << (split ? "volumetric part on unions" : "");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bodies, NitscheOn,
+                         ::testing::Combine(::testing::Values("square", "slivers", "l_shape", "slit"),
+                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::linear,
+                                                              SecondaryKind::mls)),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) + "_" +
+                                  testing::name_of(std::get<1>(test.param));
+                         });
 
 }  // namespace
 }  // namespace efree

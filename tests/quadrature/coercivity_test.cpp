@@ -62,10 +62,11 @@ TEST(CoercivityOfPores, ProjectedStiffnessIsAtLeastAFifthOfTheFullOneWhereNodesA
 }
 
 INSTANTIATE_TEST_SUITE_P(Defaults, Coercivity,
-                         ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                         ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::linear,
+                                                              SecondaryKind::mls),
                                             ::testing::Values(1, 2, 3)),
                          [](const auto& test) {
-                           return (std::get<0>(test.param) == SecondaryKind::cells ? "cells_" : "mls_") +
+                           return testing::name_of(std::get<0>(test.param)) + std::string("_") +
                                   std::to_string(std::get<1>(test.param));
                          });
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/core/error.hpp"
 #include "efree/tests/bodies.hpp"
+#include "efree/tests/solids.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -91,8 +92,8 @@ class QuadratureOn : public ::testing::TestWithParam<std::tuple<std::string, int
 TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
   const auto [name, order, interpolation] = GetParam();
   const auto body = testing::body(name);
-  for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls, SecondaryKind::full}) {
-    SCOPED_TRACE(static_cast<int>(secondary));
+  for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls, SecondaryKind::full}) {
+    SCOPED_TRACE(testing::name_of(secondary));
     const auto approximation = approximate(
         body.mesh, {.order = order, .interpolation = interpolation, .spacing = body.spacing, .secondary = secondary});
     const auto& quadrature = approximation.quadrature;
@@ -103,7 +104,9 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
       EXPECT_LT((found[p] - exact[p]).cwiseAbs().maxCoeff(), 1e-12) << "monomial " << p;
     if (secondary !=
         SecondaryKind::full) {  // gradients in a sliver are as large as it is flat, and so is their rounding
-      EXPECT_LT(reproduction_error(quadrature, approximation.nodes, secondary == SecondaryKind::cells), 1e-12);
+      const bool positions = secondary == SecondaryKind::cells ||
+                             (secondary == SecondaryKind::linear && interpolation == 2);  // see Discretization::shape
+      EXPECT_LT(reproduction_error(quadrature, approximation.nodes, positions), 1e-12);
     }
   }
 }
@@ -111,8 +114,8 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
 TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
   const auto [name, order, interpolation] = GetParam();
   const auto body = testing::body(name);
-  for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls}) {
-    SCOPED_TRACE(static_cast<int>(secondary));
+  for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls}) {
+    SCOPED_TRACE(testing::name_of(secondary));
     const auto approximation = approximate(body.mesh, {.order = order,
                                                        .interpolation = interpolation,
                                                        .spacing = body.spacing,
@@ -123,7 +126,7 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
     const auto exact = exact_moments(approximation.space, approximation.shape),
                found = moments(approximation.dilatation);
     EXPECT_LT((found[0] - exact[0]).cwiseAbs().maxCoeff(), 1e-12);
-    EXPECT_LT(reproduction_error(approximation.dilatation, approximation.nodes, secondary == SecondaryKind::cells),
+    EXPECT_LT(reproduction_error(approximation.dilatation, approximation.nodes, secondary != SecondaryKind::mls),
               1e-12);
   }
 }
@@ -174,7 +177,8 @@ TEST(Quadrature, RatioIsMetWithinTenPercent) {
   // Not asked for at M/N = 1: the boundary of every hole takes its three points.
   const auto body = testing::body("random_holes");
   for (const double ratio : {2.0, 4.0})
-    for (const auto secondary : {SecondaryKind::cells, SecondaryKind::mls}) {
+    for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls}) {
+      if (secondary == SecondaryKind::linear && ratio < 3.0) continue;  // less than one cluster to a node
       const auto approximation =
           approximate(body.mesh, {.spacing = body.spacing, .secondary = secondary, .ratio = ratio});
       EXPECT_NEAR(
@@ -209,6 +213,71 @@ TEST(Quadrature, ClustersAreTakenApartWhereFineVerticesRunOut) {
   }
 }
 
+/// int x_i x_j over the body, with the measure.
+template <int Dim> Mat<Dim> second_moments(const FineSpace<Dim>& space) {
+  const auto rule = simplex_rule<Dim>(4);
+  Mat<Dim> sum = Mat<Dim>::Zero();
+  for (Index c = 0; c < space.mesh().num_cells(); ++c)
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const Vec<Dim> x = space.position(c, rule.points.col(q));
+      sum += space.mesh().volume(c) * rule.weights[q] * space.measure(x) * x * x.transpose();
+    }
+  return sum;
+}
+
+/// The points and positive weights of linear functions integrate quadratics exactly, and their Gram matrix is diagonal.
+template <int Dim> void expect_linear_functions(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
+  const Vector weights = secondary_weights(space, secondary);
+  EXPECT_GT(weights.minCoeff(), 0.0);
+  double volume = 0.0;
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) volume += space.volume(c);
+  EXPECT_NEAR(weights.sum() / volume, 1.0, 1e-13);
+  const Mat<Dim> exact = second_moments(space),
+                 found = secondary.points * weights.asDiagonal() * secondary.points.transpose();
+  EXPECT_LT((found - exact).norm(), 1e-13 * exact.norm());
+  EXPECT_LT((secondary.in_cells * Vector::Ones(weights.size()) - Vector::Ones(secondary.in_cells.rows()))
+                .cwiseAbs()
+                .maxCoeff(),
+            1e-13);
+  // The rule of the functions is exact for squares of linear functions on quadratic cells alone.
+  Vector at_points(secondary.in_cells.rows());
+  const Index per_cell = static_cast<Index>(secondary.rule.weights.size());
+  for (Index p = 0; p < at_points.size(); ++p)
+    at_points[p] = space.mesh().volume(p / per_cell) * secondary.rule.weights[p % per_cell] *
+                   space.measure(space.position(p / per_cell, secondary.rule.points.col(p % per_cell)));
+  const SparseRows gram = secondary.in_cells.transpose() * (at_points.asDiagonal() * secondary.in_cells).eval();
+  double off = 0.0;
+  for (Index K = 0; K < gram.rows(); ++K)
+    for (SparseRows::InnerIterator entry(gram, K); entry; ++entry)
+      off = std::max(off, std::abs(entry.value() - (entry.col() == K ? weights[K] : 0.0)) / weights[K]);
+  EXPECT_LT(off, 1e-11);
+}
+
+TEST(LinearFunctionsOfClusters, AreOrthogonalAndIntegrateQuadraticsExactly) {
+  for (const std::string name : {"square", "slivers", "slit", "random_holes", "pores"})
+    for (const bool axisymmetric : {false, true}) {
+      SCOPED_TRACE(name + (axisymmetric ? ", axisymmetric" : ""));
+      const auto body = testing::body(name);
+      const FineSpace<2> space(body.mesh, 2, axisymmetric);
+      const auto shape = moving_least_squares(space, sample_cloud(body.mesh, CloudOptions{body.spacing}), {}).shape;
+      const auto points = sample_cloud(body.mesh, CloudOptions{1.1 * body.spacing, 2});
+      for (const double fewest : {0.0, 1e9})  // whole clusters, and all of the small ones taken apart
+        expect_linear_functions(space, linear_clusters(space, points, shape, fewest));
+    }
+}
+
+TEST(LinearFunctionsOfClusters, AreOrthogonalAndIntegrateQuadraticsExactlyInSpace) {
+  for (const std::string name : {"box", "flat_cells", "slit_box"}) {
+    SCOPED_TRACE(name);
+    const auto mesh = testing::solid(name);
+    const FineSpace<3> space(mesh, 2);
+    const auto cloud = sample_cloud(mesh, CloudOptions{.spacing = 0.4});
+    const auto shape = moving_least_squares(space, cloud, {}).shape;
+    for (const double spacing : {0.4, 0.1})
+      expect_linear_functions(space, linear_clusters(space, sample_cloud(mesh, CloudOptions{spacing, 2}), shape, 1e9));
+  }
+}
+
 TEST(Quadrature, MergeChecksItsGroups) {
   const auto body = testing::body("square");
   const auto quadrature = approximate(body.mesh, {.spacing = body.spacing}).quadrature;
@@ -228,6 +297,7 @@ TEST(Approximation, DefaultsDependOnTheDimensionAndTheFineMesh) {
   EXPECT_EQ(with_defaults<3>({.interpolation = 2}, 1000.0).interpolation, 2);
   EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::mls}, 10.0).ratio, 6.0);
   EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls}, 10.0).ratio, 24.0);
+  EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::linear}, 10.0).ratio, 2.5);
   EXPECT_EQ(with_defaults<2>({}, 10.0).ratio, 4.0);
   EXPECT_EQ(with_defaults<3>({}, 10.0).ratio, 4.0);
   EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls, .ratio = 3.0}, 10.0).ratio, 3.0);

@@ -113,15 +113,76 @@ TEST_P(AxisymmetricPatchTest, ConstantStrainIsExactWithUnionsStabilisationAndQua
       model, 1);
 }
 
-INSTANTIATE_TEST_SUITE_P(Bodies, AxisymmetricPatchTest,
-                         ::testing::Combine(::testing::Values("square", "square_ring", "slivers", "plate_with_hole",
+INSTANTIATE_TEST_SUITE_P(
+    Bodies, AxisymmetricPatchTest,
+    ::testing::Combine(::testing::Values("square", "square_ring", "slivers", "plate_with_hole", "l_shape_ring", "slit"),
+                       ::testing::Values(SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls),
+                       ::testing::Values(Essential::nitsche, Essential::strong)),
+    [](const auto& test) {
+      return std::string(std::get<0>(test.param)) + "_" + testing::name_of(std::get<1>(test.param)) +
+             (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
+    });
+
+/// u = (0.4 r^2 + 0.3 r z, 0.2 r^2 - 0.5 z^2): linear strains, constant body forces.
+struct LinearStrain {
+  static Vec<2> displacement(const Vec<2>& x) {
+    return {0.4 * x.x() * x.x() + 0.3 * x.x() * x.y(), 0.2 * x.x() * x.x() - 0.5 * x.y() * x.y()};
+  }
+  static Voigt<2> strain(const Vec<2>& x) {
+    return {0.8 * x.x() + 0.3 * x.y(), -x.y(), 0.4 * x.x() + 0.3 * x.y(), 0.7 * x.x()};
+  }
+  static Vec<2> force(const IsotropicModuli& moduli) {
+    const double mu = moduli.E / (2.0 * (1.0 + moduli.nu)), lambda = 2.0 * mu * moduli.nu / (1.0 - 2.0 * moduli.nu);
+    return {-1.2 * lambda - 2.4 * mu, 0.4 * lambda + 0.6 * mu};
+  }
+};
+
+class AxisymmetricQuadraticPatch : public ::testing::TestWithParam<std::tuple<std::string, Essential>> {};
+
+TEST_P(AxisymmetricQuadraticPatch, IsExactOnLinearFunctionsOfClusters) {
+  const auto [name, essential] = GetParam();
+  const auto body = section(name);
+  const IsotropicModuli moduli{1.0, 0.3};
+  const ElasticModel model{.material = LinearElastic(moduli), .plane = Plane::axisymmetric, .essential = essential};
+  const VoigtMatrix<2> C = testing::hooke<2>(moduli, Plane::axisymmetric);
+  std::vector<DisplacementCondition<2>> conditions;
+  for (const auto& part : body.outer) conditions.push_back(testing::displacement<2>(part, LinearStrain::displacement));
+  const auto pulled = [&](const Vec<2>& x, const Vec<2>& n) { return traction<2>(C * LinearStrain::strain(x), n); };
+  Loads<2> loads{.tractions = {}, .body_force = [&](const Vec<2>&) { return LinearStrain::force(moduli); }};
+  for (const auto& part : body.inner) loads.tractions.push_back({part, pulled});
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    ApproximationOptions options{.axisymmetric = true,
+                                 .order = 2,
+                                 .interpolation = 2,
+                                 .spacing = body.spacing,
+                                 .seed = seed,
+                                 .secondary = SecondaryKind::linear};
+    if (essential == Essential::strong) options.vanish_on = body.outer;
+    const auto approximation = approximate(body.mesh, options);
+    const auto solution = ElasticSolver<2>(approximation, model, conditions).solve(loads);
+    const auto fields = recover_fields(approximation, solution);
+    double displacement = 0.0, stress = 0.0, recovered = 0.0;
+    for (Index v = 0; v < approximation.space.size(); ++v) {
+      const Vec<2> x = approximation.space.points().col(v);
+      displacement = std::max(displacement, (fields.displacement.col(v) - LinearStrain::displacement(x)).norm());
+      recovered = std::max(recovered, (fields.stress.col(v) - C * LinearStrain::strain(x)).norm());
+    }
+    for (Index K = 0; K < approximation.quadrature.size(); ++K)
+      stress = std::max(
+          stress, (solution.stress.col(K) - C * LinearStrain::strain(approximation.quadrature.points.col(K))).norm());
+    EXPECT_LE(displacement, bar) << "cloud " << seed;
+    EXPECT_LE(stress, bar) << "cloud " << seed;
+    EXPECT_LE(recovered, bar) << "cloud " << seed;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bodies, AxisymmetricQuadraticPatch,
+                         ::testing::Combine(::testing::Values("square", "square_ring", "plate_with_hole",
                                                               "l_shape_ring", "slit"),
-                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
                                             ::testing::Values(Essential::nitsche, Essential::strong)),
                          [](const auto& test) {
                            return std::string(std::get<0>(test.param)) +
-                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls") +
-                                  (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
+                                  (std::get<1>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
                          });
 
 TEST(AxisymmetricFiniteElements, ConstantStrainIsExact) {
@@ -241,8 +302,9 @@ TEST_P(AxisOfRevolution, NeedsNoConditionOfItsOwn) {
   EXPECT_LE(order(&RotatingCylinder::Result::recovered), 2.0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Secondary, AxisOfRevolution, ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
-                         [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
+INSTANTIATE_TEST_SUITE_P(Secondary, AxisOfRevolution,
+                         ::testing::Values(SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls),
+                         [](const auto& test) { return testing::name_of(test.param); });
 
 /// Lame's cylinder and sphere: bars and orders, a wall of thickness 1 and inner radius 1 with 1 / H + 1 nodes through
 /// it.
@@ -296,10 +358,11 @@ TEST_P(Lame1852, SectionsConverge) {
 
 INSTANTIATE_TEST_SUITE_P(Walls, Lame1852,
                          ::testing::Combine(::testing::Bool(),
-                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls)),
+                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::linear,
+                                                              SecondaryKind::mls)),
                          [](const auto& test) {
-                           return std::string(std::get<0>(test.param) ? "sphere" : "cylinder") +
-                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls");
+                           return std::string(std::get<0>(test.param) ? "sphere" : "cylinder") + "_" +
+                                  testing::name_of(std::get<1>(test.param));
                          });
 
 /// Eight nodes through the wall, growing from the inner wall: not more of them, but where stress changes.

@@ -89,10 +89,11 @@ TEST_P(BothWays, ReactionsAreThereWithoutLoads) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Conditions, BothWays,
-                         ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                         ::testing::Combine(::testing::Values(SecondaryKind::cells, SecondaryKind::linear,
+                                                              SecondaryKind::mls),
                                             ::testing::Values(Essential::nitsche, Essential::strong)),
                          [](const auto& test) {
-                           return std::string(std::get<0>(test.param) == SecondaryKind::cells ? "cells" : "mls") +
+                           return std::string(testing::name_of(std::get<0>(test.param))) +
                                   (std::get<1>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
                          });
 

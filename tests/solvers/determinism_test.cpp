@@ -53,6 +53,11 @@ const ElasticModel strain{.material = LinearElastic(1.0, 0.49), .plane = Plane::
 TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnCells) {
   expect_same_on_two_threads({.spacing = 0.3}, stress);
 }
+TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnLinearFunctions) {
+  expect_same_on_two_threads({.spacing = 0.3, .secondary = SecondaryKind::linear}, stress);
+  expect_same_on_two_threads({.order = 2, .spacing = 0.3, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged},
+                             {.material = LinearElastic(1.0, 0.49), .plane = Plane::strain});
+}
 TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnLumpedMls) {
   expect_same_on_two_threads({.spacing = 0.3, .secondary = SecondaryKind::mls}, stress);
 }

@@ -80,7 +80,7 @@ TEST_P(MeshQuality, ComplianceDoesNotFeelSlivers) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Secondary, MeshQuality, ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
-                         [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
+                         [](const auto& test) { return testing::name_of(test.param); });
 
 }  // namespace
 }  // namespace efree

@@ -38,11 +38,12 @@ TEST_P(SolidPatchTest, LinearFieldsAreExact) {
 
 INSTANTIATE_TEST_SUITE_P(Solids, SolidPatchTest,
                          ::testing::Combine(::testing::Values("box", "flat_cells", "slit_box"),
-                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
+                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::linear,
+                                                              SecondaryKind::mls),
                                             ::testing::Values(Essential::nitsche, Essential::strong)),
                          [](const auto& test) {
-                           return std::string(std::get<0>(test.param)) +
-                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls") +
+                           return std::string(std::get<0>(test.param)) + "_" +
+                                  testing::name_of(std::get<1>(test.param)) +
                                   (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
                          });
 

@@ -65,16 +65,15 @@ TEST_P(PatchTest, LinearFieldsAreExactOnGradedCloudsAndQuadraticCells) {
   expect_exact(body, {.interpolation = 2, .grading = {.features = true}, .secondary = secondary}, model, 1);
 }
 
-INSTANTIATE_TEST_SUITE_P(Bodies, PatchTest,
-                         ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit",
-                                                              "pores"),
-                                            ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
-                                            ::testing::Values(Essential::nitsche, Essential::strong)),
-                         [](const auto& test) {
-                           return std::string(std::get<0>(test.param)) +
-                                  (std::get<1>(test.param) == SecondaryKind::cells ? "_cells" : "_mls") +
-                                  (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Bodies, PatchTest,
+    ::testing::Combine(::testing::Values("square", "slivers", "plate_with_hole", "l_shape", "slit", "pores"),
+                       ::testing::Values(SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls),
+                       ::testing::Values(Essential::nitsche, Essential::strong)),
+    [](const auto& test) {
+      return std::string(std::get<0>(test.param)) + "_" + testing::name_of(std::get<1>(test.param)) +
+             (std::get<2>(test.param) == Essential::nitsche ? "_nitsche" : "_strong");
+    });
 
 TEST(PatchTestBodies, SliversAreAsFlatAsPromised) {
   EXPECT_LT(testing::smallest_angle(testing::body("slivers").mesh), 0.1);

@@ -77,8 +77,9 @@ TEST_P(Recovery, AQuadraticLosesHalfOfTheSpacingSquaredAtMost) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Secondary, Recovery, ::testing::Values(SecondaryKind::cells, SecondaryKind::mls),
-                         [](const auto& test) { return test.param == SecondaryKind::cells ? "cells" : "mls"; });
+INSTANTIATE_TEST_SUITE_P(Secondary, Recovery,
+                         ::testing::Values(SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls),
+                         [](const auto& test) { return testing::name_of(test.param); });
 
 }  // namespace
 }  // namespace efree
