@@ -21,7 +21,7 @@ Display::~Display() {
   clear_bar();
 }
 
-Progress Display::stages(std::vector<std::string> names) {
+Monitor::Progress Display::stages(std::vector<std::string> names) {
   return [this, names = std::move(names)](const std::string& stage, double fraction) {
     if (stage != stage_) {
       finish_line();
@@ -33,7 +33,7 @@ Progress Display::stages(std::vector<std::string> names) {
   };
 }
 
-Progress Display::runs() {
+Monitor::Progress Display::runs() {
   return [this](const std::string& run, double fraction) {
     stage_ = run;
     if (terminal_)

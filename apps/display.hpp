@@ -2,7 +2,7 @@
 /// Progress on stderr: a bar on a terminal, a line per stage elsewhere.
 #pragma once
 
-#include "efree/core/progress.hpp"
+#include "efree/core/monitor.hpp"
 
 #include <chrono>
 #include <string>
@@ -18,9 +18,9 @@ class Display {
   Display& operator=(const Display&) = delete;
 
   /// For one run that passes through these stages, in about this order.
-  Progress stages(std::vector<std::string> names);
+  Monitor::Progress stages(std::vector<std::string> names);
   /// For many runs: the fraction is that of them all, the stage says which one begins.
-  Progress runs();
+  Monitor::Progress runs();
   /// A message of its own line, said even if quiet.
   void say(const std::string& message);
   /// The stage that began last.

@@ -3,6 +3,7 @@
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/io/convergence.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
@@ -36,7 +37,7 @@ struct Options {
   StudyOptions study;
 };
 
-template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
+template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   const Estimates& estimates = *result.estimates;
   if (result.cells)
     return fmt::format(
@@ -55,7 +56,7 @@ template <int Dim> std::string estimates_text(const CaseResult<Dim>& result) {
 }
 
 /// Probes, reactions and extremes with their errors, a line each.
-template <int Dim> std::vector<std::string> numbers_text(const CaseResult<Dim>& result) {
+template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& result) {
   std::vector<std::string> lines;
   const auto say = [&](const std::string& what, const Vec<Dim>& value, const Vec<Dim>* error) {
     lines.push_back(fmt::format("{} ({:.6g})", what, fmt::join(value, ", ")));
@@ -82,22 +83,18 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
   try {
-    const Progress progress = display.stages(
-        {"mesh", "cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction", "duals", "output"});
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
     };
-    const auto on_one_mesh = [&] {
-      const CaseMesh<Dim> mesh = read_mesh(analysis, progress);
-      for (const std::string& remark : mesh.remarks) say(remark);
-      return solve_case(analysis, mesh, progress);
-    };
-    CaseResult<Dim> result = analysis.asks_for_accuracy() ? solve_to_accuracy(analysis, progress, say) : on_one_mesh();
+    const Monitor monitor{.progress = display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly",
+                                                      "solve", "correction", "duals", "output"}),
+                          .say = say};
+    Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
     for (const std::string& line : numbers_text(result)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
-      const Stage stage("output", result.times, progress);
+      const Stage stage("output", monitor.timing(result.times));
       out.supersede("fields.png");
       out.supersede("error.png");
       const auto draw = [&] {
@@ -115,14 +112,14 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
     if (result.refusal.empty())
       out.supersede("failure.json");
     else
-      write_failure(out.file("failure.json"), analysis, result.refusal, "correction");
+      write_failure(out.file("failure.json"), analysis.title, result.refusal, "correction");
     out.commit();
     if (!result.refusal.empty()) {
       display.say(fmt::format("error: {}; the results are in {} all the same", result.refusal, options.out));
       return 3;
     }
   } catch (const NumericalError& error) {
-    write_failure(out.file("failure.json"), analysis, error.what(), display.stage());
+    write_failure(out.file("failure.json"), analysis.title, error.what(), display.stage());
     out.commit();
     throw NumericalError(fmt::format("{} failed: {}", display.stage(), error.what()));
   }
@@ -151,9 +148,9 @@ void inspect_file(const Options& options) {
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
-  const Study study = run_study(analysis, options.study, display.runs());
+  const Study study = run_study<Dim>(analysis.geometry, analysis, options.study, {.progress = display.runs()});
   write_study_csv(out.file("convergence.csv"), study);
-  write_study_json(out.file("convergence.json"), analysis, study);
+  write_study_json(out.file("convergence.json"), analysis.title, study);
   const std::string no_charts = write_charts(out, study);
   if (!no_charts.empty()) display.say(no_charts);
   if (!analysis.has_exact()) display.say("the case has no [exact] solution: no errors, no observed orders");

@@ -87,6 +87,16 @@ template <int Dim> Voigt<Dim> strain_of(const Gradient<Dim>& H) {
   else
     return (Voigt<3>() << H[0], H[4], H[8], H[5] + H[7], H[2] + H[6], H[1] + H[3]).finished();
 }
+/// The symmetric gradient with that strain.
+template <int Dim> Gradient<Dim> gradient_of(const Voigt<Dim>& strain) {
+  Gradient<Dim> H;
+  if constexpr (Dim == 2)
+    H << strain[0], 0.5 * strain[3], 0.5 * strain[3], strain[1], strain[2];
+  else
+    H << strain[0], 0.5 * strain[5], 0.5 * strain[4], 0.5 * strain[5], strain[1], 0.5 * strain[3], 0.5 * strain[4],
+        0.5 * strain[3], strain[2];
+  return H;
+}
 /// A symmetric stress in Voigt order.
 template <int Dim> Voigt<Dim> stress_of(const Gradient<Dim>& P) {
   if constexpr (Dim == 2)

@@ -2,6 +2,7 @@
 #include "efree/assembly/materials.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -42,6 +43,8 @@ template <int Dim> Points<3> in_space(const Points<Dim>& X) {
 
 template <int Dim> Materials<Dim>::Materials(std::vector<SharedMaterial> by_region, Plane plane)
     : materials_(std::move(by_region)), plane_(plane), uniform_(materials_.size()) {
+  for (const SharedMaterial& material : materials_)
+    in_plane_.push_back(Dim == 2 && plane == Plane::stress ? SharedMaterial(PlaneStress(material)) : material);
   for (Index region = 0; region < num_regions(); ++region)
     if (materials_[region]->homogeneous()) uniform_[region] = ask(region, Points<Dim>::Zero(Dim, 1)).front();
 }
@@ -55,7 +58,7 @@ template <int Dim> Gradient<Dim> Materials<Dim>::trace() const {
 template <int Dim>
 std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, const Points<Dim>& X) const {
   const Material& material = *materials_[region];
-  const auto response = respond(material, Deformation::none(in_space<Dim>(X), material.history_size()), true);
+  const auto response = efree::respond(material, Deformation::none(in_space<Dim>(X), material.history_size()), true);
   const std::vector<int> there = strains_in<Dim>(plane_);
   std::vector<Answer> answers;
   answers.reserve(X.cols());
@@ -123,19 +126,75 @@ template <int Dim> PointTangents<Dim> Materials<Dim>::tangents(const Discretizat
   PointTangents<Dim> result;
   result.at = discretization.region;
   result.values.resize(num_regions());
+  const auto by_region = points_by_region(discretization);
   for (Index region = 0; region < num_regions(); ++region) {
     if (is_uniform(region)) {
       result.values[region] = share * tangent(region, Vec<Dim>::Zero(), part);
       continue;
     }
-    std::vector<Index> points;
-    for (Index K = 0; K < discretization.size(); ++K)
-      if (discretization.region[K] == region) points.push_back(K);
+    const std::vector<Index>& points = by_region[region];
     const auto answers = ask(region, discretization.points(Eigen::all, points));
     for (std::size_t k = 0; k < points.size(); ++k) {
       result.at[points[k]] = static_cast<Index>(result.values.size());
       result.values.push_back(share * part_of(answers[k].A, answers[k].stiffness.kappa, part));
     }
+  }
+  return result;
+}
+
+template <int Dim>
+std::vector<std::vector<Index>> Materials<Dim>::points_by_region(const Discretization<Dim>& discretization) const {
+  std::vector<std::vector<Index>> points(num_regions());
+  for (Index K = 0; K < discretization.size(); ++K) points[discretization.region[K]].push_back(K);
+  return points;
+}
+
+template <int Dim> bool Materials<Dim>::linear() const {
+  return std::ranges::all_of(materials_, [](const SharedMaterial& material) { return material->linear(); });
+}
+
+template <int Dim> Index Materials<Dim>::history_size(const Discretization<Dim>& discretization) const {
+  Index size = 0;
+  for (const Index region : discretization.region) size += in_plane_[region]->history_size();
+  return size;
+}
+
+template <int Dim>
+PointResponses<Dim> Materials<Dim>::respond(const Discretization<Dim>& discretization, const Gradients<Dim>& H,
+                                            const Eigen::Ref<const Vector>& history, double dt, bool tangents) const {
+  constexpr Index batch = 256;
+  const Index all = discretization.size();
+  require(H.cols() == all && history.size() == history_size(discretization),
+          "materials: a gradient and a history for each point expected");
+  PointResponses<Dim> result{Gradients<Dim>(gradient_size<Dim>, all), Vector(all), Vector(history.size()), {}};
+  if (tangents) result.A.resize(all);
+  const auto by_region = points_by_region(discretization);
+  Index first = 0;  // of the region's history
+  for (Index region = 0; region < num_regions(); ++region) {
+    const Material& material = *in_plane_[region];
+    const std::vector<Index>& points = by_region[region];
+    const Index remembered = material.history_size(), count = static_cast<Index>(points.size());
+    parallel_chunks(count, batch, [&](Index begin, Index end) {
+      const Index n = end - begin, at = first + begin * remembered;
+      const std::span<const Index> here(points.data() + begin, points.data() + end);
+      auto deformation = Deformation::none(in_space<Dim>(discretization.points(Eigen::all, here)), remembered);
+      deformation.dt = dt;
+      deformation.history = history.segment(at, n * remembered).reshaped(remembered, n);
+      for (Index k = 0; k < n; ++k)
+        for (int a = 0; a < gradient_size<Dim>; ++a) deformation.F(tensor_places<Dim>[a], k) += H(a, here[k]);
+      const MaterialResponse response = efree::respond(material, deformation, tangents);
+      result.history.segment(at, n * remembered) = response.history.reshaped();
+      for (Index k = 0; k < n; ++k) {
+        const Index K = here[k];
+        result.energy[K] = response.energy[k];
+        for (int a = 0; a < gradient_size<Dim>; ++a) {
+          result.P(a, K) = response.P(tensor_places<Dim>[a], k);
+          for (int b = 0; tangents && b < gradient_size<Dim>; ++b)
+            result.A[K](a, b) = response.tangent_at(k)(tensor_places<Dim>[a], tensor_places<Dim>[b]);
+        }
+      }
+    });
+    first += count * remembered;
   }
   return result;
 }
@@ -151,7 +210,7 @@ template <int Dim> double Materials<Dim>::incompressibility(const FineMesh<Dim>&
     Points<Dim> centres(Dim, count);
     for (Index k = 0; k < count; ++k) centres.col(k) = mesh.centroid(cells[region][k]);
     const Material& material = *materials_[region];
-    const auto response = respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
+    const auto response = efree::respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
     for (Index p = 0; p < count; ++p) largest = std::max(largest, efree::incompressibility(response.tangent_at(p)));
   }
   return largest;

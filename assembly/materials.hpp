@@ -38,6 +38,14 @@ template <int Dim> struct PointTangents {
   const Tangent<Dim>& operator[](Index point) const { return values[at[point]]; }
 };
 
+/// What materials answer at the points of a discretization.
+template <int Dim> struct PointResponses {
+  Gradients<Dim> P;             ///< stress, first Piola-Kirchhoff
+  Vector energy;                ///< free energy [stress]
+  Vector history;               ///< after; laid out as Materials::history_size says
+  std::vector<Tangent<Dim>> A;  ///< dP/dH; empty if they are not wanted
+};
+
 /// By region of a mesh.
 template <int Dim> class Materials {
  public:
@@ -62,6 +70,17 @@ template <int Dim> class Materials {
   /// `share` times a part of the tangents at the points of a discretization.
   PointTangents<Dim> tangents(const Discretization<Dim>& discretization, StiffnessPart part = StiffnessPart::all,
                               double share = 1.0) const;
+  /// Whether all materials are (Material::linear).
+  bool linear() const;
+  /// Numbers that the points of a discretization remember: region after region, in these point after point, each with
+  /// all that its material remembers.
+  Index history_size(const Discretization<Dim>& discretization) const;
+  /// Asks the materials at all points of a discretization: what gradients H (column = point) make of histories (of that
+  /// layout) in a time dt. Throws what materials throw.
+  PointResponses<Dim> respond(const Discretization<Dim>& discretization, const Gradients<Dim>& H,
+                              const Eigen::Ref<const Vector>& history, double dt, bool tangents) const;
+  /// The component along this is the trace of a gradient: of the strains that there are.
+  Gradient<Dim> trace() const;
   /// The largest efree::incompressibility in the body: of homogeneous materials, and at the centres of cells.
   double incompressibility(const FineMesh<Dim>& mesh) const;
 
@@ -73,9 +92,10 @@ template <int Dim> class Materials {
   /// At points of one region.
   std::vector<Answer> ask(Index region, const Points<Dim>& X) const;
   Tangent<Dim> part_of(const Tangent<Dim>& A, double kappa, StiffnessPart part) const;
-  Gradient<Dim> trace() const;
+  std::vector<std::vector<Index>> points_by_region(const Discretization<Dim>& discretization) const;
 
   std::vector<SharedMaterial> materials_;
+  std::vector<SharedMaterial> in_plane_;  ///< the same in plane stress, if that is it
   Plane plane_;
   std::vector<std::optional<Answer>> uniform_;  ///< by region
 };

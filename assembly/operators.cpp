@@ -5,14 +5,6 @@
 #include "efree/core/parallel.hpp"
 
 namespace efree {
-namespace {
-
-template <int Dim> Ragged<Place> places_in(const ShapeTable<Dim>& shape) {
-  return places_of_nodes(shape.num_nodes(), shape.num_points(), [&](Index p) { return shape.row(p).nodes; });
-}
-
-}  // namespace
-
 template <int Dim> Gradients<Dim> gradient(const Discretization<Dim>& discretization, const Points<Dim>& U) {
   Gradients<Dim> result(gradient_size<Dim>, discretization.size());
   parallel_for(discretization.size(), [&](Index K) {
@@ -32,7 +24,7 @@ template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretiza
 }
 
 template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discretization, const Gradients<Dim>& P) {
-  const auto by_node = places_in(discretization.shape);
+  const NodePlaces& by_node = discretization.shape.by_node();
   Points<Dim> force(Dim, discretization.shape.num_nodes());
   parallel_for(discretization.shape.num_nodes(), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
@@ -46,7 +38,7 @@ template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discret
 template <int Dim>
 SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const PointTangents<Dim>& A) {
   const ShapeTable<Dim>& shape = discretization.shape;
-  const auto by_node = places_in(shape);
+  const NodePlaces& by_node = shape.by_node();
   return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     for (const auto& [K, k] : by_node[a]) {
       const auto row = shape.row(K);

@@ -124,8 +124,10 @@ template <int Dim> void check_meridian(const FineMesh<Dim>& mesh) {
 
 }  // namespace
 
-template <int Dim> FineSpace<Dim>::FineSpace(const FineMesh<Dim>& mesh, int degree, bool axisymmetric)
-    : mesh_(&mesh), degree_(degree), axisymmetric_(axisymmetric) {
+template <int Dim> FineSpace<Dim>::FineSpace(std::shared_ptr<const FineMesh<Dim>> shared, int degree, bool axisymmetric)
+    : mesh_(std::move(shared)), degree_(degree), axisymmetric_(axisymmetric) {
+  require(mesh_ != nullptr, "a fine space without a mesh");
+  const FineMesh<Dim>& mesh = *mesh_;
   if (degree != 1 && degree != 2) throw InputError(fmt::format("fine space of degree {}, expected 1 or 2", degree));
   if (axisymmetric) check_meridian(mesh);
   const auto edges = local_edges<Dim>();

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <numbers>
 #include <span>
 #include <utility>
@@ -21,6 +22,11 @@ template <int Dim> struct SimplexRule {
 /// Exact for polynomials of the degree, 1 to 5. Throws InputError beyond.
 template <int Dim> SimplexRule<Dim> simplex_rule(int degree);
 
+/// A mesh that somebody else keeps, as one that is shared.
+template <int Dim> std::shared_ptr<const FineMesh<Dim>> borrowed(const FineMesh<Dim>& mesh) {
+  return {std::shared_ptr<const void>(), &mesh};
+}
+
 /// Continuous piecewise polynomials of degree 1 or 2. Degrees of freedom: the vertices, then the midpoints of the
 /// edges.
 template <int Dim> class FineSpace {
@@ -31,11 +37,18 @@ template <int Dim> class FineSpace {
   using Barycentric = Eigen::Matrix<double, Dim + 1, 1>;
 
   FineSpace() = default;
-  /// Keeps a pointer to the mesh. Axisymmetric: the mesh is half of a meridian section, x the radius and y the axis.
-  /// Throws InputError unless degree is 1 or 2, for a vertex at a negative radius, or for axisymmetry in 3D.
-  FineSpace(const FineMesh<Dim>& mesh, int degree, bool axisymmetric = false);
+  /// Shares the mesh. Axisymmetric: the mesh is half of a meridian section, x the radius and y the axis. Throws
+  /// InputError unless degree is 1 or 2, for a vertex at a negative radius, or for axisymmetry in 3D.
+  FineSpace(std::shared_ptr<const FineMesh<Dim>> mesh, int degree, bool axisymmetric = false);
+  /// Refers to the mesh, which must outlive it and its copies.
+  FineSpace(const FineMesh<Dim>& mesh, int degree, bool axisymmetric = false)
+      : FineSpace(borrowed(mesh), degree, axisymmetric) {}
+  /// Takes the mesh.
+  FineSpace(FineMesh<Dim>&& mesh, int degree, bool axisymmetric = false)
+      : FineSpace(std::make_shared<const FineMesh<Dim>>(std::move(mesh)), degree, axisymmetric) {}
 
   const FineMesh<Dim>& mesh() const { return *mesh_; }
+  const std::shared_ptr<const FineMesh<Dim>>& shared_mesh() const { return mesh_; }
   int degree() const { return degree_; }
   bool axisymmetric() const { return axisymmetric_; }
   Index size() const { return static_cast<Index>(points_.cols()); }
@@ -86,7 +99,7 @@ template <int Dim> class FineSpace {
   const SimplexRule<Dim - 1>& facet_rule() const { return facet_rule_; }
 
  private:
-  const FineMesh<Dim>* mesh_ = nullptr;
+  std::shared_ptr<const FineMesh<Dim>> mesh_;
   int degree_ = 0;
   bool axisymmetric_ = false;
   Points<Dim> points_;

@@ -290,7 +290,8 @@ template <int Dim> ShapeTable<Dim> with_own_functions(const SparseRows& weights,
   if (own.empty())
     return ShapeTable<Dim>(nodes, {weights.outerIndexPtr(), weights.outerIndexPtr() + weights.rows() + 1},
                            {weights.innerIndexPtr(), weights.innerIndexPtr() + weights.nonZeros()}, std::move(N));
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> values;
   Index number = 0;
   for (Index row = 0; row < weights.rows(); ++row) {
@@ -302,7 +303,7 @@ template <int Dim> ShapeTable<Dim> with_own_functions(const SparseRows& weights,
       columns.insert(columns.end(), weights.innerIndexPtr() + first, weights.innerIndexPtr() + last);
       values.insert(values.end(), N.begin() + first, N.begin() + last);
     }
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   return {nodes + number, std::move(offsets), std::move(columns), std::move(values)};
 }
@@ -327,8 +328,7 @@ template <int Dim> bool determine_polynomials(const Points<Dim>& points, int ord
 }
 
 template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
-                                                 const MlsOptions& options, StageTimes* times,
-                                                 const Progress& progress) {
+                                                 const MlsOptions& options, const Monitor& monitor) {
   if (options.order != 1 && options.order != 2)
     throw InputError(fmt::format("MLS of order {}, expected 1 or 2", options.order));
   if (!(options.support > 0.5 && options.support < 100.0))
@@ -339,8 +339,6 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   if (by_distance && options.weights.weight == Weight::heat_flow)
     throw InputError("moving least squares: heat_flow weights have no distances, which degree 2 needs; use degree 1");
   const auto edges = space.edges();
-  StageTimes unused;
-  StageTimes& clock = times ? *times : unused;
   Mls<Dim> result;
   result.radii = options.support * cloud.spacing;
 
@@ -360,11 +358,11 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   };
   SparseRows plain, weights;
   {
-    Stage stage("weights", clock, progress);
+    Stage stage("weights", monitor);
     plain = measure(cloud.vertices, result.radii);
     weights = all_weights(plain);
   }
-  Stage stage("basis", clock, progress);
+  Stage stage("basis", monitor);
   std::vector<double> N;
   Vector sums;
   std::vector<RowQuality> quality;
@@ -372,6 +370,7 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   const std::vector<char> can_grow = has_enough_nodes(space, edges, cloud, options.order);
   constexpr int max_rounds = 12;
   for (int round = 0;; ++round) {
+    stage.check();
     quality = solve_rows(space.points(), cloud, options, weights, N, sums);
     if (round == max_rounds) break;
     std::vector<Index> places;  // a bad midpoint counts as one end of its edge
@@ -409,20 +408,15 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
 }
 
 template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
-                                                 const MlsOptions& options, StageTimes* times,
-                                                 const Progress& progress) {
-  return moving_least_squares(FineSpace<Dim>(mesh, 1), cloud, options, times, progress);
+                                                 const MlsOptions& options, const Monitor& monitor) {
+  return moving_least_squares(FineSpace<Dim>(mesh, 1), cloud, options, monitor);
 }
 
 template bool determine_polynomials<2>(const Points<2>&, int);
 template bool determine_polynomials<3>(const Points<3>&, int);
-template Mls<2> moving_least_squares<2>(const FineSpace<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
-                                        const Progress&);
-template Mls<3> moving_least_squares<3>(const FineSpace<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,
-                                        const Progress&);
-template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, StageTimes*,
-                                        const Progress&);
-template Mls<3> moving_least_squares<3>(const FineMesh<3>&, const NodeCloud<3>&, const MlsOptions&, StageTimes*,
-                                        const Progress&);
+template Mls<2> moving_least_squares<2>(const FineSpace<2>&, const NodeCloud<2>&, const MlsOptions&, const Monitor&);
+template Mls<3> moving_least_squares<3>(const FineSpace<3>&, const NodeCloud<3>&, const MlsOptions&, const Monitor&);
+template Mls<2> moving_least_squares<2>(const FineMesh<2>&, const NodeCloud<2>&, const MlsOptions&, const Monitor&);
+template Mls<3> moving_least_squares<3>(const FineMesh<3>&, const NodeCloud<3>&, const MlsOptions&, const Monitor&);
 
 }  // namespace efree

@@ -4,7 +4,7 @@
 
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/shape_table.hpp"
-#include "efree/core/progress.hpp"
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/cloud/node_cloud.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
@@ -48,14 +48,12 @@ template <int Dim> struct Mls {
 /// nodes in a body than polynomials, nodes on one plane) the vertex becomes a node itself, with its own hat: its row
 /// has a single 1. Throws InputError for options out of range.
 template <int Dim> Mls<Dim> moving_least_squares(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
-                                                 const MlsOptions& options, StageTimes* times = nullptr,
-                                                 const Progress& progress = {});
+                                                 const MlsOptions& options, const Monitor& monitor = {});
 
 /// The same at the degrees of freedom of a fine space: space.size() rows. The distance from a node to the middle of an
 /// edge follows from those to its ends as the median of a triangle does from its sides (Apollonius): exact where all
 /// are straight. Throws InputError for heat_flow on a space of degree 2 (no distance).
 template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
-                                                 const MlsOptions& options, StageTimes* times = nullptr,
-                                                 const Progress& progress = {});
+                                                 const MlsOptions& options, const Monitor& monitor = {});
 
 }  // namespace efree

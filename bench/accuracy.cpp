@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Asked for an accuracy (solve_to_accuracy): what is said, what is true, what was tried, what it costs, and the
+/// Asked for an accuracy (analyse_to_accuracy): what is said, what is true, what was tried, what it costs, and the
 /// cheapest fixed setting with the same true error.
 ///
 ///   bench_accuracy table [part of a case's name = all] [folder of the real files] [most seconds of a setting = 20]
@@ -19,7 +19,7 @@
 #include "clock.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "gyroid.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"
@@ -72,7 +72,7 @@ template <class Work> auto median_timed(const Work& work) {
   return std::pair(std::move(result), seconds[1]);
 }
 
-template <int Dim> double true_error(const Trial<Dim>& trial, const CaseResult<Dim>& result) {
+template <int Dim> double true_error(const Trial<Dim>& trial, const Result<Dim>& result) {
   if (result.errors) return *result.errors->energy_norm;
   return std::sqrt(std::abs(result.solution.strain_energy / trial.energy - 1.0));
 }
@@ -103,8 +103,8 @@ Case<Dim> fixed_case(const Trial<Dim>& trial, const Setting& setting, double siz
   analysis.approximation.interpolation = setting.degree;
   analysis.estimated = analysis.corrected = setting.corrected;
   analysis.correction.tolerance = tolerance;
-  analysis.cells = setting.cells ? CaseSettings::Cells::always : CaseSettings::Cells::never;
-  impose(analysis, setting.kind == BasisKind::mls ? Essential::nitsche : Essential::strong);
+  analysis.cells = setting.cells ? OnCells::always : OnCells::never;
+  analysis.model.essential.reset();  // what becomes the basis
   return analysis;
 }
 
@@ -115,7 +115,7 @@ std::vector<Rung> ladder(const Trial<Dim>& trial, const Setting& setting, double
   for (double size = (Dim == 2 ? 8.0 : 4.0) * trial.natural;; size /= 1.4) {
     try {
       const auto [result, seconds] =
-          timed([&] { return solve_case(fixed_case(trial, setting, size, std::min(0.01, 0.3 * finest))); });
+          timed([&] { return analyse(fixed_case(trial, setting, size, std::min(0.01, 0.3 * finest))); });
       rungs.push_back({size, true_error(trial, result), seconds});
     } catch (const std::exception& error) {  // some meshes are too coarse for the geometry
       std::fprintf(stderr, "%s, size %g: %s\n", setting.name, size, error.what());
@@ -151,7 +151,7 @@ template <int Dim> void tabulate(const std::string& name, const Trial<Dim>& tria
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
     analysis.time_limit = 5.0 * most_seconds;
-    const auto [result, seconds] = timed([&] { return solve_to_accuracy(analysis); });
+    const auto [result, seconds] = timed([&] { return analyse_to_accuracy(analysis); });
     std::string chosen;
     for (const Attempt& attempt : result.attempts) {
       char text[100];
@@ -170,7 +170,7 @@ template <int Dim> void tabulate(const std::string& name, const Trial<Dim>& tria
   double most = most_seconds;  // no need to climb on where another ladder is at the top for less
   for (const Setting& setting : settings) {
     bool fits = true;  // on images in space elements have another body than cells
-    if constexpr (Dim == 3) fits = setting.cells == (trial.analysis.cells == CaseSettings::Cells::always);
+    if constexpr (Dim == 3) fits = setting.cells == (trial.analysis.cells == OnCells::always);
     if (Dim == 2) fits = !setting.cells;
     // The energy of a cloud alone is not that of a Galerkin solution and says nothing about its error.
     if (setting.kind == BasisKind::mls && !setting.corrected) fits = fits && trial.analysis.has_exact();
@@ -204,14 +204,14 @@ template <int Dim> void race(const std::string& name, const Trial<Dim>& trial, d
     if (k == elements && !rungs.empty()) most_seconds = std::min(most_seconds, rungs.back().seconds);
     for (Rung& rung : rungs)
       rung.seconds =
-          median_timed([&] { return solve_case(fixed_case(trial, settings[k], rung.size, 0.3 * finest)); }).second;
+          median_timed([&] { return analyse(fixed_case(trial, settings[k], rung.size, 0.3 * finest)); }).second;
     ladders.push_back(std::move(rungs));
   }
   for (const double energy : energies) {
     const double wanted = std::sqrt(energy);
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
-    const auto [result, seconds] = median_timed([&] { return solve_to_accuracy(analysis); });
+    const auto [result, seconds] = median_timed([&] { return analyse_to_accuracy(analysis); });
     const double truth = true_error(trial, result);
     int best = 0;
     for (int k = 1; k < fixed; ++k)
@@ -228,7 +228,7 @@ template <int Dim> void race(const std::string& name, const Trial<Dim>& trial, d
 template <int Dim>
 void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_seconds, double finest) {
   for (const Setting& setting : settings) {
-    if (setting.cells != (trial.analysis.cells == CaseSettings::Cells::always)) continue;
+    if (setting.cells != (trial.analysis.cells == OnCells::always)) continue;
     for (const Rung& rung : ladder(trial, setting, finest, most_seconds))
       std::printf("| %s | %s | %.3g | %.3g | %.3g |\n", name.c_str(), setting.name, rung.size, 100.0 * rung.error,
                   rung.seconds);
@@ -237,7 +237,7 @@ void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_se
   for (double wanted = asked[0]; wanted > 0.99 * finest; wanted /= 1.4) {
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
-    const auto [result, seconds] = timed([&] { return solve_to_accuracy(analysis); });
+    const auto [result, seconds] = timed([&] { return analyse_to_accuracy(analysis); });
     std::printf("| %s | asked for %.3g %% | %.3g | %.3g | %.3g |\n", name.c_str(), 100.0 * wanted,
                 result.attempts.back().size, 100.0 * true_error(trial, result), seconds);
     std::fflush(stdout);
@@ -247,12 +247,12 @@ void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_se
 
 template <int Dim> void find_truth(const std::string& name, const Trial<Dim>& trial) {
   if (trial.analysis.has_exact()) return;
-  const bool on_cells = trial.analysis.cells == CaseSettings::Cells::always;
+  const bool on_cells = trial.analysis.cells == OnCells::always;
   double energies[3];
   for (int k = 0; k < 3; ++k) {
     const Case<Dim> analysis = fixed_case(trial, settings[on_cells ? 6 : 1], trial.truth_size / (1 << k), 1e-3);
     const double start = cpu_seconds();
-    const auto result = solve_case(analysis);
+    const auto result = analyse(analysis);
     energies[k] = result.solution.strain_energy;
     std::printf("%s, size %g: %.10g, %g s\n", name.c_str(), analysis.geometry.size, energies[k], cpu_seconds() - start);
     std::fflush(stdout);
@@ -271,13 +271,12 @@ template <int Dim> Case<Dim> said(std::function<MeshData<Dim>(double size)> mesh
                                   const ElasticModel& model, std::vector<DisplacementCondition<Dim>> supports,
                                   Loads<Dim> loads, double coarsest = 8.0) {
   Case<Dim> analysis;
-  analysis.file = "bench_accuracy";
+  analysis.where = "bench_accuracy";
   analysis.geometry.mesh = [mesh = std::move(mesh), natural, coarsest](const MeshSize& size) {
     const double length = size.length > 0.0 ? size.length : std::min(size.coarsening, coarsest) * natural;
     return MadeMesh<Dim>{.mesh = mesh(length), .size = length};
   };
   analysis.model = model;
-  analysis.materials.push_back({"", model.material, ""});
   analysis.supports = std::move(supports);
   analysis.loads = std::move(loads);
   analysis.largest_error = 1e9;
@@ -312,7 +311,7 @@ Case<3> pulled(const LabelImage<3>& image) {
     made.region_of_label[1] = "1";
     return made;
   };
-  analysis.cells = CaseSettings::Cells::always;
+  analysis.cells = OnCells::always;
   return analysis;
 }
 
@@ -396,7 +395,6 @@ int main(int argc, char** argv) {
   for (const Inclusion* inclusion : {&stiff, &soft}) {
     auto analysis = said<2>([=](double size) { return inclusion->mesh(size); }, 0.15,
                             inclusion->model(Essential::nitsche), quarter, inclusion->loads(), coarsest_of_arcs);
-    analysis.materials.clear();
     const MeshData<2> mesh = inclusion->mesh(0.5);
     for (std::size_t r = 0; r < mesh.region_names.size(); ++r)
       analysis.materials.push_back({mesh.region_names[r], analysis.model.regions[r], ""});

@@ -39,10 +39,10 @@ template <double Nu> struct CavityIn {
   static std::vector<std::string> held() { return {"left", "front", "bottom"}; }
 
   static ElasticSolver<3> solver(const Approximation<3>& approximation, Essential essential,
-                                 StageTimes* times = nullptr) {
+                                 const Monitor& monitor = {}) {
     return ElasticSolver<3>(approximation, {.material = LinearElastic(material), .essential = essential},
                             {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
-                            times);
+                            monitor);
   }
   static Loads<3> loads() {
     return {.tractions = {{"right", traction}, {"back", traction}, {"top", traction}}, .body_force = {}};

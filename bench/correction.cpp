@@ -14,7 +14,7 @@
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 #include "gyroid.hpp"
@@ -64,7 +64,7 @@ template <int Dim> struct Answer {
  private:
   static ApproximationOptions with(const Problem<Dim>& problem, ApproximationOptions options) {
     options.axisymmetric = problem.model.plane == Plane::axisymmetric;
-    options.dilatation = problem.dilatation;
+    options.dilatation = averaged_if(problem.dilatation);
     return options;
   }
 };
@@ -198,7 +198,7 @@ Problem<3> pulled(const LabelImage<3>& image, double size, double h) {
 Problem<3> real_file(const std::filesystem::path& file, double size) {
   auto analysis = std::get<Case<3>>(read_case(file));
   if (size > 0.0) analysis.geometry.size = size;
-  auto made = read_mesh(analysis);
+  auto made = prepare(analysis);
   ElasticModel model = analysis.model;
   model.regions = made.materials;
   model.open_interface = made.open_interface;

@@ -7,7 +7,7 @@
 /// `default` leaves out mesh_size, mesh_ratio and spacing (boxes and regions of a cloud stay), `written` nothing. The
 /// quadratic elements are solved by CHOLMOD on up to 3e5 unknowns, beyond by corrections to 1e-3 in the energy norm
 /// (1e-6 of the energy).
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <cstdio>
 #include <cstring>
@@ -28,16 +28,14 @@ double percent(double value, double truth) {
 }
 
 /// Quadratic elements on the mesh of the result.
-template <int Dim> Measure truth(Case<Dim> analysis, const CaseResult<Dim>& result, const CaseMesh<Dim>& mesh) {
+template <int Dim> Measure truth(Case<Dim> analysis, const Result<Dim>& result, const PreparedMesh<Dim>& mesh) {
   const double unknowns = Dim * (mesh.mesh->num_vertices() + (Dim == 2 ? 1.5 : 1.2) * mesh.mesh->num_cells());
   // Elements have their regions share nodes; the mesh of moving least squares is cut along their interfaces.
   const bool cut = mesh.mesh->num_regions() > 1;
   if (!result.estimates || (unknowns < 3e5 && !cut)) {
-    ApproximationOptions quadratic{.kind = BasisKind::p2};
-    quadratic.axisymmetric = analysis.approximation.axisymmetric;
-    analysis.approximation = quadratic;
+    analysis.approximation = {.kind = BasisKind::p2};
     analysis.model.essential = Essential::strong;
-    const CaseResult<Dim> direct = cut ? solve_case(analysis) : solve_case(analysis, mesh);
+    const Result<Dim> direct = cut ? analyse(analysis) : analyse(mesh, analysis);
     return measure<Dim>(direct.solution.strain_energy, direct.fields.displacement);
   }
   const bool linear = result.approximation.space.degree() == 1;
@@ -57,8 +55,8 @@ template <int Dim> void study(const std::string& name, Case<Dim> analysis, bool 
     analysis.approximation.spacing = 0.0;
   }
   analysis.largest_error = 1e9;  // how wrong an answer is matters more here than that it would be refused
-  const CaseMesh<Dim> mesh = read_mesh(analysis);
-  const CaseResult<Dim> result = solve_case(analysis, mesh);
+  const PreparedMesh<Dim> mesh = prepare(analysis);
+  const Result<Dim> result = analyse(mesh, analysis);
   const double seconds = result.cpu_seconds, peak = peak_memory_mb();
   const Measure answer = measure<Dim>(result.solution.strain_energy, result.fields.displacement);
   Measure cloud = answer;

@@ -63,7 +63,7 @@ int on_cells(const std::string& name, double size, double tolerance, int threads
   const double edge = image.size[0];
   StageTimes times;
   const CellSolution solution = solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, pulled(0.01 * edge), {},
-                                               {.size = size, .tolerance = tolerance}, &times);
+                                               {.size = size, .tolerance = tolerance}, {.times = &times});
   const double all = cpu_seconds() - start, passed = wall_seconds() - wall;
   const auto modulus = [&](double energy) { return 2.0 * energy / (1e-4 * edge * edge * edge); };
   for (const CellLevel& level : solution.levels)

@@ -5,7 +5,7 @@
 ///   bench_incompressible [part of a case's name = all] [H/h = 4] [iterations = 100] [folder of the real files]
 #include "cavity.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/solvers/correction.hpp"
 #include "kirsch.hpp"
 #include "lame.hpp"
@@ -52,8 +52,8 @@ std::string errors_text(const Problem<Dim>& problem, const Approximation<Dim>& b
 
 template <int Dim> void study(const std::string& name, double nu, const Problem<Dim>& problem, double ratio, int most) {
   const bool axisymmetric = problem.model.plane == Plane::axisymmetric && Dim == 2;
-  auto cloud =
-      approximate<Dim>(problem.mesh, {.axisymmetric = axisymmetric, .spacing = ratio * problem.h, .dilatation = true});
+  auto cloud = approximate<Dim>(
+      problem.mesh, {.axisymmetric = axisymmetric, .spacing = ratio * problem.h, .dilatation = Dilatation::averaged});
   const auto solution = ElasticSolver<Dim>(cloud, problem.model, problem.supports).solve(problem.loads);
   const Approximation<Dim> functions = cloud.space.degree() == 2 ? cloud : in_quadratic_space(cloud);
   const Points<Dim> start = interpolate(functions.shape, solution.coefficients);
@@ -83,9 +83,10 @@ template <int Dim> void study(const std::string& name, double nu, const Problem<
   if (open.iterations < most) std::printf(" (%.2f)", open.error / left[open.iterations]);
   std::printf("\n");
   std::printf("    cloud: %s\n", errors_text(problem, cloud, solution.coefficients).c_str());
-  const auto elements = approximate<Dim>(
-      problem.mesh,
-      {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = takes_mean_dilatation(cloud, problem.model)});
+  const auto elements =
+      approximate<Dim>(problem.mesh, {.kind = BasisKind::p2,
+                                      .axisymmetric = axisymmetric,
+                                      .dilatation = averaged_if(takes_mean_dilatation(cloud, problem.model))});
   std::printf("    corrected: %s, left %.1e\n", errors_text(problem, elements, corrected.displacement).c_str(),
               corrected.error);
   if (functions.space.size() < 60000) {
@@ -93,7 +94,7 @@ template <int Dim> void study(const std::string& name, double nu, const Problem<
     strong.essential = Essential::strong;
     for (const bool dilatation : {false, true}) {
       const auto basis = approximate<Dim>(
-          problem.mesh, {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = dilatation});
+          problem.mesh, {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = averaged_if(dilatation)});
       const auto u = ElasticSolver<Dim>(basis, strong, problem.supports).solve(problem.loads).coefficients;
       std::printf("    %s: %s\n", dilatation ? "P2-P0" : "P2   ", errors_text(problem, basis, u).c_str());
     }
@@ -156,9 +157,9 @@ int main(int argc, char** argv) {
     if (!folder.empty())
       run("liver", nu, [&] {
         auto analysis = std::get<Case<3>>(read_case(folder / "liver.toml"));
-        analysis.model.material = analysis.materials[0].material = LinearElastic(1.0, nu);
+        analysis.model.material = LinearElastic(1.0, nu);
         const double h = mesh_size(analysis);
-        auto made = read_mesh(analysis);
+        auto made = prepare(analysis);
         ElasticModel model = analysis.model;
         model.regions = made.materials;
         return Problem<3>{*made.mesh, h, model, analysis.supports, analysis.loads};

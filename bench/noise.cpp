@@ -32,7 +32,7 @@ void study(const char* name, Case<3> analysis, double tolerance, bool elements) 
   analysis.correction.tolerance = tolerance;
   analysis.largest_error = 1e9;  // the fine mesh of noise is far from any truth
   try {
-    const CaseMesh<3> mesh = read_mesh(analysis);
+    const PreparedMesh<3> mesh = prepare(analysis);
     double left_out = 0.0;
     Index free_bodies = 0, hinges = 0;
     for (const auto& [key, value] : mesh.reports) {
@@ -40,12 +40,12 @@ void study(const char* name, Case<3> analysis, double tolerance, bool elements) 
       if (key == "free_bodies_fraction") left_out = std::get<double>(value);
       if (key == "hinges_cut") hinges = std::get<Index>(value);
     }
-    const CaseResult<3> result = solve_case(analysis, mesh);
+    const Result<3> result = analyse(mesh, analysis);
     double off = 0.0;
     if (elements) {
       analysis.approximation.kind = BasisKind::p1;
       analysis.model.essential = Essential::strong;
-      const CaseResult<3> direct = solve_case(analysis);
+      const Result<3> direct = analyse(analysis);
       off = result.solution.strain_energy / direct.solution.strain_energy - 1.0;
     }
     std::printf("| %s | %d | %d | %d | %.2g | %d | %d | %td | %d | %d | %.3g | %.2g | %d | %.5g | %.1e | %.1f |\n",
@@ -92,13 +92,14 @@ std::filesystem::path write_case(const std::string& name, Index n, int degree) {
 
 void study_defaults(const std::string& name, Index n, int degree, bool quarters) {
   auto analysis = std::get<Case<3>>(read_case(write_case(name, n, degree)));
-  const CaseMesh<3> mesh = read_mesh(analysis);
+  const PreparedMesh<3> mesh = prepare(analysis);
   for (const std::string& remark : mesh.remarks) std::fprintf(stderr, "%s\n", remark.c_str());
-  const CaseResult<3> result = solve_case(analysis, mesh);
+  const Result<3> result = analyse(mesh, analysis);
   const double peak = peak_memory_mb();
   if (result.cells) {
     std::vector<SharedMaterial> materials{{}};
     for (const auto& material : analysis.materials) materials.push_back(material.material);
+    if (materials.size() == 1) materials.push_back(analysis.model.material);
     const auto on_cells = [&](double size) {
       return solve_on_cells(*mesh.image, materials, analysis.supports, analysis.loads, {.size = size});
     };

@@ -4,7 +4,7 @@
 
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>
@@ -65,14 +65,13 @@ inline LabelImage<3> noise_of_three_labels(Index n, int passes, unsigned seed) {
 /// The image held on the left and pulled by a hundredth of its length on the right; moduli of its labels, in order.
 inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector<double>& moduli) {
   Case<3> analysis;
-  analysis.file = "noise";
+  analysis.where = "noise";
   analysis.approximation.interpolation = 1;  // linear elements are the truth here
   analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
   analysis.geometry.size = size;
-  for (std::size_t k = 0; k < moduli.size(); ++k)
-    analysis.materials.push_back(
-        {moduli.size() == 1 ? "" : std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
-  analysis.model.material = analysis.materials.front().material;
+  analysis.model.material = LinearElastic(moduli.front(), 0.3);
+  for (std::size_t k = 0; k < moduli.size() && moduli.size() > 1; ++k)
+    analysis.materials.push_back({std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
   const auto moved = [](const char* on, double x) {
     return DisplacementCondition<3>{
         on,

@@ -77,9 +77,10 @@ FineMesh<3> from_surface(Index voxels, double size) {
 /// spacing 0: P1 elements.
 void run(Source source, Index voxels, double size, double spacing) {
   StageTimes times;
+  const Monitor monitor{.times = &times};
   std::optional<FineMesh<3>> mesh;
   {
-    const Stage stage("mesh", times, {});
+    const Stage stage("mesh", monitor);
     mesh.emplace(source == Source::surface
                      ? from_surface(voxels, size)
                      : from_image(voxels, size, source == Source::lattice ? Mesher::lattice : Mesher::delaunay));
@@ -87,16 +88,16 @@ void run(Source source, Index voxels, double size, double spacing) {
   const double before = peak_gib();
   const bool elements = spacing == 0.0;
   const auto approximation =
-      approximate(*mesh, {.kind = elements ? BasisKind::p1 : BasisKind::mls, .spacing = spacing}, &times);
+      approximate(*mesh, {.kind = elements ? BasisKind::p1 : BasisKind::mls, .spacing = spacing}, monitor);
   const double basis_bytes = (peak_gib() - before) * 1024.0 * 1024.0 * 1024.0 / mesh->num_vertices();
   DisplacementCondition<3> pulled{"top", {}, [voxels](const Vec<3>&) { return 0.01 * voxels; }};
   const ElasticSolver<3> solver(
       approximation,
       {.material = LinearElastic(1.0, 0.3), .essential = elements ? Essential::strong : Essential::nitsche},
-      {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled}, &times);
+      {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom"), pulled}, monitor);
   Solution<3> solution;
   {
-    const Stage stage("solve", times, {});
+    const Stage stage("solve", monitor);
     solution = solver.solve({});
   }
   // Effective modulus: energy = E_eff strain^2 volume / 2.

@@ -59,7 +59,7 @@ template <int Dim> void measure(const char* name, const FineMesh<Dim>& mesh, dou
   double memory = 0.0;
   const double ours = median_cpu(repetitions, [&] {
     StageTimes times;
-    const auto approximation = approximate(mesh, options, &times);
+    const auto approximation = approximate(mesh, options, {.times = &times});
     stages = times;
     nodes = approximation.shape.num_nodes();
     points = approximation.quadrature.size();

@@ -107,7 +107,7 @@ Problem<2> cook(double nu) {
   return {
       "cook nu = " + std::to_string(nu).substr(0, 8) + " (7.695e-2)",
       [] { return triangulate(shapes::cook(), {.size = 3.2 / 8.0}); },
-      {.spacing = 3.2, .dilatation = nu > 0.4},
+      {.spacing = 3.2, .dilatation = averaged_if(nu > 0.4)},
       {.material = LinearElastic(240.565, nu), .plane = Plane::strain},
       {clamp<2>("left")},
       {.tractions = {{"right", shear}}, .body_force = {}},
@@ -127,7 +127,7 @@ template <int Dim> Problem<Dim> lame(bool sphere, double nu) {
   return {std::string("lame ") + (sphere ? "sphere" : "cylinder") + (Dim == 2 ? " section" : " solid") +
               ", nu = " + std::to_string(nu).substr(0, 6),
           [=] { return wall.mesh<Dim>(0.5, H / 3.0, H / 3.0); },
-          {.axisymmetric = Dim == 2, .spacing = H, .dilatation = nu > 0.4},
+          {.axisymmetric = Dim == 2, .spacing = H, .dilatation = averaged_if(nu > 0.4)},
           {.material = LinearElastic(wall.material), .plane = Dim == 2 ? Plane::axisymmetric : Plane::strain},
           planes,
           wall.loads<Dim>(),
@@ -152,7 +152,7 @@ template <double Nu> Problem<3> cavity(double H, int order, double mesh_ratio) {
   return {"cavity nu = " + std::to_string(Nu).substr(0, 6) + " order " + std::to_string(order) +
               ", H = " + std::to_string(H).substr(0, 4),
           [=] { return Cavity::mesh(H / mesh_ratio); },
-          {.order = order, .spacing = H, .dilatation = Nu > 0.4},
+          {.order = order, .spacing = H, .dilatation = averaged_if(Nu > 0.4)},
           {.material = LinearElastic(Cavity::material)},
           {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
           Cavity::loads(),

@@ -22,12 +22,13 @@ struct Result {
 
 Result solve(const FineMesh<2>& mesh, const ApproximationOptions& options) {
   StageTimes times;
-  const auto approximation = approximate(mesh, options, &times);
+  const Monitor monitor{.times = &times};
+  const auto approximation = approximate(mesh, options, monitor);
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
   const Essential essential = options.kind == BasisKind::mls ? Essential::nitsche : Essential::strong;
   const ElasticSolver<2> solver(approximation,
                                 {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential},
-                                {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}}, &times);
+                                {{"left", {zero, nullptr}, nullptr}, {"bottom", {nullptr, zero}, nullptr}}, monitor);
   const auto solution = solver.solve({{{"right",
                                         [](const Vec<2>&, const Vec<2>&) -> Vec<2> {
                                           return {1.0, 0.0};

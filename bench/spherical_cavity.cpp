@@ -62,6 +62,7 @@ int main(int argc, char** argv) {
       std::vector<double> of_seeds[3];
       for (int seed = 1; seed <= (elements ? 1 : seeds); ++seed) {
         StageTimes times;
+        const Monitor monitor{.times = &times};
         const double start = cpu_seconds();
         const auto approximation = approximate(mesh,
                                                {.kind = method.kind,
@@ -69,11 +70,11 @@ int main(int argc, char** argv) {
                                                 .spacing = H,
                                                 .seed = static_cast<std::uint64_t>(seed),
                                                 .secondary = method.secondary},
-                                               &times);
-        const auto solver = Cavity::solver(approximation, elements ? Essential::strong : Essential::nitsche, &times);
+                                               monitor);
+        const auto solver = Cavity::solver(approximation, elements ? Essential::strong : Essential::nitsche, monitor);
         Solution<3> solution;
         {
-          const Stage stage("solve", times, {});
+          const Stage stage("solve", monitor);
           solution = solver.solve(Cavity::loads());
         }
         const double seconds = mesh_seconds + cpu_seconds() - start;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The two kinds of failure a caller can meet. Our own bugs are asserts.
+/// The kinds of failure a caller can meet. Our own bugs are asserts.
 #pragma once
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace efree {
 
@@ -15,6 +16,13 @@ struct InputError : std::invalid_argument {
 /// A computation that cannot go on although its input was well formed. Exit status 3 on the command line.
 struct NumericalError : std::runtime_error {
   using std::runtime_error::runtime_error;
+};
+
+/// Whoever watches a run (Monitor::cancelled) ended it, in this stage.
+struct Cancelled : std::runtime_error {
+  explicit Cancelled(std::string in)
+      : std::runtime_error("cancelled in the stage \"" + in + "\""), stage(std::move(in)) {}
+  std::string stage;
 };
 
 /// Throws InputError(message) unless `condition` holds. For cheap messages; build dear ones only on failure.

@@ -13,6 +13,9 @@ double available_memory();
 /// are.
 void require_memory(double bytes, std::string_view what, std::string_view advice = {});
 
+/// Largest resident memory of this process so far [MiB].
+double peak_memory_mb();
+
 /// Gives memory that was freed back to the system, where the C library keeps it (glibc keeps what lies between blocks
 /// still in use).
 void return_freed_memory();

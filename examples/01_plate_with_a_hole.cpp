@@ -9,7 +9,8 @@
 ///         \_            |  sigma n
 ///           |___________|_ x exact
 ///
-/// Solved on finer and finer clouds. Prints the relative error of the displacement and its observed order.
+/// Solved on finer and finer clouds and meshes. Prints the relative errors of the displacement and of the energy norm,
+/// what was estimated of the latter, and the observed order.
 #include <cmath>
 #include <cstdio>
 #include <efree/efree.hpp>
@@ -40,15 +41,15 @@ Vec<2> exact_traction(const Vec<2>& x, const Vec<2>& n) {
 
 double error(double H) {
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(a, 4.0 * a, H / 4), {.size = H / 4});
-  const Approximation<2> plate = approximate(mesh, {.spacing = H});
-  const ElasticModel model{.material = LinearElastic(E, nu), .plane = Plane::stress};
-  const ElasticSolver<2> solver(plate, model, {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")});
-  const Solution<2> solution = solver.solve({.tractions = {{"right", exact_traction}, {"top", exact_traction}}});
-  const Errors errors = errors_against<2>(plate, recover_fields(plate, solution), materials_of(model, mesh),
-                                          {exact_displacement, exact_stress});
-  std::printf("H = %.2f: %5d nodes, error in displacement %.2e, in energy %.2e\n", H, plate.shape.num_nodes(),
-              *errors.l2_displacement, *errors.energy_norm);
-  return *errors.l2_displacement;
+  const Result<2> plate = analyse(mesh, {.model = {.material = LinearElastic(E, nu), .plane = Plane::stress},
+                                         .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+                                         .loads = {.tractions = {{"right", exact_traction}, {"top", exact_traction}}},
+                                         .exact = {exact_displacement, exact_stress},
+                                         .approximation = {.spacing = H}});
+  std::printf("H = %.2f: %5d nodes, error in displacement %.2e, in energy %.2e (estimated: %.2e)\n", H,
+              plate.approximation.shape.num_nodes(), *plate.errors->l2_displacement, *plate.errors->energy_norm,
+              plate.estimates->total());
+  return *plate.errors->l2_displacement;
 }
 
 }  // namespace

@@ -39,18 +39,17 @@ template <int Dim> Expressions<Dim> read_definitions(const Section& root) {
   return expressions;
 }
 
-void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis, double mesh_ratio,
-                        CaseSettings& result) {
+template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
+                                           double mesh_ratio, Settings<Dim>& result) {
   ApproximationOptions& options = result.approximation;
-  using Cells = CaseSettings::Cells;
-  using Kind = std::pair<BasisKind, Cells>;
+  using Kind = std::pair<BasisKind, OnCells>;
   std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
-                                                            {{"auto", {BasisKind::mls, Cells::automatic}},
-                                                             {"mls", {BasisKind::mls, Cells::never}},
-                                                             {"p1", {BasisKind::p1, Cells::never}},
-                                                             {"p2", {BasisKind::p2, Cells::never}},
-                                                             {"cells", {BasisKind::mls, Cells::always}}},
-                                                            Kind{BasisKind::mls, Cells::automatic});
+                                                            {{"auto", {BasisKind::mls, OnCells::automatic}},
+                                                             {"mls", {BasisKind::mls, OnCells::never}},
+                                                             {"p1", {BasisKind::p1, OnCells::never}},
+                                                             {"p2", {BasisKind::p2, OnCells::never}},
+                                                             {"cells", {BasisKind::mls, OnCells::always}}},
+                                                            Kind{BasisKind::mls, OnCells::automatic});
   options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
   options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 
@@ -82,7 +81,7 @@ void read_approximation(const Section& cloud, const Section& quadrature, const S
                                                        options.secondary);
   options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
   result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
-  options.fine = result.model.stabilisation > 0.0;
+  if (const auto averaged = quadrature.switch_or_auto("dilatation")) options.dilatation = averaged_if(*averaged);
 }
 
 /// The parts of the boundary that entries are about: names, or selections that get a name here.
@@ -93,7 +92,7 @@ template <int Dim> class PlaceReader {
   /// Name of the part the entry is about, which the case then mentions. Equal selections share a name.
   std::string name(const Section& entry) {
     const std::string on = entry.is_table("on") ? selected(entry) : entry.text("on");
-    if (std::ranges::find(result_.groups, on, &CaseSettings::Mention::name) == result_.groups.end())
+    if (std::ranges::find(result_.groups, on, &Mention::name) == result_.groups.end())
       result_.groups.push_back({on, entry.where("on")});
     return on;
   }
@@ -140,8 +139,7 @@ template <int Dim> class PlaceReader {
   std::map<std::string, int> count_;
 };
 
-template <int Dim>
-Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<CaseSettings::Mention>& graded) {
+template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded) {
   Grading grading;
   grading.features = cloud.boolean("features", grading.features);
   grading.growth = cloud.number("growth", positive, grading.growth);
@@ -167,30 +165,36 @@ Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector
 /// [material] or [[material]]: numbers, or expressions of the place.
 template <int Dim> class MaterialReader {
  public:
-  MaterialReader(const Expressions<Dim>& expressions, Plane plane) : expressions_(expressions), plane_(plane) {}
+  explicit MaterialReader(const Expressions<Dim>& expressions) : expressions_(expressions) {}
 
-  std::vector<CaseSettings::Material> read(const Section& root) const {
-    if (!root.has("material") || root.is_table("material")) return {read(root.required_section("material", keys), "")};
+  void read(const Section& root, Settings<Dim>& result) const {
+    if (!root.has("material") || root.is_table("material"))
+      result.model.material = read(root.required_section("material", keys));
+    else
+      result.materials = read_regions(root);
+  }
+
+ private:
+  std::vector<RegionMaterial> read_regions(const Section& root) const {
     Section::Keys with_region = keys;
     with_region.push_back("region");
-    std::vector<CaseSettings::Material> materials;
+    std::vector<RegionMaterial> materials;
     for (const Section& section : root.sections("material", with_region)) {
       const std::string region = section.text("region");
       for (const auto& earlier : materials)
         if (earlier.region == region)
           section.fail("region",
                        fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-      materials.push_back(read(section, region));
+      materials.push_back({region, read(section), section.where("region")});
     }
     if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
     return materials;
   }
 
- private:
   enum class Model { linear_elastic, orthotropic };
   static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor"};
 
-  CaseSettings::Material read(const Section& section, std::string region) const {
+  SharedMaterial read(const Section& section) const {
     const auto model =
         section.choice<Model>("model", {{"linear_elastic", Model::linear_elastic}, {"orthotropic", Model::orthotropic}},
                               Model::linear_elastic);
@@ -198,18 +202,13 @@ template <int Dim> class MaterialReader {
     for (const char* key : only_orthotropic)
       if (model == Model::linear_elastic && section.has(key))
         section.fail(key, fmt::format("{} is for model = \"orthotropic\"", key));
-    CaseSettings::Material material = model == Model::orthotropic ? orthotropic(section) : isotropic(section);
-    material.region = std::move(region);
-    material.where = section.where(material.region.empty() ? "E" : "region");
-    return material;
+    return model == Model::orthotropic ? orthotropic(section) : isotropic(section);
   }
-  CaseSettings::Material isotropic(const Section& section) const {
+  SharedMaterial isotropic(const Section& section) const {
     const Parameter E = parameter(section, "E", positive), nu = parameter(section, "nu", {-1.0, 0.5});
-    // What varies may come near to 1/2 somewhere: averaged dilatations do no harm where they are not needed.
-    const double locking = nu.is_constant() ? of(LinearElastic(1.0, nu)) : std::numeric_limits<double>::infinity();
-    return {"", LinearElastic(E, nu), "", locking};
+    return LinearElastic(E, nu);
   }
-  CaseSettings::Material orthotropic(const Section& section) const {
+  SharedMaterial orthotropic(const Section& section) const {
     const auto three = [&](const char* key, const Interval& range) {
       const std::vector<double> numbers = section.numbers(key, range);
       if (numbers.size() != 3) section.fail(key, fmt::format("{} has {} numbers, expected 3", key, numbers.size()));
@@ -218,7 +217,7 @@ template <int Dim> class MaterialReader {
     const OrthotropicModuli moduli{three("E", positive), three("nu", any_number), three("G", positive), axes(section)};
     const Parameter factor = section.has("factor") ? parameter(section, "factor", positive) : Parameter(1.0);
     try {
-      return {"", OrthotropicElastic(moduli, factor), "", of(OrthotropicElastic(moduli))};
+      return OrthotropicElastic(moduli, factor);
     } catch (const InputError& error) {
       section.fail("nu", error.what());
     }
@@ -263,14 +262,8 @@ template <int Dim> class MaterialReader {
     }
     return section.number(key, range);
   }
-  double of(const Material& material) const {
-    if (Dim == 2 && plane_ == Plane::stress) return 0.0;  // the body can always thin out
-    const auto response = respond(material, Deformation::none(Points<3>::Zero(3, 1)), true);
-    return incompressibility(response.tangent_at(0));
-  }
 
   const Expressions<Dim>& expressions_;
-  Plane plane_;
 };
 
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
@@ -389,7 +382,7 @@ template <int Dim>
 void read_reactions(const std::vector<Section>& sections, PlaceReader<Dim>& places, Case<Dim>& result) {
   for (const Section& section : sections) {
     const std::string name = section.text("name"), on = places.name(section);
-    if (std::ranges::find(result.reactions, name, &Case<Dim>::Reaction::name) != result.reactions.end())
+    if (std::ranges::find(result.reactions, name, &Reaction::name) != result.reactions.end())
       section.fail("name", fmt::format("there already is a reaction named \"{}\"", name));
     if (std::ranges::find(result.supports, on, &DisplacementCondition<Dim>::on) == result.supports.end())
       section.fail("on", fmt::format("no displacement is prescribed on \"{}\": it has no reaction", on));
@@ -398,7 +391,7 @@ void read_reactions(const std::vector<Section>& sections, PlaceReader<Dim>& plac
 }
 
 /// The largest of what is to be reported.
-void read_extremes(const Section& analysis, CaseSettings& result) {
+template <int Dim> void read_extremes(const Section& analysis, Settings<Dim>& result) {
   if (!analysis.has("extremes")) return;
   for (const std::string& what : analysis.texts("extremes")) {
     if (what == "displacement")
@@ -413,7 +406,7 @@ void read_extremes(const Section& analysis, CaseSettings& result) {
 /// An error in the energy norm, and those of probes and reactions by name.
 template <int Dim> void read_accuracy(const Section& accuracy, Case<Dim>& result) {
   const Interval range{1e-6, 1.0, true, false};
-  const auto read = [&](const char* key, CaseSettings::Goal::Of of, const auto& named) {
+  const auto read = [&](const char* key, Goal::Of of, const auto& named) {
     if (!accuracy.has(key)) return;
     std::vector<std::string_view> names;
     for (const auto& one : named) names.push_back(one.name);
@@ -424,15 +417,15 @@ template <int Dim> void read_accuracy(const Section& accuracy, Case<Dim>& result
       result.goals.push_back({of, name, errors.number(name, range)});
     }
   };
-  read("probes", CaseSettings::Goal::Of::probe, result.probes);
-  read("reactions", CaseSettings::Goal::Of::reaction, result.reactions);
+  read("probes", Goal::Of::probe, result.probes);
+  read("reactions", Goal::Of::reaction, result.reactions);
   if (result.goals.empty() || accuracy.has("energy")) result.accuracy = accuracy.number("energy", range);
   result.time_limit = accuracy.number("time_limit", positive, result.time_limit);
   require_estimates(result);
 }
 
 /// "auto", "off" or a number of iterations.
-void read_correction(const Section& analysis, CaseSettings& result) {
+template <int Dim> void read_correction(const Section& analysis, Settings<Dim>& result) {
   result.largest_error = analysis.number("largest_error", positive, result.largest_error);
   if (!analysis.has("correction")) return;
   if (result.approximation.kind != BasisKind::mls)
@@ -447,10 +440,9 @@ void read_correction(const Section& analysis, CaseSettings& result) {
 /// Cells have no cloud: what the file says of one decides against them, or contradicts it. In the plane the same
 /// decides for a cloud where elements would do without.
 template <int Dim>
-void read_cells(const Section& root, const Section& basis, const Section& analysis, CaseSettings& result) {
-  using Cells = CaseSettings::Cells;
-  if (result.cells == Cells::never) return;
-  if (Dim == 2 && result.cells == Cells::always)
+void read_cells(const Section& root, const Section& basis, const Section& analysis, Settings<Dim>& result) {
+  if (result.cells == OnCells::never) return;
+  if (Dim == 2 && result.cells == OnCells::always)
     basis.fail("kind", "cells are for images in space; this geometry is planar");
   std::vector<std::string> said;
   for (const char* key : {"cloud", "quadrature"})
@@ -460,9 +452,9 @@ void read_cells(const Section& root, const Section& basis, const Section& analys
   for (const char* key : {"correction", "essential"})
     if (analysis.has(key)) said.push_back(fmt::format("analysis.{}", key));
   if (said.empty()) return;
-  if (result.cells == Cells::always)
+  if (result.cells == OnCells::always)
     basis.fail("kind", fmt::format("{} means nothing on cells, which have no cloud", fmt::join(said, ", ")));
-  result.cells = Cells::never;
+  result.cells = OnCells::never;
 }
 
 template <int Dim> Plane read_plane(const Section& analysis) {
@@ -487,19 +479,16 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   const auto reactions = root.sections("reaction", {"name", "on"});
 
   Case<Dim> result;
-  result.file = file;
+  result.where = file.string();
   result.title = root.text("title", file.stem().string());
   const Expressions<Dim> expressions = read_definitions<Dim>(root);
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path());
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
 
   result.model.plane = read_plane<Dim>(analysis);
-  result.approximation.axisymmetric = result.model.plane == Plane::axisymmetric;
   if (analysis.has("body_force"))
     result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
-  result.materials = MaterialReader<Dim>(expressions, *result.model.plane).read(root);
-  result.model.material = result.materials.front().material;
-  result.approximation.dilatation = quadrature.switch_or_auto("dilatation").value_or(locks_without_dilatation(result));
+  MaterialReader<Dim>(expressions).read(root, result);
 
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
@@ -507,10 +496,9 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   BoundaryReader<Dim>(expressions, places, result).read(boundaries);
   read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
-  const bool nodal = result.approximation.kind != BasisKind::mls;
-  impose(result,
-         analysis.choice<Essential>("essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}},
-                                    nodal ? Essential::strong : Essential::nitsche));
+  if (analysis.has("essential"))
+    result.model.essential = analysis.choice<Essential>(
+        "essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}}, std::nullopt);
 
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);
@@ -524,30 +512,6 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 
 }  // namespace
 
-void require_estimates(const CaseSettings& analysis) {
-  if (analysis.approximation.kind == BasisKind::mls && analysis.corrected) return;
-  throw InputError(fmt::format(
-      "{}: an accuracy can be asked for where the error is estimated and the answer corrected: with basis.kind = "
-      "\"mls\" or \"cells\" and analysis.correction = \"auto\"",
-      analysis.file.string()));
-}
-
-bool locks_without_dilatation(const CaseSettings& analysis) {
-  constexpr double bearable = 4.67;  // nu = 0.4
-  return analysis.approximation.kind == BasisKind::mls && analysis.model.plane != Plane::stress &&
-         std::ranges::any_of(analysis.materials,
-                             [](const auto& material) { return material.incompressibility > bearable; });
-}
-
-template <int Dim> void impose(Case<Dim>& analysis, Essential essential) {
-  analysis.model.essential = essential;
-  auto& vanish_on = analysis.approximation.vanish_on;
-  vanish_on.clear();
-  if (essential == Essential::nitsche || analysis.approximation.kind != BasisKind::mls) return;
-  for (const auto& support : analysis.supports)
-    if (std::ranges::find(vanish_on, support.on) == vanish_on.end()) vanish_on.push_back(support.on);
-}
-
 AnyCase read_case(const std::filesystem::path& file) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
@@ -558,8 +522,5 @@ AnyCase read_case(const std::filesystem::path& file) {
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane) == 2) return read<2>(file, root, geometry);
   return read<3>(file, root, geometry);
 }
-
-template void impose<2>(Case<2>&, Essential);
-template void impose<3>(Case<3>&, Essential);
 
 }  // namespace efree

@@ -460,8 +460,8 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
   }
 }
 
-template <int Dim> CaseGeometry<Dim> read_geometry(const Section& geometry, const fs::path& folder) {
-  CaseGeometry<Dim> result;
+template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder) {
+  MeshSource<Dim> result;
   if (geometry.has("mesh_size") && geometry.has("mesh_ratio"))
     geometry.fail("mesh_ratio", "mesh_size and mesh_ratio say the same thing, expected one of them");
   result.size = geometry.number("mesh_size", positive, 0.0);
@@ -475,7 +475,7 @@ template <int Dim> CaseGeometry<Dim> read_geometry(const Section& geometry, cons
   return result;
 }
 
-template CaseGeometry<2> read_geometry<2>(const Section&, const fs::path&);
-template CaseGeometry<3> read_geometry<3>(const Section&, const fs::path&);
+template MeshSource<2> read_geometry<2>(const Section&, const fs::path&);
+template MeshSource<3> read_geometry<3>(const Section&, const fs::path&);
 
 }  // namespace efree::internal

@@ -8,7 +8,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -106,7 +106,7 @@ std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
 }
 
 /// Spacing of the cloud at every vertex; none for finite elements.
-template <int Dim> Vector cloud_spacing(const Case<Dim>& analysis, const FineMesh<Dim>& mesh) {
+template <int Dim> Vector cloud_spacing(const Settings<Dim>& analysis, const FineMesh<Dim>& mesh) {
   const ApproximationOptions& options = analysis.approximation;
   if (options.kind != BasisKind::mls) return {};
   return graded_spacing(mesh, options.spacing > 0.0 ? options.spacing : default_spacing(mesh), options.grading);
@@ -149,14 +149,14 @@ std::optional<typename Inspection<Dim>::Walls> find_walls(const FineMesh<Dim>& m
 }
 
 /// What follows from walls that cloud or mesh hardly resolve.
-template <int Dim> void remark_on_walls(const Case<Dim>& analysis, Inspection<Dim>& out) {
+template <int Dim> void remark_on_walls(const Settings<Dim>& analysis, Inspection<Dim>& out) {
   if (!out.walls) return;
   // A wall bends as it should with two functions across it or more.
   constexpr double enough = 2.0;
   const auto& walls = *out.walls;
   if (walls.spacing > 0.0 && walls.nodes[1] < enough) {
     const double wanted = walls.spacing * walls.nodes[1] / enough;
-    if (analysis.corrected && !analysis.approximation.dilatation)
+    if (analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged)
       out.remarks.push_back(fmt::format(
           "the cloud alone is too stiff in walls of fewer than {:g} nodes: the answer is corrected towards the "
           "elements "
@@ -172,14 +172,14 @@ template <int Dim> void remark_on_walls(const Case<Dim>& analysis, Inspection<Di
     out.remarks.push_back(fmt::format(
         "linear elements are too stiff in walls of fewer than {:g} edges of the fine mesh: {}", enough,
         analysis.approximation.kind == BasisKind::mls && analysis.approximation.interpolation == 0 &&
-                analysis.corrected && !analysis.approximation.dilatation
+                analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged
             ? "quadratic ones take over where the estimate asks for them; a smaller mesh_size resolves stresses"
             : "take a smaller mesh_size or quadratic cells"));
 }
 
 /// A case as its analysis will see it: with its mesh size, and with the parts it selects.
 template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
-  const CaseMesh<Dim> made = read_mesh(analysis);
+  const PreparedMesh<Dim> made = prepare(analysis);
   const FineMesh<Dim>& mesh = *made.mesh;
   MeshData<Dim> data{mesh.vertices(), mesh.cells(), {}};
   data.region_names = mesh.region_names();
@@ -204,7 +204,7 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
     out.remarks.emplace_back(error.what());
   }
   out.walls = find_walls(mesh, spacing);
-  remark_on_walls(analysis, out);
+  remark_on_walls(with_defaults<Dim>(analysis, made), out);
   return out;
 }
 

@@ -505,8 +505,8 @@ namespace {
 
 /// Values at the places of the space on the deformed body, under a title; `name` is what values beyond the scale are
 /// called.
-template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>& analysis,
-                              const CaseResult<Dim>& result, const Vector& values, const std::string& title,
+template <int Dim> void paint(const std::filesystem::path& file, const Settings<Dim>& settings,
+                              const Result<Dim>& result, const Vector& values, const std::string& title,
                               const std::string& name) {
   constexpr bool solid = Dim == 3;
   const FineSpace<Dim>& space = result.basis().space;
@@ -516,7 +516,7 @@ template <int Dim> void paint(const std::filesystem::path& file, const Case<Dim>
   const double largest = u.colwise().norm().maxCoeff();
   const double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
   const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
-  const auto held = where(space, analysis.supports), loaded = where(space, analysis.loads.tractions);
+  const auto held = where(space, settings.supports), loaded = where(space, settings.loads.tractions);
 
   View view;
   if constexpr (solid) {
@@ -583,15 +583,15 @@ template <int Dim> Vector means_at_places(const FineSpace<Dim>& space, const Vec
 }  // namespace
 
 template <int Dim>
-void draw_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
-  paint(file, analysis, result, von_mises_at_places(result), "von Mises stress", "stress");
+void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  paint(file, settings, result, von_mises_at_places(result), "von Mises stress", "stress");
 }
 
 template <int Dim>
-void draw_error(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
   std::string title = "Estimated error of the mesh";
   if (result.estimates) title += fmt::format(" ({:.2g} % of all in the energy norm)", 100.0 * result.estimates->mesh);
-  paint(file, analysis, result, means_at_places(result.basis().space, result.error_density), title, "error");
+  paint(file, settings, result, means_at_places(result.basis().space, result.error_density), title, "error");
 }
 
 namespace {
@@ -689,10 +689,10 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
   canvas.save(file);
 }
 
-template void draw_error<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
-template void draw_error<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
-template void draw_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
-template void draw_fields<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
+template void draw_error<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void draw_error<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template void draw_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void draw_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
 template void draw_pieces<2>(const std::filesystem::path&, const Inspection<2>&);
 template void draw_pieces<3>(const std::filesystem::path&, const Inspection<3>&);
 

@@ -2,6 +2,7 @@
 #include "efree/io/writers.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
@@ -123,15 +124,8 @@ std::string version() {
   return EFREE_VERSION;
 }
 
-template <int Dim> Vector von_mises_at_places(const CaseResult<Dim>& result) {
-  const auto& stress = result.fields.stress;
-  Vector mises(stress.cols());
-  for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises<Dim>(Voigt<Dim>(stress.col(p)));
-  return mises;
-}
-
 template <int Dim>
-void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
   using Cell = VtkCell<Dim>;
   const FineSpace<Dim>& space = result.basis().space;
   const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.at_places(space.points()));
@@ -151,15 +145,15 @@ void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, 
   add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
   add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
   add_array(grid, "von_mises", von_mises_at_places(result).transpose(), {""});
-  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, analysis.supports), {""}));
+  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
   grid->GetPointData()->AddArray(
-      array_of<vtkUnsignedCharArray>("loaded", marked(space, analysis.loads.tractions), {""}));
+      array_of<vtkUnsignedCharArray>("loaded", marked(space, settings.loads.tractions), {""}));
   grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
   grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
 }
 
-template <int Dim> void write_nodes(const std::filesystem::path& file, const CaseResult<Dim>& result) {
+template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result) {
   const Approximation<Dim>& approximation = result.approximation;
   const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(approximation.nodes);
   vtkNew<vtkCellArray> cells;
@@ -173,10 +167,10 @@ template <int Dim> void write_nodes(const std::filesystem::path& file, const Cas
 }
 
 template <int Dim>
-void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result) {
+void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
   const Approximation<Dim>& approximation = result.approximation;
   ordered_json json;
-  json["title"] = analysis.title;
+  json["title"] = settings.title;
   json["dimension"] = Dim;
   json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
                     {"fine_cells", result.mesh->num_cells()},
@@ -240,7 +234,7 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
                      {"own_functions", approximation.mls.own_functions},
                      {"quadrature_points_dropped", approximation.dropped_points},
                      {"interpolation", result.basis().space.degree()}};
-  const ApproximationOptions& asked = analysis.approximation;
+  const ApproximationOptions& asked = settings.approximation;
   if (!result.cells && asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
     json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
@@ -258,20 +252,17 @@ void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, 
   write_json(file, json);
 }
 
-void write_failure(const std::filesystem::path& file, const CaseSettings& analysis, const std::string& reason,
+void write_failure(const std::filesystem::path& file, const std::string& title, const std::string& reason,
                    const std::string& stage) {
-  write_json(
-      file,
-      {{"title", analysis.title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
+  write_json(file,
+             {{"title", title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
 }
 
-template Vector von_mises_at_places<2>(const CaseResult<2>&);
-template Vector von_mises_at_places<3>(const CaseResult<3>&);
-template void write_fields<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
-template void write_nodes<2>(const std::filesystem::path&, const CaseResult<2>&);
-template void write_result<2>(const std::filesystem::path&, const Case<2>&, const CaseResult<2>&);
-template void write_fields<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
-template void write_nodes<3>(const std::filesystem::path&, const CaseResult<3>&);
-template void write_result<3>(const std::filesystem::path&, const Case<3>&, const CaseResult<3>&);
+template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
+template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template void write_nodes<3>(const std::filesystem::path&, const Result<3>&);
+template void write_result<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
 
 }  // namespace efree

@@ -2,7 +2,7 @@
 /// Results as files: result.json, fields.vtu, nodes.vtu.
 #pragma once
 
-#include "efree/io/run_case.hpp"
+#include "efree/analysis/result.hpp"
 
 #include <filesystem>
 #include <string>
@@ -12,27 +12,24 @@ namespace efree {
 /// Version of the library, as in "0.1.0".
 std::string version();
 
-/// von Mises stress at the places of the space (FineSpace::num_places).
-template <int Dim> Vector von_mises_at_places(const CaseResult<Dim>& result);
-
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
 /// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0)
-/// and error (CaseResult::error_density). The points are the places of the space: those on interfaces are there once
+/// and error (Result::error_density). The points are the places of the space: those on interfaces are there once
 /// for each region, with its stress. Quadratic spaces become quadratic cells. Throws InputError if the file cannot
 /// be written, as all writers do.
 template <int Dim>
-void write_fields(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
+void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
 
 /// The cloud of nodes with the displacement at each.
-template <int Dim> void write_nodes(const std::filesystem::path& file, const CaseResult<Dim>& result);
+template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result);
 
 /// Counts, errors, energy, probes, parts of the boundary, seconds: the format is in docs/case-file.md.
 template <int Dim>
-void write_result(const std::filesystem::path& file, const Case<Dim>& analysis, const CaseResult<Dim>& result);
+void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
 
-/// What went wrong (a NumericalError's text) and during which stage.
-void write_failure(const std::filesystem::path& file, const CaseSettings& analysis, const std::string& reason,
+/// What went wrong with the analysis of this title (a NumericalError's text) and during which stage.
+void write_failure(const std::filesystem::path& file, const std::string& title, const std::string& reason,
                    const std::string& stage);
 
 }  // namespace efree

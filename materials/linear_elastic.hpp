@@ -18,6 +18,7 @@ class LinearElastic final : public Material {
   LinearElastic(Parameter E, Parameter nu);
   explicit LinearElastic(const IsotropicModuli& moduli) : LinearElastic(moduli.E, moduli.nu) {}
   bool homogeneous() const override { return E_.is_constant() && nu_.is_constant(); }
+  bool linear() const override { return true; }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
@@ -41,6 +42,7 @@ class OrthotropicElastic final : public Material {
   /// With the moduli of x times a positive factor of the place.
   OrthotropicElastic(const OrthotropicModuli& moduli, Parameter factor);
   bool homogeneous() const override { return factor_.is_constant(); }
+  bool linear() const override { return true; }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:

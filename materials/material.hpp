@@ -58,6 +58,9 @@ class Material {
   virtual Index history_size() const { return 0; }
   /// Whether points differ in nothing but F and history: then one of them is asked for all.
   virtual bool homogeneous() const { return false; }
+  /// Whether P is linear in F - I and nothing is remembered: then the tangent where nothing has happened says all, and
+  /// is asked for once.
+  virtual bool linear() const { return false; }
   /// Fills `response` (which has the right sizes) for all points. Pure: the same for the same deformation, from any
   /// number of threads. Throws InputError for parameters out of range, with the place.
   virtual void respond(const Deformation& deformation, MaterialResponse& response) const = 0;
@@ -110,6 +113,7 @@ class PlaneStress final : public Material {
   explicit PlaneStress(SharedMaterial of) : of_(std::move(of)) {}
   Index history_size() const override { return of_->history_size() + 3; }
   bool homogeneous() const override { return of_->homogeneous(); }
+  bool linear() const override { return of_->linear(); }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
   /// The strains zz, yz, xz that make the stresses across the plane vanish, by the gradient, from the other's tangent.

@@ -50,42 +50,78 @@ template <int Dim> struct BodyClouds {
   std::vector<char> has_basis;  ///< by body: whether they do
 };
 
-/// Samples the cloud; where a body gets too few nodes for polynomials of the order, or nodes that do not determine
-/// them, with half the spacing as often as it takes, unless it has hardly more vertices than there are polynomials.
+/// By body: whether its nodes determine polynomials of the order, with some to spare.
 template <int Dim>
-BodyClouds<Dim> sample_bodies(const FineMesh<Dim>& mesh, Vector spacing, int order, std::uint64_t seed) {
+std::vector<char> determined_bodies(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud, int order) {
   const Index polynomials = num_polynomials<Dim>(order);
-  const std::vector<Index>& body = mesh.component();
-  std::vector<Index> vertices(mesh.num_components(), 0);
-  for (const Index b : body) ++vertices[b];
-  BodyClouds<Dim> clouds{{}, {}, std::vector<char>(mesh.num_components(), 1)};
-  for (;;) {
-    clouds.all = sample_cloud(mesh, spacing, seed);
-    std::vector<std::vector<Index>> nodes(mesh.num_components());
-    for (Index I = 0; I < clouds.all.size(); ++I) nodes[body[clouds.all.vertices[I]]].push_back(I);
-    std::vector<char> halved(mesh.num_components(), 0);
-    for (Index b = 0; b < mesh.num_components(); ++b) {
-      const auto count = static_cast<Index>(nodes[b].size());
-      const bool enough =
-          count >= polynomials + Dim &&
-          (count >= 4 * polynomials || determine_polynomials<Dim>(clouds.all.positions(Eigen::all, nodes[b]), order));
-      if (enough || !clouds.has_basis[b]) continue;
-      if (vertices[b] < 4 * polynomials || count == vertices[b])
-        clouds.has_basis[b] = 0;
-      else
-        halved[b] = 1;
-    }
-    if (std::ranges::count(halved, 1) == 0) break;
-    for (Index v = 0; v < mesh.num_vertices(); ++v)
-      if (halved[body[v]]) spacing[v] *= 0.5;
+  std::vector<std::vector<Index>> nodes(mesh.num_components());
+  for (Index I = 0; I < cloud.size(); ++I) nodes[mesh.component()[cloud.vertices[I]]].push_back(I);
+  std::vector<char> determined;
+  for (const auto& of_body : nodes) {
+    const auto count = static_cast<Index>(of_body.size());
+    determined.push_back(
+        count >= polynomials + Dim &&
+        (count >= 4 * polynomials || determine_polynomials<Dim>(cloud.positions(Eigen::all, of_body), order)));
   }
+  return determined;
+}
+
+template <int Dim>
+BodyClouds<Dim> split_by_bodies(const FineMesh<Dim>& mesh, NodeCloud<Dim> cloud, std::vector<char> has_basis) {
+  BodyClouds<Dim> clouds{std::move(cloud), {}, std::move(has_basis)};
   std::vector<Index> kept;
   for (Index I = 0; I < clouds.all.size(); ++I)
-    if (clouds.has_basis[body[clouds.all.vertices[I]]]) kept.push_back(I);
+    if (clouds.has_basis[mesh.component()[clouds.all.vertices[I]]]) kept.push_back(I);
   for (const Index I : kept) clouds.determined.vertices.push_back(clouds.all.vertices[I]);
   clouds.determined.positions = clouds.all.positions(Eigen::all, kept);
   clouds.determined.spacing = clouds.all.spacing(kept);
   return clouds;
+}
+
+/// Samples the cloud; where a body gets too few nodes for polynomials of the order, or nodes that do not determine
+/// them, with half the spacing as often as it takes, unless it has hardly more vertices than there are polynomials.
+template <int Dim>
+BodyClouds<Dim> sample_bodies(const FineMesh<Dim>& mesh, Vector spacing, int order, std::uint64_t seed) {
+  const std::vector<Index>& body = mesh.component();
+  std::vector<Index> vertices(mesh.num_components(), 0), nodes(mesh.num_components());
+  for (const Index b : body) ++vertices[b];
+  std::vector<char> has_basis(mesh.num_components(), 1);
+  for (;;) {
+    auto cloud = sample_cloud(mesh, spacing, seed);
+    const auto determined = determined_bodies(mesh, cloud, order);
+    std::ranges::fill(nodes, 0);
+    for (const Index v : cloud.vertices) ++nodes[body[v]];
+    std::vector<char> halved(mesh.num_components(), 0);
+    for (Index b = 0; b < mesh.num_components(); ++b) {
+      if (determined[b] || !has_basis[b]) continue;
+      if (vertices[b] < 4 * num_polynomials<Dim>(order) || nodes[b] == vertices[b])
+        has_basis[b] = 0;
+      else
+        halved[b] = 1;
+    }
+    if (std::ranges::count(halved, 1) == 0) return split_by_bodies(mesh, std::move(cloud), std::move(has_basis));
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (halved[body[v]]) spacing[v] *= 0.5;
+  }
+}
+
+/// Throws InputError for a cloud that is not one of this mesh.
+template <int Dim> void check_cloud(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud) {
+  const Index count = cloud.size();
+  require(count > 0 && cloud.positions.cols() == count && cloud.spacing.size() == count,
+          "a cloud with a vertex, a position and a spacing for each node expected");
+  for (Index I = 0; I < count; ++I) {
+    const Index v = cloud.vertices[I];
+    if (v < 0 || v >= mesh.num_vertices() || (I > 0 && v <= cloud.vertices[I - 1]))
+      throw InputError(fmt::format("node {} of the cloud sits on vertex {}: expected ascending ones of 0 to {}", I, v,
+                                   mesh.num_vertices() - 1));
+    if (cloud.positions.col(I) != mesh.vertex(v))
+      throw InputError(fmt::format("node {} of the cloud is at ({:.6g}), and vertex {} of the mesh at ({:.6g})", I,
+                                   fmt::join(cloud.positions.col(I), ", "), v, fmt::join(mesh.vertex(v), ", ")));
+    if (!(cloud.spacing[I] > 0.0))
+      throw InputError(
+          fmt::format("node {} of the cloud has spacing {}, expected a positive length", I, cloud.spacing[I]));
+  }
 }
 
 /// Packing size at every fine vertex that gives `ratio` points for each node of the cloud *locally*: a node's share of
@@ -162,22 +198,23 @@ template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<D
   result.dilatation = merge(result.quadrature, result.union_of, unions);
 }
 
-template <int Dim> Approximation<Dim> finite_elements(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
-                                                      StageTimes& times, const Progress& progress) {
+template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<const FineMesh<Dim>>& mesh,
+                                                      const ApproximationOptions& options, const Monitor& monitor) {
   Approximation<Dim> result;
   {
-    Stage stage("basis", times, progress);
+    Stage stage("basis", monitor);
     result.space = FineSpace<Dim>(mesh, options.kind == BasisKind::p1 ? 1 : 2, options.axisymmetric);
     result.shape = ShapeTable<Dim>::identity(result.space.size());
     result.nodes = result.space.points();
     result.node_dofs.resize(result.space.size());
     std::iota(result.node_dofs.begin(), result.node_dofs.end(), 0);
   }
-  Stage stage("quadrature", times, progress);
+  Stage stage("quadrature", monitor);
   result.quadrature = project(result.space, result.shape, every_cell(result.space));
-  result.averaged = options.dilatation;
-  if (options.dilatation) {
-    const Index cells = mesh.num_cells(), points = result.quadrature.size() / cells;
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (result.averaged) {
+    const Index cells = mesh->num_cells(), points = result.quadrature.size() / cells;
     result.union_of.resize(result.quadrature.size());
     for (Index K = 0; K < result.quadrature.size(); ++K) result.union_of[K] = K / points;
     result.dilatation = merge(result.quadrature, result.union_of, cells);
@@ -218,37 +255,30 @@ template <int Dim> Approximation<Dim> in_quadratic_space(const Approximation<Dim
   const FineSpace<Dim>& linear = approximation.space;
   require(linear.degree() == 1, "in_quadratic_space: the functions are in a quadratic space already");
   Approximation<Dim> result;
-  result.space = FineSpace<Dim>(linear.mesh(), 2, linear.axisymmetric());
+  result.space = FineSpace<Dim>(linear.shared_mesh(), 2, linear.axisymmetric());
   result.nodes = approximation.nodes;
   result.node_dofs = approximation.node_dofs;
   result.averaged = approximation.averaged;
+  result.undecided = approximation.undecided;
   result.shape = approximation.shape;
   return result;
 }
 
-template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& wanted,
-                                                  StageTimes* times, const Progress& progress) {
-  ApproximationOptions asked = wanted;
-  if (asked.kind == BasisKind::mls && asked.spacing == 0.0) asked.spacing = default_spacing(mesh);
-  check(mesh, asked);
-  StageTimes unused;
-  StageTimes& clock = times ? *times : unused;
-  if (asked.kind != BasisKind::mls) return finite_elements(mesh, asked, clock, progress);
+namespace {
 
-  BodyClouds<Dim> clouds;
-  {
-    Stage stage("cloud", clock, progress);
-    clouds = sample_bodies(mesh, graded_spacing(mesh, asked.spacing, asked.grading), asked.order, asked.seed);
-  }
+template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const FineMesh<Dim>>& shared,
+                                                const BodyClouds<Dim>& clouds, const ApproximationOptions& asked,
+                                                const Monitor& monitor) {
+  const FineMesh<Dim>& mesh = *shared;
   const NodeCloud<Dim>& cloud = clouds.all;
   const auto options = with_defaults<Dim>(asked, static_cast<double>(mesh.num_vertices()) / cloud.size());
   Approximation<Dim> result;
-  result.space = FineSpace<Dim>(mesh, options.interpolation, options.axisymmetric);
+  result.space = FineSpace<Dim>(shared, options.interpolation, options.axisymmetric);
   const MlsOptions mls_options{.order = options.order,
                                .support = options.support,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
-  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, &clock, progress);
+  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, monitor);
   result.shape = std::move(mls.shape);
   result.mls = mls.report;
   result.small_bodies = static_cast<Index>(std::ranges::count(clouds.has_basis, 0));
@@ -259,8 +289,10 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
   const double seeds_per_node = options.ratio / (options.secondary == SecondaryKind::linear ? Dim + 1 : 1);
   NearestSource nearest;
   NodeCloud<Dim> points;
-  Stage stage("quadrature", clock, progress);
-  if (second_cloud || options.dilatation) {
+  Stage stage("quadrature", monitor);
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  if (second_cloud || result.averaged) {
     nearest = nearest_source(mesh, cloud.vertices);
     // Another seed, so that the two clouds do not coincide.
     if (second_cloud)
@@ -274,11 +306,41 @@ template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, con
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
-  result.averaged = options.dilatation;
-  if (options.dilatation) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
+  if (result.averaged) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;
+}
+
+}  // namespace
+
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& shared,
+                                                  const ApproximationOptions& wanted, const Monitor& monitor) {
+  require(shared != nullptr, "approximate: no mesh");
+  const FineMesh<Dim>& mesh = *shared;
+  ApproximationOptions options = wanted;
+  if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(mesh);
+  check(mesh, options);
+  if (options.kind != BasisKind::mls) return finite_elements(shared, options, monitor);
+  BodyClouds<Dim> clouds;
+  {
+    Stage stage("cloud", monitor);
+    clouds = sample_bodies(mesh, graded_spacing(mesh, options.spacing, options.grading), options.order, options.seed);
+  }
+  return on_clouds(shared, clouds, options, monitor);
+}
+
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& shared,
+                                                  const NodeCloud<Dim>& cloud, const ApproximationOptions& options,
+                                                  const Monitor& monitor) {
+  require(shared != nullptr, "approximate: no mesh");
+  require(options.kind == BasisKind::mls, "finite elements take no cloud");
+  check_cloud(*shared, cloud);
+  ApproximationOptions with_spacing = options;
+  with_spacing.spacing = cloud.spacing.mean();
+  check(*shared, with_spacing);
+  return on_clouds(shared, split_by_bodies(*shared, cloud, determined_bodies(*shared, cloud, options.order)), options,
+                   monitor);
 }
 
 template double default_spacing<2>(const FineMesh<2>&);
@@ -287,7 +349,13 @@ template ApproximationOptions with_defaults<2>(ApproximationOptions, double);
 template double default_spacing<3>(const FineMesh<3>&);
 template Approximation<3> in_quadratic_space<3>(const Approximation<3>&);
 template ApproximationOptions with_defaults<3>(ApproximationOptions, double);
-template Approximation<2> approximate<2>(const FineMesh<2>&, const ApproximationOptions&, StageTimes*, const Progress&);
-template Approximation<3> approximate<3>(const FineMesh<3>&, const ApproximationOptions&, StageTimes*, const Progress&);
+template Approximation<2> approximate<2>(const std::shared_ptr<const FineMesh<2>>&, const ApproximationOptions&,
+                                         const Monitor&);
+template Approximation<2> approximate<2>(const std::shared_ptr<const FineMesh<2>>&, const NodeCloud<2>&,
+                                         const ApproximationOptions&, const Monitor&);
+template Approximation<3> approximate<3>(const std::shared_ptr<const FineMesh<3>>&, const ApproximationOptions&,
+                                         const Monitor&);
+template Approximation<3> approximate<3>(const std::shared_ptr<const FineMesh<3>>&, const NodeCloud<3>&,
+                                         const ApproximationOptions&, const Monitor&);
 
 }  // namespace efree

@@ -4,13 +4,15 @@
 
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/mls.hpp"
-#include "efree/core/progress.hpp"
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/cloud/node_cloud.hpp"
 #include "efree/geometry/cloud/spacing.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/discretization.hpp"
 
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace efree {
@@ -28,6 +30,19 @@ enum class SecondaryKind {
   full,    ///< every fine cell
 };
 
+/// Whether the volumetric part is averaged on coarser clusters (B-bar); of finite elements on the cells, which makes a
+/// difference for quadratic ones. Without it functions lock where the material is nearly incompressible.
+enum class Dilatation {
+  automatic,  ///< where the material needs it. Who knows the material decides (`analyse`); `approximate` does not
+              ///< average, and solvers refuse materials under which its functions then lock
+  pointwise,  ///< never
+  averaged,
+};
+/// One of the two that leave nothing open.
+constexpr Dilatation averaged_if(bool averaged) {
+  return averaged ? Dilatation::averaged : Dilatation::pointwise;
+}
+
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
   bool axisymmetric = false;  ///< 2D: x is the radius, y the axis; goes with Plane::axisymmetric
@@ -41,11 +56,10 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;
   Kernel kernel = Kernel::cubic_spline;
   SecondaryKind secondary = SecondaryKind::cells;
-  double ratio = 0.0;       ///< quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear, for mls 6 in the plane
-                            ///< and 24 in space
-  bool dilatation = false;  ///< also build what carries the volumetric part (B-bar): coarser clusters; of finite
-                            ///< elements the cells, which makes a difference for quadratic ones
-  bool fine = false;        ///< also build full integration (for the deviatoric stabilisation)
+  double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear, for mls 6 in the plane
+                       ///< and 24 in space
+  Dilatation dilatation = Dilatation::automatic;
+  bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
   /// strongly.
   std::vector<std::string> vanish_on{};
@@ -60,16 +74,17 @@ template <int Dim> ApproximationOptions with_defaults(ApproximationOptions optio
 /// more than 10000 nodes by volume; no less than one and a half edges of the fine mesh.
 template <int Dim> double default_spacing(const FineMesh<Dim>& mesh);
 
-/// Immutable result. Keeps a pointer to the mesh, which must outlive it.
+/// Immutable result; shares its mesh (space.shared_mesh()).
 template <int Dim> struct Approximation {
   FineSpace<Dim> space;            ///< Lagrange space on the fine mesh that holds the functions
   ShapeTable<Dim> shape;           ///< space.size() x N: values of the basis at the fine degrees of freedom
   Points<Dim> nodes;               ///< Dim x N
   std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on, all different
   Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
-  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless asked for
-  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty without dilatation
+  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless averaged
+  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty unless averaged
   bool averaged = false;           ///< whether the volumetric part is on unions (B-bar)
+  bool undecided = false;          ///< Dilatation::automatic: nobody who knows the material said that it need not be
   Discretization<Dim> fine;        ///< full integration; empty unless asked for
   MlsReport mls;                   ///< how often supports had to grow
   Index small_bodies = 0;          ///< too small for moving least squares: finite elements
@@ -82,11 +97,33 @@ template <int Dim> struct Approximation {
 /// For moving least squares a mesh of several regions must be parted along its interfaces (cut_regions): every region
 /// gets functions of its own, so that strains may jump. A body in which the cloud leaves too few nodes for polynomials
 /// of the order (or nodes on one plane) gets a denser cloud; one with hardly more vertices than polynomials is left to
-/// the finite elements of `space`, integrated in full. Runs cloud, weights, basis and quadrature; adds their seconds
-/// to `times`. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
+/// the finite elements of `space`, integrated in full. Stages: cloud, weights, basis,
+/// quadrature. Throws InputError for options out of range (spacing missing or larger than the body, order, ratio,
 /// support) and NumericalError where no basis can be built.
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& mesh,
+                                                  const ApproximationOptions& options, const Monitor& monitor = {});
+/// The same on a mesh that somebody else keeps, and that must outlive the result.
 template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const ApproximationOptions& options,
-                                                  StageTimes* times = nullptr, const Progress& progress = {});
+                                                  const Monitor& monitor = {}) {
+  return approximate(borrowed(mesh), options, monitor);
+}
+/// The same on a mesh that the result takes: approximate(triangulate(...), ...).
+template <int Dim>
+Approximation<Dim> approximate(FineMesh<Dim>&& mesh, const ApproximationOptions& options, const Monitor& monitor = {}) {
+  return approximate(std::make_shared<const FineMesh<Dim>>(std::move(mesh)), options, monitor);
+}
+
+/// Moving least squares on a given cloud (sample_cloud with any field of spacings, or one of your own);
+/// options.spacing, grading and seed of the nodes mean nothing. Bodies whose nodes do not determine polynomials are
+/// left to the finite elements. Throws InputError, besides, for a cloud that is not one of the mesh, and for finite
+/// elements.
+template <int Dim> Approximation<Dim> approximate(const std::shared_ptr<const FineMesh<Dim>>& mesh,
+                                                  const NodeCloud<Dim>& cloud, const ApproximationOptions& options,
+                                                  const Monitor& monitor = {});
+template <int Dim> Approximation<Dim> approximate(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
+                                                  const ApproximationOptions& options, const Monitor& monitor = {}) {
+  return approximate(borrowed(mesh), cloud, options, monitor);
+}
 
 /// The same functions as members of the quadratic space of the mesh: space, nodes, node_dofs, averaged, and the shape
 /// at the vertices alone, as they are linear along edges; the rest is empty. Throws InputError unless the space is of

@@ -75,7 +75,7 @@ template <int Dim> class TableBuilder {
       parallel_chunks(last - first, chunk,
                       [&](Index begin, Index end) { fill(first + begin, first + end, parts[begin / chunk]); });
       for (const Part& part : parts) {
-        const Index shift = static_cast<Index>(all.nodes.size());
+        const auto shift = static_cast<Offset>(all.nodes.size());
         for (std::size_t r = 1; r < part.offsets.size(); ++r) all.offsets.push_back(shift + part.offsets[r]);
         all.nodes.insert(all.nodes.end(), part.nodes.begin(), part.nodes.end());
         all.N.insert(all.N.end(), part.N.begin(), part.N.end());
@@ -96,7 +96,8 @@ template <int Dim> class TableBuilder {
 
   struct Part {
     bool axisymmetric;
-    std::vector<Index> offsets{0}, nodes{};
+    std::vector<Offset> offsets{0};
+    std::vector<Index> nodes{};
     std::vector<double> N{};
     std::vector<Vec<Dim>> dN{};
     std::vector<double> hoop{};
@@ -107,7 +108,7 @@ template <int Dim> class TableBuilder {
       dN.push_back(moment.template segment<Dim>(1));
       if (axisymmetric) hoop.push_back(moment[3]);
     }
-    void close() { offsets.push_back(static_cast<Index>(nodes.size())); }
+    void close() { offsets.push_back(static_cast<Offset>(nodes.size())); }
   };
 
  private:

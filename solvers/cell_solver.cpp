@@ -20,7 +20,7 @@ constexpr double rounding = 1e-18;
 
 /// Solves the problem of grid l from u, which has the prescribed displacements. In scaled units.
 CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& precondition, const CellOptions& options,
-                  Field& u) {
+                  const Stage& stage, Field& u) {
   const CellGrid& grid = problem.grid;
   const std::size_t dofs = grid.size();
   const float* inverse = problem.inverse_diagonal.data();
@@ -37,6 +37,7 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
   double energy = energy_of(), rz = 0.0;
   for_all(dofs, [&](std::size_t i) { r[i] = inverse[i] > 0.0F ? (loaded ? problem.load[i] : 0.0) - Ap[i] : 0.0; });
   for (;; ++found.iterations) {
+    stage.check();
     // In single precision small numbers keep their digits only if scaled.
     const double size_of_r = std::sqrt(dot(r, r));
     if (size_of_r == 0.0) break;
@@ -114,14 +115,12 @@ void tell_error(CellSolution& solution) {
 
 CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
-                            const CellOptions& options, StageTimes* times, const Progress& progress) {
-  StageTimes own;
-  StageTimes& clock = times ? *times : own;
+                            const CellOptions& options, const Monitor& monitor) {
   const CellProblems problems = [&] {
-    const Stage stage("assembly", clock, progress);
+    const Stage stage("assembly", monitor);
     return internal::make_cell_problems(image, materials, conditions, loads, options);
   }();
-  const Stage stage("solve", clock, progress);
+  const Stage stage("solve", monitor);
   CellMultigrid precondition(problems.grids);
   CellSolution solution;
   Field u;
@@ -131,7 +130,7 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Shared
     if (!u.empty()) prolong(*problems.grids[l + 1], problem, u, start);
     u = std::move(start);
     problem.set_held(u);
-    CellLevel found = iterate(problem, l, precondition, options, u);
+    CellLevel found = iterate(problem, l, precondition, options, stage, u);
     if (problems.shrunk && problem.grid.cells == problems.shrunk->cells && found.strain_energy > 0.0) {
       Field f(u.size());
       problems.shrunk->apply(u.data(), f.data());
@@ -142,7 +141,7 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Shared
     for (auto& [side, force] : found.reactions) force *= problems.unit;
     if (l == 1 || l == 2) found.displacement = at_points(problem, u);
     solution.levels.insert(solution.levels.begin(), found);
-    if (progress) progress("solve", std::pow(8.0, -static_cast<double>(l)));
+    stage.tick(std::pow(8.0, -static_cast<double>(l)));
   }
   tell_error(solution);
   const CellProblem& finest = *problems.grids.front();

@@ -2,7 +2,7 @@
 /// Linear elasticity of images on a regular grid, without a mesh and without a matrix.
 #pragma once
 
-#include "efree/core/progress.hpp"
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/materials/material.hpp"
@@ -72,13 +72,12 @@ struct CellSolution {
 /// "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the grid's points. Bodies that
 /// nothing holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
-/// Throws InputError for a broken image, a size that is not positive, a label without material or with one that is not
-/// isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not held, or too little
-/// memory; NumericalError if the iterations break down or do not end.
+/// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
+/// or with one that is not isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not
+/// held, or too little memory; NumericalError if the iterations break down or do not end.
 CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
-                            const CellOptions& options = {}, StageTimes* times = nullptr,
-                            const Progress& progress = {});
+                            const CellOptions& options = {}, const Monitor& monitor = {});
 
 /// Displacement at a point of the frame on one of the three finest grids, counted from the finest.
 Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x);

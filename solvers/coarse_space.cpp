@@ -30,7 +30,7 @@ template <int Dim> Mat<Dim> rotations(const Vec<Dim>& x) {
 /// Least over largest extent of where a function acts, squared: its own square says how much a place counts. Not a
 /// number for a function of one place.
 template <int Dim>
-double slimness(const ShapeTable<Dim>& shape, std::span<const Place> rows, const Points<Dim>& places) {
+double slimness(const ShapeTable<Dim>& shape, std::span<const NodePlace> rows, const Points<Dim>& places) {
   double total = 0.0;
   Vec<Dim> mean = Vec<Dim>::Zero();
   for (const auto& [v, k] : rows) {
@@ -53,8 +53,7 @@ double slimness(const ShapeTable<Dim>& shape, std::span<const Place> rows, const
 
 template <int Dim>
 std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& places, Index count, double apart) {
-  const auto rows_at =
-      places_of_nodes(shape.num_nodes(), shape.num_points(), [&](Index v) { return shape.row(v).nodes; });
+  const NodePlaces& rows_at = shape.by_node();
   std::vector<char> thin(shape.num_nodes());
   parallel_for(shape.num_nodes(), [&](Index I) { thin[I] = slimness<Dim>(shape, rows_at[I], places) < slim; });
   const auto turning = static_cast<double>(std::ranges::count(thin, 1));
@@ -70,7 +69,6 @@ CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, 
       places_(std::move(places)),
       nodes_(std::move(nodes)),
       lift_(std::move(lift)),
-      rows_at_(places_of_nodes(shape_.num_nodes(), shape_.num_points(), [&](Index v) { return shape_.row(v).nodes; })),
       held_(K.size(), free) {
   const Index n = shape_.num_nodes();
   first_.assign(n + 1, 0);
@@ -124,7 +122,7 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
     const auto add = [&](Index v, const Mat<Dim>& move) {
       K.for_row(v, [&](Index w, const Mat<Dim>& block) { forces[w].noalias() += block.transpose() * move; });
     };
-    for (const auto& [v, k] : rows_at_[a]) {
+    for (const auto& [v, k] : shape_.by_node()[a]) {
       const double N = shape_.row(v).N[k];
       const Mat<Dim>* open = open_at(v);
       if (!turned && !open) {
@@ -187,7 +185,7 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
   Points<Dim> forces(Dim, first_.back());
   parallel_for(shape_.num_nodes(), [&](Index I) {
     Vec<Dim> force = Vec<Dim>::Zero(), moment = Vec<Dim>::Zero();
-    for (const auto& [v, k] : rows_at_[I]) {
+    for (const auto& [v, k] : shape_.by_node()[I]) {
       const double N = shape_.row(v).N[k];
       const Vec<Dim> part = N * given.col(v);
       force += part;

@@ -15,6 +15,7 @@
 #include "efree/solvers/internal/linear_elements.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -175,7 +176,8 @@ Members<Dim> members(const FineSpace<Dim>& space, const ElementNodes& nodes, con
 
 /// Values of the cloud's functions at the nodes of the elements.
 template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, const Members<Dim>& members) {
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> N;
   columns.reserve(shape.num_entries());
   N.reserve(shape.num_entries());
@@ -190,7 +192,7 @@ template <int Dim> ShapeTable<Dim> shape_at_nodes(const ShapeTable<Dim>& shape, 
     // Twins belong to different bodies: no function acts on both.
     if (members.dofs[node].size() > 1) std::ranges::sort(row);
     for (const auto& [I, value] : row) columns.push_back(I), N.push_back(value);
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   return {shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
 }
@@ -267,7 +269,8 @@ AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const
     result.lift.parents.close_row();
   }
   result.lift.points = space.points()(Eigen::all, order);
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> N;
   columns.reserve(approximation.shape.num_entries());
   N.reserve(approximation.shape.num_entries());
@@ -275,7 +278,7 @@ AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const
     const auto row = approximation.shape.row(vertex);
     columns.insert(columns.end(), row.nodes.begin(), row.nodes.end());
     N.insert(N.end(), row.N.begin(), row.N.end());
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   result.shape = {approximation.shape.num_nodes(), std::move(offsets), std::move(columns), std::move(N)};
   return result;
@@ -376,7 +379,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   }
   /// Iterates from u, which has what is held, under forces f; `start` is what errors are said of.
   Correction<Dim> iterate(const Points<Dim>& f, const Points<Dim>& start, Points<Dim> u,
-                          const CorrectionOptions& options) const;
+                          const CorrectionOptions& options, const Stage& stage) const;
 };
 
 namespace {
@@ -389,7 +392,7 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
   if (weak.empty()) return conditions;
   const auto elements = approximate<Dim>(space.mesh(), {.kind = space.degree() == 1 ? BasisKind::p1 : BasisKind::p2,
                                                         .axisymmetric = space.axisymmetric(),
-                                                        .dilatation = mean_dilatation});
+                                                        .dilatation = averaged_if(mean_dilatation)});
   auto system = nitsche<Dim>(space, elements.shape, stiffness_terms(elements, materials), weak);
   for (Index dof = 0; dof < space.size(); ++dof)
     conditions.rhs.col(nodes.at[dof]) += system.rhs.template segment<Dim>(Dim * dof);
@@ -407,17 +410,17 @@ WeakConditions<Dim> hold_weakly(const FineSpace<Dim>& space, const ElementNodes&
 }  // namespace
 
 template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approximation, const ElasticModel& model) {
-  constexpr double bearable = 50.0;
+  const double bearable = bearable_incompressibility(BasisKind::p2);
   const FineMesh<Dim>& mesh = approximation.space.mesh();
   return approximation.averaged && materials_of(model, mesh).incompressibility(mesh) > bearable;
 }
 
 template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
                                              const std::vector<DisplacementCondition<Dim>>& conditions,
-                                             StageTimes* times, const Progress& progress) {
-  StageTimes unused;
-  const Stage stage("correction", times ? *times : unused, progress);
+                                             const Monitor& monitor) {
+  const Stage stage("correction", monitor);
   const FineSpace<Dim>& space = approximation.space;
+  require_decided(approximation, model);
   require(!approximation.averaged || space.degree() == 2,
           "correction: linear elements lock where the dilatation has to be averaged (nearly incompressible materials): "
           "in_quadratic_space");
@@ -462,16 +465,18 @@ template <int Dim> Corrector<Dim>::~Corrector() = default;
 template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
 
 template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& given, const Loads<Dim>& loads,
-                                                           const CorrectionOptions& options) const {
+                                                           const CorrectionOptions& options,
+                                                           const Monitor& monitor) const {
+  const Stage stage("correction", monitor);
   const Points<Dim> start = impl_->at_nodes(given);
   Points<Dim> u = start;
   impl_->supports.impose(u);
-  return impl_->iterate(impl_->loads(loads), start, std::move(u), options);
+  return impl_->iterate(impl_->loads(loads), start, std::move(u), options, stage);
 }
 
 template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& forces, const Points<Dim>& start,
-                                                                 Points<Dim> u,
-                                                                 const CorrectionOptions& options) const {
+                                                                 Points<Dim> u, const CorrectionOptions& options,
+                                                                 const Stage& stage) const {
   const Impl& problem = *this;
   // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
   const Points<Dim> f = condensation.reduced(forces);
@@ -540,6 +545,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   if (wanted == 0) answer = u;
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
+    stage.check();
     smoother.apply(K, level->degree, r, z);
     K.multiply(z, q);
     q = r - q;
@@ -630,8 +636,9 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
 }
 
 template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& functional, const Points<Dim>& u,
-                                                         const Loads<Dim>& loads,
-                                                         const CorrectionOptions& options) const {
+                                                         const Loads<Dim>& loads, const CorrectionOptions& options,
+                                                         const Monitor& monitor) const {
+  const Stage stage("correction", monitor);
   const Impl& problem = *impl_;
   Points<Dim> start = Points<Dim>::Zero(Dim, problem.nodes.count), forces = problem.gathered(functional.forces);
   double value = 0.0;
@@ -640,7 +647,7 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
     value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
   }
   if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
-  const Correction<Dim> dual = problem.iterate(forces, start, start, options);
+  const Correction<Dim> dual = problem.iterate(forces, start, start, options, stage);
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
   value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads)) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};

@@ -46,26 +46,25 @@ template <int Dim> bool takes_mean_dilatation(const Approximation<Dim>& approxim
 /// the answer among them (Strakos & Tichy 2002).
 template <int Dim> class Corrector {
  public:
-  /// Assembles, and factors the coarse problem. Keeps references to the approximation. Throws like ElasticSolver, and
-  /// InputError if the approximation averages dilatations (B-bar) in a space of degree 1, where finite elements lock:
-  /// see in_quadratic_space.
+  /// Assembles, and factors the coarse problem (stage correction). Keeps references to the approximation. Throws like
+  /// ElasticSolver, and InputError if the approximation averages dilatations (B-bar) in a space of degree 1, where
+  /// finite elements lock: see in_quadratic_space.
   Corrector(const Approximation<Dim>& approximation, const ElasticModel& model,
-            const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
-            const Progress& progress = {});
+            const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor = {});
   ~Corrector();
   Corrector(Corrector&&) noexcept;
 
   /// Starts from the displacement `start` at the fine degrees of freedom, or at the vertices (Dim x space.size() or
-  /// mesh.num_vertices(), of the cloud: interpolate(shape, coefficients)). Throws NumericalError if the iterations
-  /// break down or end without reaching the tolerance.
-  Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads,
-                          const CorrectionOptions& options = {}) const;
+  /// mesh.num_vertices(), of the cloud: interpolate(shape, coefficients)). Stage: correction. Throws NumericalError if
+  /// the iterations break down or end without reaching the tolerance.
+  Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads, const CorrectionOptions& options = {},
+                          const Monitor& monitor = {}) const;
 
   /// The dual solution of a functional, iterated from nothing as `correct` iterates, and what it says of the
   /// displacement u (Dim x space.size()) under these loads. Throws like `correct`; neither is to be called from two
   /// threads at once.
   Response<Dim> respond(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads,
-                        const CorrectionOptions& options = {}) const;
+                        const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
 
  private:
   struct Impl;

@@ -93,11 +93,12 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
       }
   });
   std::vector<double> total(K.size(), 0.0);
-  std::vector<Index> offsets(K.size() + 1, 0);
+  std::vector<Offset> offsets(K.size() + 1, 0);
   for (const auto& hat : weights)
     for (const auto& [v, weight] : hat) total[v] += weight, ++offsets[v + 1];
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
-  std::vector<Index> cursor(offsets.begin(), offsets.end() - 1), columns(offsets.back());
+  std::vector<Offset> cursor(offsets.begin(), offsets.end() - 1);
+  std::vector<Index> columns(offsets.back());
   std::vector<double> N(offsets.back());
   for (Index I = 0; I < count; ++I)
     for (const auto& [v, weight] : weights[I]) {

@@ -2,36 +2,13 @@
 /// Static linear elasticity on any basis.
 #pragma once
 
-#include "efree/assembly/conditions.hpp"
-#include "efree/assembly/materials.hpp"
-#include "efree/quadrature/approximation.hpp"
+#include "efree/solvers/equilibrium.hpp"
 #include "efree/solvers/functional.hpp"
 
 #include <memory>
 #include <optional>
 
 namespace efree {
-
-/// How displacements are prescribed.
-enum class Essential {
-  nitsche,  ///< symmetric Nitsche, penalty from the local stiffness; any basis
-  strong,   ///< nodal values on the boundary; needs functions of other nodes that vanish there (vanish_on, or finite
-            ///< elements)
-};
-
-struct ElasticModel {
-  SharedMaterial material{};
-  std::optional<Plane> plane{};  ///< needed in 2D; axisymmetric exactly if the approximation is
-  Essential essential = Essential::nitsche;
-  double stabilisation =
-      0.0;  ///< in [0, 1]: share of the deviatoric stiffness taken from full integration (Approximation::fine)
-  std::vector<SharedMaterial> regions{};  ///< by region of the mesh; empty: `material` everywhere
-  std::string open_interface{};           ///< boundary part along which regions are not tied to each other (a crack)
-};
-
-/// The materials by region. Throws InputError for moduli out of range, regions without a material, a model in 2D that
-/// does not say its plane.
-template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh);
 
 /// Coefficients and what is derived at the quadrature points.
 template <int Dim> struct Solution {
@@ -46,21 +23,19 @@ template <int Dim> struct Solution {
 template <int Dim>
 Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticModel& model, Points<Dim> coefficients);
 
-/// Regions of a mesh parted by cut_regions are tied to each other where they touch, by Nitsche. Assembles and factors
-/// once, then solves any number of load cases.
+/// Equilibrium by one linear step: assembles and factors once, then solves any number of load cases. Regions of a mesh
+/// parted by cut_regions are tied to each other where they touch, by Nitsche.
 template <int Dim> class ElasticSolver {
  public:
-  /// Keeps references to the approximation. Throws InputError naming the free rigid motions if the conditions do not
-  /// hold every body, or a boundary that does not exist; NumericalError if the matrix cannot be factored. Stages:
-  /// assembly, solve (factorisation).
+  /// Keeps references to the approximation. Throws InputError like Equilibrium; NumericalError if the matrix cannot be
+  /// factored. Stages: assembly, solve (factorisation).
   ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
-                const std::vector<DisplacementCondition<Dim>>& conditions, StageTimes* times = nullptr,
-                const Progress& progress = {});
+                const std::vector<DisplacementCondition<Dim>>& conditions, const Monitor& monitor = {});
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
 
   /// One load case with the prescribed displacements. Throws NumericalError if the solution lives on deformations that
-  /// the quadrature does not see (too few points per node).
+  /// the quadrature does not see (too few points per node), or if the materials are not linear at its strains.
   Solution<Dim> solve(const Loads<Dim>& loads) const;
   /// Of finite elements: the dual solution of a functional, by the same factor, and what it says of the answer `u`
   /// under these loads. Throws InputError on other bases.

@@ -4,7 +4,7 @@
 cmake_minimum_required(VERSION 3.25)
 
 # Rooms and the rooms they may include besides themselves.
-set(rooms core geometry heatgeo basis quadrature materials assembly solvers io)
+set(rooms core geometry heatgeo basis quadrature materials assembly solvers analysis io)
 set(may_core)
 set(may_geometry core)
 set(may_heatgeo core geometry)
@@ -13,7 +13,8 @@ set(may_quadrature core geometry heatgeo basis)
 set(may_materials core)
 set(may_assembly core geometry heatgeo basis quadrature materials)
 set(may_solvers core geometry heatgeo basis quadrature materials assembly)
-set(may_io core geometry heatgeo basis quadrature materials assembly solvers)
+set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers)
+set(may_io core geometry heatgeo basis quadrature materials assembly solvers analysis)
 
 # Within geometry/ likewise.
 set(may_mesh)
@@ -110,7 +111,7 @@ endforeach()
 # Every source says its licence and none a path of the machine it was written on.
 file(GLOB_RECURSE texts RELATIVE ${CMAKE_CURRENT_SOURCE_DIR}
   apps/* bench/* cmake/* docs/*.md examples/* scripts/* tests/*
-  core/* geometry/* heatgeo/* basis/* quadrature/* materials/* assembly/* solvers/* io/*)
+  core/* geometry/* heatgeo/* basis/* quadrature/* materials/* assembly/* solvers/* analysis/* io/*)
 list(APPEND texts CMakeLists.txt CMakePresets.json README.md CHANGELOG.md efree.hpp)
 foreach(text IN LISTS texts)
   if(text MATCHES "\\.(hpp|cpp)$")

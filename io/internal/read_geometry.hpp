@@ -2,7 +2,7 @@
 /// [geometry] of a case file.
 #pragma once
 
-#include "efree/io/case_geometry.hpp"
+#include "efree/analysis/mesh_source.hpp"
 #include "efree/io/internal/section.hpp"
 
 #include <filesystem>
@@ -18,6 +18,6 @@ Section::Keys geometry_keys();
 int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane);
 
 /// Checks all of [geometry] that can be checked before a mesh is made.
-template <int Dim> CaseGeometry<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder);
+template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder);
 
 }  // namespace efree::internal

@@ -50,7 +50,6 @@ template <int Dim> class CoarseSpace {
   Points<Dim> places_, nodes_;
   std::optional<Lift<Dim>> lift_;
   Ragged<Place> followers_;  ///< by point of the lift: the nodes that follow it, with its position among their parents
-  Ragged<Place> rows_at_;    ///< rows of the table, by node
   HeldNodes<Dim> held_;
   std::vector<Index> first_;  ///< by node: its motion; if it turns, the next is that
   bool turning_;              ///< whether one does

@@ -14,4 +14,7 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
                                                                    const Materials<Dim>& materials,
                                                                    double stabilisation = 0.0);
 
+/// Whether a stabilisation makes a difference. Throws InputError if it lacks full integration.
+template <int Dim> bool is_stabilised(const Approximation<Dim>& approximation, double stabilisation);
+
 }  // namespace efree

@@ -2,9 +2,9 @@
 /// Errors of cases: estimated, corrected, asked for, and refused.
 #include "efree/tests/io/workspace.hpp"
 
+#include "efree/analysis/internal/refinement.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/internal/refinement.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,10 +34,10 @@ on = "right"
 traction = [0, 0, 1e-3]
 )";
 
-CaseResult<2> solved(const std::string& text) {
+Result<2> solved(const std::string& text) {
   const Workspace work(text);
   const auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
-  return analysis.asks_for_accuracy() ? solve_to_accuracy(analysis) : solve_case(analysis);
+  return analysis.asks_for_accuracy() ? analyse_to_accuracy(analysis) : analyse(analysis);
 }
 
 TEST(Estimates, AreWithinAThirdOfTheTrueErrorOfThePlate) {
@@ -189,7 +189,7 @@ TEST(Estimates, RefuseTheAnswerOfACloudThatIsBlindUnlessItIsAskedFor) {
 
 TEST(Estimates, CorrectedQuadraticCellsBendAThinBeamAsBernoulliDid) {
   const Workspace work(replaced(thin_beam, "spacing = 2", "spacing = 0.5"));
-  const auto result = solve_case(std::get<Case<3>>(read_case(work / "case.toml")));
+  const auto result = analyse(std::get<Case<3>>(read_case(work / "case.toml")));
   EXPECT_EQ(result.basis().space.degree(), 2);
   // F L^3 / (3 E I), which Timoshenko's shear hardly adds to; the clamp takes a little off.
   const double force = 1e-3 * 0.25, deflection = force * 1000.0 / (3.0 * std::pow(0.25, 3) / 12.0);

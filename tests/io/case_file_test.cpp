@@ -124,8 +124,9 @@ TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   EXPECT_EQ(strip.geometry.size, 0.1);
   EXPECT_EQ(strip.approximation.spacing, 0.4);
   EXPECT_EQ(strip.approximation.weight, ApproximationOptions{}.weight);
-  EXPECT_EQ(strip.model.essential, Essential::nitsche);
-  EXPECT_FALSE(strip.approximation.dilatation);
+  const Settings<2> decided = with_defaults<2>(strip, prepare(strip));
+  EXPECT_EQ(decided.model.essential, Essential::nitsche);
+  EXPECT_EQ(decided.approximation.dilatation, Dilatation::pointwise);
   ASSERT_EQ(strip.supports.size(), 2u);
   EXPECT_TRUE(strip.supports[0].components[0]);
   EXPECT_FALSE(strip.supports[0].components[1]);
@@ -176,19 +177,26 @@ TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
     text = replaced(text, "nu = 0.3", std::string("nu = ") + nu);
     text = replaced(text, "kind = \"mls\"", std::string("kind = \"") + kind + "\"");
     const Workspace work(replaced(text, "basis = \"cells\"", std::string("dilatation = ") + choice));
-    return planar(work).approximation.dilatation;
+    const Case<2> strip = planar(work);
+    return with_defaults<2>(strip, prepare(strip)).approximation.dilatation == Dilatation::averaged;
   };
   EXPECT_TRUE(dilatation("strain", "0.49", "mls", "\"auto\""));
   EXPECT_FALSE(dilatation("strain", "0.3", "mls", "\"auto\""));
   EXPECT_FALSE(dilatation("stress", "0.49", "mls", "\"auto\""));
-  EXPECT_FALSE(dilatation("strain", "0.49", "p1", "\"auto\""));
+  EXPECT_FALSE(dilatation("strain", "0.4999", "p1", "\"auto\""));
+  EXPECT_FALSE(dilatation("strain", "0.48", "p2", "\"auto\""));
+  EXPECT_TRUE(dilatation("strain", "0.495", "p2", "\"auto\""));
+  EXPECT_TRUE(dilatation("strain", "\"0.3 + 0.08*x\"", "mls", "\"auto\""));  // x up to 2
+  EXPECT_FALSE(dilatation("strain", "\"0.3 + 0.04*x\"", "mls", "\"auto\""));
   EXPECT_FALSE(dilatation("strain", "0.49", "mls", "false"));
   EXPECT_TRUE(dilatation("strain", "0.3", "mls", "true"));
 }
 
 TEST(CaseFile, StrongConditionsLetOtherFunctionsVanishOnTheSupports) {
   const Workspace work(replaced(strip_case, "plane = \"stress\"", "plane = \"stress\"\nessential = \"strong\""));
-  EXPECT_EQ(planar(work).approximation.vanish_on, (std::vector<std::string>{"left", "bottom"}));
+  const Case<2> strip = planar(work);
+  EXPECT_EQ(with_defaults<2>(strip, prepare(strip)).approximation.vanish_on,
+            (std::vector<std::string>{"left", "bottom"}));
 }
 
 }  // namespace

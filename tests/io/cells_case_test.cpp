@@ -3,7 +3,7 @@
 #include "efree/tests/io/workspace.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -52,10 +52,9 @@ struct Ball : Workspace {
 };
 
 double energy_of_quadratic_elements(Case<3> analysis) {
-  analysis.cells = CaseSettings::Cells::never;
+  analysis.cells = OnCells::never;
   analysis.approximation.kind = BasisKind::p2;
-  impose(analysis, Essential::strong);
-  return solve_case(analysis).solution.strain_energy;
+  return analyse(analysis).solution.strain_energy;
 }
 
 TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
@@ -74,7 +73,7 @@ TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
 
 TEST(CellsCase, EnergyIsThatOfQuadraticElementsWithinTheErrorsSaid) {
   const Ball work(ball_case);
-  const CaseResult<3> cells = solve_case(work.read());
+  const Result<3> cells = analyse(work.read());
   ASSERT_TRUE(cells.cells);
   const double energy = energy_of_quadratic_elements(work.read());
   // The boundaries of the two differ: half a voxel would change the energy by more than a per cent.
@@ -87,7 +86,7 @@ TEST(CellsCase, InclusionsHaveTheirMaterialsByName) {
                                    "[[material]]\nregion = \"2\"\nE = 10\nnu = 0.2\n[[material]]\nregion = \"1\"\nE = "
                                    "1\nnu = 0.3\n");
   const Ball work(two, 2);
-  const CaseResult<3> cells = solve_case(work.read());
+  const Result<3> cells = analyse(work.read());
   ASSERT_TRUE(cells.cells);
   const double energy = energy_of_quadratic_elements(work.read());
   EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.01 * energy);
@@ -95,7 +94,7 @@ TEST(CellsCase, InclusionsHaveTheirMaterialsByName) {
 
 TEST(CellsCase, FinerGridsFollowUntilAnAccuracyIsReached) {
   const Ball work(ball_case + "[accuracy]\nenergy = 0.02\n");
-  const CaseResult<3> result = solve_to_accuracy(work.read());
+  const Result<3> result = analyse_to_accuracy(work.read());
   ASSERT_TRUE(result.cells);
   EXPECT_GE(result.attempts.size(), 2U);
   EXPECT_LE(result.estimates->total(), 0.02);
@@ -104,7 +103,7 @@ TEST(CellsCase, FinerGridsFollowUntilAnAccuracyIsReached) {
 
 TEST(CellsCase, PressureInPoresIsLeftToTheCloud) {
   const Ball work(ball_case + "[[boundary]]\non = \"pores\"\npressure = 0.01\n");
-  const CaseResult<3> result = solve_case(work.read());
+  const Result<3> result = analyse(work.read());
   EXPECT_FALSE(result.cells);
   EXPECT_GT(result.approximation.nodes.cols(), 0);
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Cases on every kind of geometry: shapes, label images, surfaces; in the plane and in space.
 #include "efree/core/error.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 #include "workspace.hpp"
 
 #include <vtkCellData.h>
@@ -23,8 +23,8 @@ const std::vector<std::string> solve_here{"solve", "case.toml", "--out", "out", 
 template <int Dim> std::string complaint(const Workspace& work, bool solve = false) {
   try {
     const auto analysis = std::get<Case<Dim>>(read_case(work / "case.toml"));
-    const auto mesh = read_mesh(analysis);
-    if (solve) solve_case(analysis, mesh);
+    const auto mesh = prepare(analysis);
+    if (solve) analyse(mesh, analysis);
   } catch (const InputError& error) {
     return std::regex_replace(error.what(), std::regex((work / "").string()), "");
   }
@@ -37,11 +37,11 @@ void expect_matches(const std::string& message, const std::string& expected) {
   EXPECT_TRUE(std::regex_search(message, std::regex(expected))) << message << "\nexpected: " << expected;
 }
 
-template <int Dim> CaseResult<Dim> solved(const Workspace& work) {
-  return solve_case(std::get<Case<Dim>>(read_case(work / "case.toml")));
+template <int Dim> Result<Dim> solved(const Workspace& work) {
+  return analyse(std::get<Case<Dim>>(read_case(work / "case.toml")));
 }
-template <int Dim> CaseMesh<Dim> meshed(const Workspace& work) {
-  return read_mesh(std::get<Case<Dim>>(read_case(work / "case.toml")));
+template <int Dim> PreparedMesh<Dim> meshed(const Workspace& work) {
+  return prepare(std::get<Case<Dim>>(read_case(work / "case.toml")));
 }
 
 // --- a bar in space, no names needed ---------------------------------------------------------------------------------

@@ -15,10 +15,10 @@ TEST(Noise, FiftyImagesEndAtTheirFiniteElementsWhateverTheirSpecksAndIslands) {
         bench::pulled(bench::noise(k % 3, 0.2 + 0.7 * (k / 3) / 16.0, static_cast<unsigned>(k), 10), 1.0, {1.0});
     analysis.correction.tolerance = 1e-6;
     analysis.largest_error = 1e9;
-    const CaseResult<3> result = solve_case(analysis);
+    const Result<3> result = analyse(analysis);
     analysis.approximation.kind = BasisKind::p1;
     analysis.model.essential = Essential::strong;
-    const double truth = solve_case(analysis).solution.strain_energy;
+    const double truth = analyse(analysis).solution.strain_energy;
     EXPECT_NEAR(result.solution.strain_energy, truth, 1e-10 * truth + 1e-20) << k;
     EXPECT_LE(result.estimates->corrections, 60) << k;
   }
@@ -28,7 +28,7 @@ TEST(Noise, BodiesThatNobodyPullsHaveNoEnergy) {
   // Two plates that do not touch, each held on its side.
   LabelImage<3> image{.size = {12, 8, 8}};
   for (Index p = 0; p < 12 * 64; ++p) image.labels.push_back(p % 12 < 4 || p % 12 > 7);
-  const CaseResult<3> result = solve_case(bench::pulled(image, 1.0, {1.0}));
+  const Result<3> result = analyse(bench::pulled(image, 1.0, {1.0}));
   EXPECT_LT(result.solution.strain_energy, 1e-20);
   EXPECT_EQ(result.estimates->total(), 0.0);
   EXPECT_TRUE(result.refusal.empty() && result.warnings.empty());
@@ -38,7 +38,7 @@ TEST(Noise, ImagesWithNothingWhereTheyAreHeldAreRefused) {
   LabelImage<3> image{.size = {8, 8, 8}};
   for (Index p = 0; p < 512; ++p) image.labels.push_back(p % 8 > 1);
   try {
-    read_mesh(bench::pulled(image, 1.0, {1.0}));
+    prepare(bench::pulled(image, 1.0, {1.0}));
     FAIL() << "no error";
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("\"left\""), std::string::npos) << error.what();

@@ -3,7 +3,7 @@
 #include "efree/tests/io/workspace.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/io/run_case.hpp"
+#include "efree/io/case_file.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -17,10 +17,10 @@ namespace {
 using test::json, test::replaced, test::Workspace;
 using ::testing::HasSubstr;
 
-template <int Dim = 2> CaseResult<Dim> solved(const std::string& text) {
+template <int Dim = 2> Result<Dim> solved(const std::string& text) {
   const Workspace work(text);
   const auto analysis = std::get<Case<Dim>>(read_case(work / "case.toml"));
-  return analysis.asks_for_accuracy() ? solve_to_accuracy(analysis) : solve_case(analysis);
+  return analysis.asks_for_accuracy() ? analyse_to_accuracy(analysis) : analyse(analysis);
 }
 std::string with_basis(const std::string& kind) {
   return fmt::format("[basis]\nkind = \"{}\"\n", kind);
@@ -361,7 +361,7 @@ on = "bottom"
       image.put(std::sqrt(x * x + y * y + z * z) < radius ? 0 : 1);
     }
     image.close();
-    return solve_case(std::get<Case<3>>(read_case(work / "case.toml")));
+    return analyse(std::get<Case<3>>(read_case(work / "case.toml")));
   };
   const auto coarse = on_grid("2", 12.0), fine = on_grid("0.5", 12.0);
   for (const std::size_t r : {0u, 1u}) {

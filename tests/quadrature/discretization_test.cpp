@@ -120,7 +120,7 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
                                                        .interpolation = interpolation,
                                                        .spacing = body.spacing,
                                                        .secondary = secondary,
-                                                       .dilatation = true});
+                                                       .dilatation = Dilatation::averaged});
     expect_exact_sums(body.mesh, approximation.dilatation);
     EXPECT_LT(approximation.dilatation.size(), approximation.nodes.cols());
     const auto exact = exact_moments(approximation.space, approximation.shape),
@@ -309,6 +309,51 @@ TEST(Approximation, DefaultsDependOnTheDimensionAndTheFineMesh) {
     const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = size});
     EXPECT_EQ(approximate(mesh, {.spacing = 0.24}).space.degree(), degree) << "size " << size;
   }
+}
+
+/// Sum of the weights: the area of the body.
+double area(const Approximation<2>& approximation) {
+  return approximation.quadrature.weights.sum();
+}
+
+TEST(Approximation, OutlivesTheNameOfItsMesh) {
+  const auto plate = [] {
+    return approximate(FineMesh<2>(triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1})), {.spacing = 0.3});
+  }();
+  EXPECT_NEAR(area(plate), 2.0, 1e-13);
+  EXPECT_NEAR(plate.space.mesh().volumes().sum(), 2.0, 1e-13);
+  const auto quadratic = in_quadratic_space(approximate(
+      FineMesh<2>(triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1})), {.interpolation = 1, .spacing = 0.3}));
+  EXPECT_EQ(quadratic.space.mesh().num_cells() > 100, true);
+  EXPECT_EQ(quadratic.space.shared_mesh().use_count(), 1);
+}
+
+TEST(Approximation, OnTheCloudThatItWouldSampleItselfIsTheSame) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1});
+  const ApproximationOptions options{.spacing = 0.3, .seed = 3};
+  const auto sampled = approximate(mesh, options);
+  const auto given = approximate(mesh, sample_cloud(mesh, CloudOptions{0.3, 3}), {.seed = 3});
+  EXPECT_EQ(given.node_dofs, sampled.node_dofs);
+  EXPECT_EQ(given.quadrature.points, sampled.quadrature.points);
+  EXPECT_EQ((given.shape.matrix() - sampled.shape.matrix()).norm(), 0.0);
+}
+
+TEST(Approximation, CloudsOfAnotherMeshAreRefused) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1});
+  const NodeCloud<2> cloud = sample_cloud(mesh, CloudOptions{0.3, 3});
+  const auto refused = [&](const NodeCloud<2>& wrong, const std::string& why) {
+    EXPECT_THAT([&] { approximate(mesh, wrong, {}); }, ::testing::ThrowsMessage<InputError>(::testing::HasSubstr(why)));
+  };
+  NodeCloud<2> wrong = cloud;
+  wrong.positions.col(2) *= 1.1;
+  refused(wrong, "node 2 of the cloud is at");
+  wrong = cloud;
+  std::swap(wrong.vertices[0], wrong.vertices[1]);
+  refused(wrong, "expected ascending");
+  wrong = cloud;
+  wrong.spacing[1] = 0.0;
+  refused(wrong, "spacing 0");
+  refused({}, "expected");
 }
 
 TEST(Approximation, OptionsOutOfRangeAreRefused) {

@@ -45,9 +45,10 @@ template <int Dim> Corrected<Dim> correct(const Problem<Dim>& problem, const Cor
 template <int Dim>
 Solution<Dim> elements(const Problem<Dim>& problem, int degree, Essential essential = Essential::strong) {
   const bool incompressible = materials_of(problem.model, problem.mesh).incompressibility(problem.mesh) > 50.0;
-  const auto approximation = approximate<Dim>(problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2,
-                                                             .axisymmetric = problem.cloud.axisymmetric,
-                                                             .dilatation = problem.cloud.dilatation && incompressible});
+  const auto approximation = approximate<Dim>(
+      problem.mesh, {.kind = degree == 1 ? BasisKind::p1 : BasisKind::p2,
+                     .axisymmetric = problem.cloud.axisymmetric,
+                     .dilatation = averaged_if(problem.cloud.dilatation == Dilatation::averaged && incompressible)});
   ElasticModel model = problem.model;
   model.essential = essential;
   return ElasticSolver<Dim>(approximation, model, problem.supports).solve(problem.loads);
@@ -139,7 +140,7 @@ TEST(Correction, EndsAtTheElementsOfABodyOfRevolution) {
 /// Nearly incompressible: quadratic elements with the mean dilatation of each cell.
 TEST(Correction, EndsAtTheElementsWithMeanDilatationsInPlaneStrain) {
   Problem<2> problem = plate(2);
-  problem.cloud.dilatation = true;
+  problem.cloud.dilatation = Dilatation::averaged;
   problem.model = {.material = LinearElastic(1.0, 0.495), .plane = Plane::strain};
   expect_same_as_elements(problem);
   problem.cloud.interpolation = 1;
@@ -147,20 +148,20 @@ TEST(Correction, EndsAtTheElementsWithMeanDilatationsInPlaneStrain) {
 }
 TEST(Correction, EndsAtPlainQuadraticElementsWhereTheseHardlyLock) {
   Problem<2> problem = plate(2);
-  problem.cloud.dilatation = true;
+  problem.cloud.dilatation = Dilatation::averaged;
   problem.model = {.material = LinearElastic(1.0, 0.48), .plane = Plane::strain};
   expect_same_as_elements(problem);
 }
 TEST(Correction, EndsAtTheElementsWithMeanDilatationsInSpace) {
   Problem<3> problem = bar(1.0);
   problem.mesh = FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.2));
-  problem.cloud.dilatation = true;
+  problem.cloud.dilatation = Dilatation::averaged;
   problem.model.material = LinearElastic(1.0, 0.495);
   expect_same_as_elements(problem, Essential::strong, 40);
 }
 TEST(Correction, EndsAtTheElementsWithMeanDilatationsHeldByNitsche) {
   expect_same_as_elements<2>({testing::body("random_holes").mesh,
-                              {.interpolation = 2, .spacing = 0.1, .dilatation = true},
+                              {.interpolation = 2, .spacing = 0.1, .dilatation = Dilatation::averaged},
                               {.material = LinearElastic(1.0, 0.495), .plane = Plane::strain},
                               {{"holes", {}, [](const Vec<2>& x) { return 0.01 * x[0]; }}},
                               {.tractions = {tension<2>("right", 1.0)}, .body_force = {}}},
@@ -326,7 +327,7 @@ TEST(Correction, PullsAndBendsRodsOfAFewNodes) {
 /// Nearly incompressible, where every coarse space locks.
 TEST(Correction, SolvesDirectlyWhereIterationsHardlyHelp) {
   Problem<2> problem = plate(2);
-  problem.cloud.dilatation = true;
+  problem.cloud.dilatation = Dilatation::averaged;
   problem.model = {.material = LinearElastic(1.0, 0.4999), .plane = Plane::strain};
   const auto corrected = correct(problem, {.tolerance = 1e-7}).correction;
   const auto direct = elements(problem, 2);
@@ -335,7 +336,7 @@ TEST(Correction, SolvesDirectlyWhereIterationsHardlyHelp) {
 }
 TEST(Correction, RefusesLinearElementsWhereDilatationsAreAveraged) {
   Problem<2> problem = plate();
-  problem.cloud.dilatation = true;
+  problem.cloud.dilatation = Dilatation::averaged;
   const auto cloud = approximate(problem.mesh, problem.cloud);
   EXPECT_THROW(Corrector<2>(cloud, problem.model, problem.supports), InputError);
 }

@@ -60,12 +60,13 @@ template <int Dim> Found corrected(const FineMesh<Dim>& mesh, double spacing, co
                                    const ExactSolution<Dim>& exact) {
   const bool axisymmetric = Dim == 2 && model.plane == Plane::axisymmetric;
   const auto cloud = approximate<Dim>(
-      mesh, {.axisymmetric = axisymmetric, .interpolation = 2, .spacing = spacing, .dilatation = true});
+      mesh, {.axisymmetric = axisymmetric, .interpolation = 2, .spacing = spacing, .dilatation = Dilatation::averaged});
   const auto materials = materials_of(model, mesh);
   const auto start = recover_fields(cloud, ElasticSolver<Dim>(cloud, model, supports).solve(loads));
   const auto u = Corrector<Dim>(cloud, model, supports).correct(start.displacement, loads).displacement;
-  const auto elements = approximate<Dim>(
-      mesh, {.kind = BasisKind::p2, .axisymmetric = axisymmetric, .dilatation = takes_mean_dilatation(cloud, model)});
+  const auto elements = approximate<Dim>(mesh, {.kind = BasisKind::p2,
+                                                .axisymmetric = axisymmetric,
+                                                .dilatation = averaged_if(takes_mean_dilatation(cloud, model))});
   const auto fields = recover_fields(elements, evaluate(elements, model, u));
   Found found{errors_against<Dim>(elements, fields, materials, exact), 0.0,
               recovery_error(elements, fields, materials).relative, mixed_distance(elements, u, start, materials),

@@ -45,7 +45,8 @@ template <int Dim> Approximation<Dim> grid_basis(const FineMesh<Dim>& mesh, doub
   const Vec<Dim> low = mesh.vertices().rowwise().minCoeff().array() - 0.3 * size;
   std::map<std::array<Index, Dim>, Index> number;  // of the nodes
   std::vector<Vec<Dim>> nodes;
-  std::vector<Index> offsets{0}, columns;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> columns;
   std::vector<double> N;
   for (Index v = 0; v < mesh.num_vertices(); ++v) {
     const Vec<Dim> at = (mesh.vertex(v) - low) / size;
@@ -64,7 +65,7 @@ template <int Dim> Approximation<Dim> grid_basis(const FineMesh<Dim>& mesh, doub
       if (value > 0.0) row[found->second] = value;
     }
     for (const auto& [node, value] : row) columns.push_back(node), N.push_back(value);
-    offsets.push_back(static_cast<Index>(columns.size()));
+    offsets.push_back(static_cast<Offset>(columns.size()));
   }
   result.nodes.resize(Dim, nodes.size());
   for (std::size_t I = 0; I < nodes.size(); ++I) result.nodes.col(static_cast<Index>(I)) = nodes[I];

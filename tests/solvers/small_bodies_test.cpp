@@ -85,8 +85,8 @@ TEST(SmallBodies, LinearFieldsAreExactOnSpecksInSpace) {
     expect_linear_fields_exact<3>(mesh, {.order = order, .interpolation = 1, .spacing = 0.45});
 }
 TEST(SmallBodies, LinearFieldsAreExactOnSpecksWithDilatationAveraged) {
-  expect_linear_fields_exact<2>(square_with_specks(), {.spacing = 0.3, .dilatation = true});
-  expect_linear_fields_exact<3>(cube_with_specks(), {.spacing = 0.45, .dilatation = true});
+  expect_linear_fields_exact<2>(square_with_specks(), {.spacing = 0.3, .dilatation = Dilatation::averaged});
+  expect_linear_fields_exact<3>(cube_with_specks(), {.spacing = 0.45, .dilatation = Dilatation::averaged});
 }
 
 /// On specks alone the functions are those of finite elements, and so is the answer.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/internal/told_errors.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -11,7 +10,7 @@ namespace efree::internal {
 namespace {
 
 /// What recovery changes in the cells around a place: the most in each, and the mean of these.
-template <int Dim> double stress_error(const CaseResult<Dim>& result, Index place) {
+template <int Dim> double stress_error(const Result<Dim>& result, Index place) {
   double sum = 0.0;
   const auto cells = stress_differences(result.basis(), result.fields, materials_of(result.model, *result.mesh), place);
   for (const auto& differences : cells) {
@@ -36,10 +35,10 @@ Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
 
 }  // namespace
 
-template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& result) {
+template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result) {
   result.probes.clear();
   result.extremes.clear();
-  for (const auto& p : analysis.probes)
+  for (const auto& p : settings.probes)
     result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, p.at));
   const auto add = [&](const char* of, const Vector& values) {
     const FineSpace<Dim>& space = result.basis().space;
@@ -47,43 +46,44 @@ template <int Dim> void read_off(const Case<Dim>& analysis, CaseResult<Dim>& res
     const double value = values.maxCoeff(&place);
     result.extremes.push_back({of, value, space.points().col(space.dof_at(place)), place, std::nullopt});
   };
-  if (analysis.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
-  if (analysis.largest_stress) add("von_mises", von_mises_at_places(result));
+  if (settings.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
+  if (settings.largest_stress) add("von_mises", von_mises_at_places(result));
 }
 
-template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<Dim>& reference, CaseResult<Dim>& result,
-                                    const Progress& progress) {
-  read_off(analysis, result);
+template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
+                                    const Monitor& monitor) {
+  read_off(settings, result);
   result.probe_errors.clear();
   result.reactions.clear();
-  if (analysis.probes.empty() && analysis.reactions.empty() && result.extremes.empty()) return;
-  const Stage stage("duals", result.times, progress);
+  if (settings.probes.empty() && settings.reactions.empty() && result.extremes.empty()) return;
+  const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
   // Of a functional that has this value for the answer: of the reference's solution, and how far that is off.
   const auto response_to = [&](const Functional<Dim>& functional) {
-    const Response<Dim> response = reference.respond(functional);
+    stage.check();
+    const Response<Dim> response = reference.respond(functional, stage.within());
     const auto fields =
         recover_fields(reference.elements, evaluate(reference.elements, result.model, response.displacement));
     return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, materials));
   };
-  for (std::size_t k = 0; k < analysis.probes.size(); ++k) {
+  for (std::size_t k = 0; k < settings.probes.size(); ++k) {
     const auto& [name, values] = result.probes[k];
     Vec<Dim>& error = result.probe_errors[name];
     for (int d = 0; d < Dim; ++d) {
-      const auto [value, left] = response_to(displacement_at<Dim>(space, analysis.probes[k].at, Vec<Dim>::Unit(d)));
+      const auto [value, left] = response_to(displacement_at<Dim>(space, settings.probes[k].at, Vec<Dim>::Unit(d)));
       error[d] = std::abs(value - values.displacement[d]) + left;
     }
   }
   const auto ties = tied_facets(*result.mesh, result.model.open_interface);
-  for (const auto& reaction : analysis.reactions) {
+  for (const auto& reaction : settings.reactions) {
     Vec<Dim> force = Vec<Dim>::Zero(), error = Vec<Dim>::Zero();
     for (int d = 0; d < Dim; ++d) {
       const auto functional =
-          reaction_of<Dim>(space, analysis.supports, ties, reaction.on, Vec<Dim>::Unit(d), reference.weakly);
+          reaction_of<Dim>(space, settings.supports, ties, reaction.on, Vec<Dim>::Unit(d), reference.weakly);
       if (!functional.moves()) continue;
       std::tie(force[d], error[d]) = response_to(functional);
-      error[d] += std::abs(shared_work<Dim>(space, analysis.supports, reaction.on, Vec<Dim>::Unit(d), functional,
+      error[d] += std::abs(shared_work<Dim>(space, settings.supports, reaction.on, Vec<Dim>::Unit(d), functional,
                                             reference.fields.stress, reference.weakly));
     }
     result.reactions.push_back({reaction.name, force, error});
@@ -102,8 +102,8 @@ template <int Dim> void tell_errors(const Case<Dim>& analysis, const Reference<D
   }
 }
 
-void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result) {
-  read_off(analysis, result);
+void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
+  read_off(settings, result);
   result.probe_errors.clear();
   result.reactions.clear();
   const CellSolution& cells = *result.cells;
@@ -114,12 +114,12 @@ void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result) {
     for (std::size_t l = 0; l < grids; ++l) values.push_back(displacement_at(cells, l, x));
     return left_by_grids(values).array() + iterations * values[0].norm();
   };
-  for (std::size_t k = 0; k < analysis.probes.size(); ++k) {
+  for (std::size_t k = 0; k < settings.probes.size(); ++k) {
     auto& [name, values] = result.probes[k];
-    values.displacement = displacement_at(cells, 0, analysis.probes[k].at);
-    result.probe_errors[name] = error_at(analysis.probes[k].at);
+    values.displacement = displacement_at(cells, 0, settings.probes[k].at);
+    result.probe_errors[name] = error_at(settings.probes[k].at);
   }
-  for (const auto& reaction : analysis.reactions) {
+  for (const auto& reaction : settings.reactions) {
     std::vector<Vec<3>> forces;
     for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on));
     result.reactions.push_back(
@@ -132,7 +132,7 @@ void tell_errors_on_cells(const Case<3>& analysis, CaseResult<3>& result) {
     }
 }
 
-template <int Dim> Vector error_density(const CaseResult<Dim>& result, const Vector& squares) {
+template <int Dim> Vector error_density(const Result<Dim>& result, const Vector& squares) {
   const auto& space = result.basis().space;
   Vector volumes(squares.size()), density(squares.size());
   for (Index c = 0; c < volumes.size(); ++c) volumes[c] = space.volume(c);
@@ -142,8 +142,8 @@ template <int Dim> Vector error_density(const CaseResult<Dim>& result, const Vec
   return density;
 }
 
-template <int Dim> double relative_error_of(const CaseSettings::Goal& goal, const CaseResult<Dim>& result) {
-  if (goal.of == CaseSettings::Goal::Of::reaction) {
+template <int Dim> double relative_error_of(const Goal& goal, const Result<Dim>& result) {
+  if (goal.of == Goal::Of::reaction) {
     for (const auto& reaction : result.reactions)
       if (reaction.name == goal.name) return relative_error<Dim>(reaction.force, reaction.error);
   } else if (const auto error = result.probe_errors.find(goal.name); error != result.probe_errors.end()) {
@@ -153,21 +153,21 @@ template <int Dim> double relative_error_of(const CaseSettings::Goal& goal, cons
   return 1.0;
 }
 
-template <int Dim> double missed_goals(const CaseSettings& analysis, const CaseResult<Dim>& result) {
+template <int Dim> double missed_goals(const Settings<Dim>& settings, const Result<Dim>& result) {
   double worst = 0.0;
-  for (const auto& goal : analysis.goals) worst = std::max(worst, relative_error_of(goal, result) / goal.error);
+  for (const auto& goal : settings.goals) worst = std::max(worst, relative_error_of(goal, result) / goal.error);
   return std::sqrt(worst);
 }
 
-template double relative_error_of<2>(const CaseSettings::Goal&, const CaseResult<2>&);
-template void read_off<2>(const Case<2>&, CaseResult<2>&);
-template double relative_error_of<3>(const CaseSettings::Goal&, const CaseResult<3>&);
-template void read_off<3>(const Case<3>&, CaseResult<3>&);
-template void tell_errors<2>(const Case<2>&, const Reference<2>&, CaseResult<2>&, const Progress&);
-template void tell_errors<3>(const Case<3>&, const Reference<3>&, CaseResult<3>&, const Progress&);
-template Vector error_density<2>(const CaseResult<2>&, const Vector&);
-template Vector error_density<3>(const CaseResult<3>&, const Vector&);
-template double missed_goals<2>(const CaseSettings&, const CaseResult<2>&);
-template double missed_goals<3>(const CaseSettings&, const CaseResult<3>&);
+template double relative_error_of<2>(const Goal&, const Result<2>&);
+template void read_off<2>(const Settings<2>&, Result<2>&);
+template double relative_error_of<3>(const Goal&, const Result<3>&);
+template void read_off<3>(const Settings<3>&, Result<3>&);
+template void tell_errors<2>(const Settings<2>&, const Reference<2>&, Result<2>&, const Monitor&);
+template void tell_errors<3>(const Settings<3>&, const Reference<3>&, Result<3>&, const Monitor&);
+template Vector error_density<2>(const Result<2>&, const Vector&);
+template Vector error_density<3>(const Result<3>&, const Vector&);
+template double missed_goals<2>(const Settings<2>&, const Result<2>&);
+template double missed_goals<3>(const Settings<3>&, const Result<3>&);
 
 }  // namespace efree::internal

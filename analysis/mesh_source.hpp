@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Where the fine mesh of a case comes from: gmsh and CAD files, label images, surfaces, or built-in
-/// shapes.
+/// Where the fine mesh of an analysis comes from, as fine as it is asked for.
 #pragma once
 
 #include "efree/geometry/input/label_image.hpp"
@@ -35,15 +34,18 @@ struct MeshSize {
   double coarsening = 1.0;  ///< factor on what is natural; less for geometries of which it would change too much
 };
 
-/// The geometry of a case: a function of the fine mesh size.
-template <int Dim> struct CaseGeometry {
+/// A geometry: a mesh as a function of its size.
+template <int Dim> struct MeshSource {
   /// Reads or makes the mesh. Throws as the readers do.
   std::function<MadeMesh<Dim>(const MeshSize& size)> mesh;
   double size = 0.0;                 ///< [length]; 0: `ratio` says it, or it is open
   double coarsening = 1.0;           ///< of the natural size, where it is open
   double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds
   std::vector<std::string> slits{};  ///< names of the parts the body was cut open along
-  std::string where{};               ///< where the geometry was named in the case file
+  std::string where{};               ///< where the geometry was named; messages begin with it unless it is empty
+
+  /// Whether no other size may be taken.
+  bool says_its_size() const { return size > 0.0 || ratio > 0.0; }
 };
 
 }  // namespace efree

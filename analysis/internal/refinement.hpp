@@ -2,7 +2,7 @@
 /// The next mesh on the way to an accuracy.
 #pragma once
 
-#include "efree/io/run_case.hpp"
+#include "efree/analysis/result.hpp"
 
 #include <vector>
 

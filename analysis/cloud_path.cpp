@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/corrected.hpp"
+#include "efree/analysis/internal/judge.hpp"
+#include "efree/analysis/internal/memory.hpp"
+#include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
+#include "efree/core/error.hpp"
+#include "efree/solvers/locking.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <optional>
+
+namespace efree::internal {
+namespace {
+
+/// Values at the vertices (columns) as values in the quadratic space of the mesh.
+template <int Dim> Matrix at_midpoints_too(const FineSpace<Dim>& quadratic, const Matrix& u) {
+  Matrix result(u.rows(), quadratic.size());
+  result.leftCols(u.cols()) = u;
+  Index dof = static_cast<Index>(u.cols());
+  for (const auto& [a, b] : quadratic.edges()) result.col(dof++) = 0.5 * (u.col(a) + u.col(b));
+  return result;
+}
+
+/// The answer of the finite elements of the fine mesh, as near as it is wanted, and how far that of the cloud is
+/// from it. Where linear cells are too coarse, and their degree is left open, quadratic ones take over; where
+/// dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). None, and a warning, if
+/// there is no memory for these, or if, very near to nu = 1/2, their iterations do not end.
+template <int Dim>
+std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+  std::optional<Stage> stage;
+  stage.emplace("correction", monitor);
+  const Approximation<Dim>& cloud = result.approximation;
+  const bool memory = has_memory_for_quadratic_elements(*result.mesh);
+  const auto none = [&](const std::string& why) {
+    result.warnings.push_back(fmt::format("{}: the answer is that of the cloud, and its error is not known", why));
+    return std::nullopt;
+  };
+  if (cloud.averaged && !memory)
+    return none("there is no memory for the quadratic elements that nearly incompressible materials need");
+  CorrectionOptions options = settings.correction;
+  const double bearable = aim(settings);
+  options.tolerance = std::min(options.tolerance, tolerance_of(settings));
+  // As many as the estimate takes. What a cloud with averaged dilatations is off is seen at the end only.
+  if (!settings.corrected) options.iterations = cloud.averaged ? -1 : 2;
+  std::optional<Approximation<Dim>> lifted;
+  if (cloud.averaged && cloud.space.degree() == 1) lifted.emplace(in_quadratic_space(cloud));
+  const Approximation<Dim>& functions = lifted ? *lifted : cloud;
+  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
+  Corrected<Dim> best;
+  try {
+    best = corrected(settings, result, functions, start, options, stage->within());
+  } catch (const NumericalError& error) {
+    if (!cloud.averaged) throw;
+    return none(error.what());
+  }
+  double uncorrected = best.correction.start_error;
+  if (cloud.averaged) {
+    result.fields = recover_fields(cloud, result.solution);
+    Fields<Dim> fields = result.fields;
+    if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
+    fields.displacement = lifted ? Points<Dim>(at_midpoints_too(functions.space, start)) : start;
+    uncorrected =
+        mixed_distance(best.elements, best.correction.displacement, fields, materials_of(result.model, *result.mesh));
+  }
+  Estimates estimates{.cloud = settings.corrected ? best.correction.error : uncorrected,
+                      .uncorrected = uncorrected,
+                      .mesh = best.mesh_error.relative,
+                      .corrections = settings.corrected ? best.correction.iterations : 0};
+  const auto tell = [&](double tolerance) {
+    stage.reset();
+    tell_dual_errors(settings, best, settings.corrected ? *result.elements : best.elements,
+                     settings.corrected ? result.fields : best.fields, tolerance, result, monitor);
+  };
+  if (!settings.corrected) {
+    if (result.fields.displacement.size() == 0) result.fields = recover_fields(cloud, result.solution);
+    tell(options.tolerance);
+    return estimates;
+  }
+  const auto hand_out = [&] {
+    result.elements = std::move(best.elements);
+    result.solution = std::move(best.solution);
+    result.fields = std::move(best.fields);
+    result.error_density = error_density(result, best.mesh_error.squares);
+  };
+  hand_out();
+  const bool free = settings.approximation.interpolation == 0 && options.iterations < 0;
+  bool finer = free && functions.space.degree() == 1 && memory;
+  if (finer && estimates.total() <= bearable) {
+    if (!settings.goals.empty()) tell(options.tolerance);
+    finer = missed_goals(settings, result) > 1.0;
+    if (!finer && !settings.goals.empty()) return estimates;
+  }
+  std::optional<Approximation<Dim>> quadratic;
+  if (finer) {
+    if (!stage) stage.emplace("correction", monitor);
+    quadratic.emplace(in_quadratic_space(cloud));
+    const Points<Dim> from = std::move(best.correction.displacement);
+    best = {};  // what is replaced makes room
+    result.elements.reset();
+    result.solution = {};
+    result.fields = {};
+    best = corrected(settings, result, *quadratic, from, options, stage->within());
+    estimates.cloud = best.correction.error;
+    estimates.mesh = best.mesh_error.relative;
+    estimates.corrections += best.correction.iterations;
+    hand_out();
+  }
+  tell(options.tolerance);
+  return estimates;
+}
+
+}  // namespace
+
+template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+  ApproximationOptions options = settings.approximation;
+  if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*result.mesh);
+  require_memory(least_memory(options, *result.mesh),
+                 fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
+                 "use a wider cloud spacing or a coarser mesh");
+  result.approximation = approximate(result.mesh, options, monitor);
+  std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
+                                           monitor);
+  {
+    const Stage stage("solve", monitor);
+    result.solution = solver->solve(settings.loads);
+  }
+  if (options.kind != BasisKind::mls) {
+    result.fields = recover_fields(result.approximation, result.solution);
+    const Reference<Dim> reference{result.approximation, result.fields, result.model.essential == Essential::nitsche,
+                                   [&](const Functional<Dim>& functional, const Monitor&) {
+                                     return solver->respond(functional, result.solution, settings.loads);
+                                   }};
+    tell_errors(settings, reference, result, monitor);
+  } else if (settings.estimated) {
+    solver.reset();  // its factor is of no use any more
+    result.estimates = correct(settings, result, monitor);
+  }
+  if (options.kind == BasisKind::p1 &&
+      incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind))
+    result.warnings.push_back(
+        "linear elements lock under nearly incompressible materials (nu > 0.4): the body is far stiffer than it should "
+        "be; take moving least squares, or quadratic elements");
+  const auto doubtful = doubts(settings.approximation, result.approximation);
+  result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
+}
+
+template void answer_by_cloud<2>(const Settings<2>&, Result<2>&, const Monitor&);
+template void answer_by_cloud<3>(const Settings<3>&, Result<3>&, const Monitor&);
+
+}  // namespace efree::internal

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/corrected.hpp"
+#include "efree/analysis/internal/judge.hpp"
+#include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
+
+#include <cmath>
+#include <optional>
+
+namespace efree::internal {
+
+template <int Dim> bool needs_no_cloud(const Settings<Dim>& settings) {
+  const ApproximationOptions& basis = settings.approximation;
+  return Dim == 2 && settings.asks_for_accuracy() && settings.cells == OnCells::automatic &&
+         basis.kind == BasisKind::mls && basis.spacing == 0.0 && basis.order == 1 && basis.interpolation != 1 &&
+         basis.dilatation != Dilatation::averaged && settings.estimated && settings.corrected &&
+         settings.correction.iterations < 0;
+}
+
+template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+  std::optional<Stage> stage;
+  stage.emplace("correction", monitor);
+  Approximation<Dim> quadratic;
+  quadratic.space = FineSpace<Dim>(result.mesh, 2, settings.approximation.axisymmetric);
+  const Points<Dim> nothing = Points<Dim>::Zero(Dim, quadratic.space.size());
+  const double tolerance = tolerance_of(settings);
+  Corrected<Dim> best = corrected(settings, result, quadratic, nothing, {.tolerance = tolerance}, stage->within());
+  double squares = 0.0;  // what linear elements left
+  for (std::size_t k = 1; k < best.correction.taken.size(); ++k) squares += best.correction.taken[k];
+  result.estimates = {.cloud = best.correction.error,
+                      .uncorrected = std::sqrt(squares),
+                      .mesh = best.mesh_error.relative,
+                      .corrections = best.correction.iterations};
+  result.approximation = std::move(best.elements);
+  result.solution = std::move(best.solution);
+  result.fields = std::move(best.fields);
+  result.error_density = error_density(result, best.mesh_error.squares);
+  stage.reset();
+  tell_dual_errors(settings, best, result.approximation, result.fields, tolerance, result, monitor);
+}
+
+template bool needs_no_cloud<2>(const Settings<2>&);
+template bool needs_no_cloud<3>(const Settings<3>&);
+template void answer_by_elements<2>(const Settings<2>&, Result<2>&, const Monitor&);
+template void answer_by_elements<3>(const Settings<3>&, Result<3>&, const Monitor&);
+
+}  // namespace efree::internal

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Whether an answer is good enough.
+#pragma once
+
+#include "efree/analysis/result.hpp"
+
+#include <string>
+#include <vector>
+
+namespace efree::internal {
+
+/// Why there is no better answer, where no other mesh may be taken.
+inline constexpr const char* mesh_is_said =
+    "the case says the size of its mesh: leave mesh_size out, so that it can be chosen";
+
+/// Doubts about a quadrature with too few points, asked for or reached.
+template <int Dim>
+std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<Dim>& approximation);
+/// Error from which on an answer is doubtful, or no longer what was asked for.
+template <int Dim> double bearable_error(const Settings<Dim>& settings);
+/// The warnings that errors which were asked for are not reached.
+template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result);
+/// Estimated error from which on nothing more is done: recovery overlooks up to a quarter of the error at corners.
+template <int Dim> double aim(const Settings<Dim>& settings);
+/// What iterations may leave: a twentieth of the square of the error that is aimed at.
+template <int Dim> double tolerance_of(const Settings<Dim>& settings);
+/// Error over what is aimed at, the largest of all that was asked for (see Attempt).
+template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim>& result);
+/// Doubts about an answer that is far from the truth, or, beyond what the settings bear, a refusal.
+template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result);
+
+}  // namespace efree::internal

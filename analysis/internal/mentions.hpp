@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Names that settings use and that the mesh must have.
+#pragma once
+
+#include "efree/analysis/settings.hpp"
+
+#include <vector>
+
+namespace efree::internal {
+
+/// Every boundary that supports, loads, reactions and spacings name, once: those of settings.groups first.
+template <int Dim> std::vector<Mention> boundaries(const Settings<Dim>& settings);
+/// Every region with a spacing of its own, once: those of settings.graded first.
+template <int Dim> std::vector<Mention> graded_regions(const Settings<Dim>& settings);
+
+}  // namespace efree::internal

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Errors of the single numbers that settings ask for.
+#pragma once
+
+#include "efree/analysis/result.hpp"
+
+#include <functional>
+
+namespace efree::internal {
+
+/// The finite elements that an answer is of, or is compared with.
+template <int Dim> struct Reference {
+  const Approximation<Dim>& elements;
+  const Fields<Dim>& fields;                                                     ///< recovered, of their solution
+  bool weakly;                                                                   ///< every condition is set by Nitsche
+  std::function<Response<Dim>(const Functional<Dim>&, const Monitor&)> respond;  ///< of that solution
+};
+
+/// Probes, and the extremes that the settings ask for, as the fields of the result have them.
+template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result);
+
+/// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
+/// (stage "duals"). The displacements are those of result.fields.
+template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
+                                    const Monitor& monitor);
+/// The same on cells, from what the three finest grids have.
+void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result);
+
+/// By cell of the fine mesh: distance between recovered stress and that of the displacement, in the energy norm,
+/// relative to the mean energy density of the body. `squares`: by cell, of that distance [force * length].
+template <int Dim> Vector error_density(const Result<Dim>& result, const Vector& squares);
+
+/// Error of a probe or reaction relative to its size; 1 if it is not known.
+template <int Dim> double relative_error_of(const Goal& goal, const Result<Dim>& result);
+
+/// By how much the goals are missed: the largest of their errors relative to what is wanted, as a root, since
+/// such errors behave like squares of those in the energy norm. 0 without goals.
+template <int Dim> double missed_goals(const Settings<Dim>& settings, const Result<Dim>& result);
+
+}  // namespace efree::internal

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/judge.hpp"
+
+#include "efree/analysis/internal/told_errors.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace efree::internal {
+namespace {
+
+/// Relative error in the energy norm from which on an answer is doubtful: one per cent of the energy.
+constexpr double doubtful = 0.1;
+
+/// The warning that an accuracy is not reached.
+template <int Dim> std::string not_reached(const Settings<Dim>& settings, double error, const std::string& why) {
+  return fmt::format("an error of {:.2g} % in the energy norm was asked for, {:.2g} % is reached: {}",
+                     100.0 * settings.accuracy, 100.0 * error, why);
+}
+
+}  // namespace
+
+template <int Dim>
+std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<Dim>& approximation) {
+  if (options.kind != BasisKind::mls || options.secondary == SecondaryKind::full) return {};
+  const double reached = approximation.ratio();
+  const double asked = options.ratio > 0.0 ? options.ratio : std::numeric_limits<double>::infinity();
+  if (asked >= 1.4 && reached >= 1.0) return {};
+  return {fmt::format(
+      "M/N = {:.2g}: under 1.4 the quadrature sees too little of the deformation; results may be far too soft",
+      std::min(asked, reached))};
+}
+
+template <int Dim> double bearable_error(const Settings<Dim>& settings) {
+  return settings.accuracy > 0.0 ? settings.accuracy : doubtful;
+}
+
+template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result) {
+  if (settings.accuracy > 0.0 && result.estimates->total() > settings.accuracy)
+    result.warnings.push_back(not_reached(settings, result.estimates->total(), why));
+  for (const auto& goal : settings.goals) {
+    const double error = relative_error_of(goal, result);
+    if (error <= goal.error) continue;
+    result.warnings.push_back(
+        fmt::format("an error of {:.2g} % of the {} \"{}\" was asked for, {:.2g} % is reached: {}", 100.0 * goal.error,
+                    goal.of == Goal::Of::probe ? "probe" : "reaction", goal.name, 100.0 * error, why));
+  }
+}
+
+template <int Dim> double aim(const Settings<Dim>& settings) {
+  return settings.accuracy > 0.0 ? 0.75 * settings.accuracy : doubtful;
+}
+
+template <int Dim> double tolerance_of(const Settings<Dim>& settings) {
+  double tolerance = 0.3 * aim(settings);
+  for (const auto& goal : settings.goals) tolerance = std::min(tolerance, goal.error);
+  return tolerance;
+}
+
+template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim>& result) {
+  const double energy = settings.accuracy > 0.0 ? result.estimates->total() / aim(settings) : 0.0;
+  return std::max(energy, missed_goals(settings, result));
+}
+
+template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
+  if (!result.estimates) return;
+  const Estimates& errors = *result.estimates;
+  if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
+  const std::string what =
+      result.cells
+          ? fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh)
+      : errors.cloud > errors.mesh
+          ? fmt::format(
+                "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "
+                "(analysis.correction = \"auto\"), or use a smaller spacing",
+                100.0 * errors.cloud)
+          : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
+                        100.0 * errors.mesh,
+                        result.basis().space.degree() == 1 ? ", or quadratic cells (basis.interpolation = 2)" : "");
+  if (errors.total() < settings.largest_error)
+    result.warnings.push_back(fmt::format("in the energy norm {}", what));
+  else
+    result.refusal = fmt::format("in the energy norm {}; to accept it say analysis.largest_error = {:.2g}", what,
+                                 1.1 * errors.total());
+}
+
+template std::vector<std::string> doubts<2>(const ApproximationOptions&, const Approximation<2>&);
+template double bearable_error<2>(const Settings<2>&);
+template void warn_of_misses<2>(const Settings<2>&, const std::string&, Result<2>&);
+template double aim<2>(const Settings<2>&);
+template double tolerance_of<2>(const Settings<2>&);
+template double excess<2>(const Settings<2>&, const Result<2>&);
+template void judge<2>(const Settings<2>&, Result<2>&);
+template std::vector<std::string> doubts<3>(const ApproximationOptions&, const Approximation<3>&);
+template double bearable_error<3>(const Settings<3>&);
+template void warn_of_misses<3>(const Settings<3>&, const std::string&, Result<3>&);
+template double aim<3>(const Settings<3>&);
+template double tolerance_of<3>(const Settings<3>&);
+template double excess<3>(const Settings<3>&, const Result<3>&);
+template void judge<3>(const Settings<3>&, Result<3>&);
+
+}  // namespace efree::internal

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/mentions.hpp"
+
+#include <algorithm>
+
+namespace efree::internal {
+namespace {
+
+void mention(std::vector<Mention>& all, const std::string& name) {
+  if (std::ranges::find(all, name, &Mention::name) == all.end()) all.push_back({name, ""});
+}
+
+}  // namespace
+
+template <int Dim> std::vector<Mention> boundaries(const Settings<Dim>& settings) {
+  std::vector<Mention> all = settings.groups;
+  for (const auto& support : settings.supports) mention(all, support.on);
+  for (const auto& load : settings.loads.tractions) mention(all, load.on);
+  for (const auto& reaction : settings.reactions) mention(all, reaction.on);
+  for (const auto& graded : settings.approximation.grading.boundaries) mention(all, graded.boundary);
+  return all;
+}
+
+template <int Dim> std::vector<Mention> graded_regions(const Settings<Dim>& settings) {
+  std::vector<Mention> all = settings.graded;
+  for (const auto& graded : settings.approximation.grading.regions) mention(all, graded.region);
+  return all;
+}
+
+template std::vector<Mention> boundaries<2>(const Settings<2>&);
+template std::vector<Mention> boundaries<3>(const Settings<3>&);
+template std::vector<Mention> graded_regions<2>(const Settings<2>&);
+template std::vector<Mention> graded_regions<3>(const Settings<3>&);
+
+}  // namespace efree::internal

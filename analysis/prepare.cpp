@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/prepare.hpp"
+
+#include "efree/analysis/internal/clock.hpp"
+#include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/internal/mentions.hpp"
+#include "efree/assembly/bodies.hpp"
+#include "efree/core/error.hpp"
+#include "efree/solvers/locking.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+
+namespace efree {
+namespace {
+
+using internal::boundaries, internal::graded_regions, internal::located, internal::process_cpu_seconds,
+    internal::said_at;
+
+/// Whether all probes lie in the body: better known before the analysis than after it.
+template <int Dim> void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+  if (settings.probes.empty()) return;
+  const FineSpace<Dim> space(mesh, 1);
+  Fields<Dim> nothing;
+  nothing.displacement.setZero(Dim, space.size());
+  nothing.strain.setZero(voigt_size<Dim>, space.num_places());
+  nothing.stress.setZero(voigt_size<Dim>, space.num_places());
+  for (const auto& p : settings.probes) located(settings, p.where, [&] { return probe(space, nothing, p.at); });
+}
+
+/// The material of each region.
+template <int Dim>
+std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+  if (settings.materials.empty()) return std::vector<SharedMaterial>(mesh.num_regions(), settings.model.material);
+  std::vector<SharedMaterial> materials(mesh.num_regions());
+  std::vector<char> given(mesh.num_regions(), 0);
+  for (const auto& material : settings.materials) {
+    const Index region = located(settings, material.where, [&] { return mesh.region(material.region); });
+    materials[region] = material.material;
+    given[region] = 1;
+  }
+  std::vector<std::string> missing;
+  for (Index r = 0; r < mesh.num_regions(); ++r)
+    if (!given[r]) missing.push_back(mesh.region_names()[r]);
+  if (!missing.empty())
+    throw InputError(said_at(settings.materials.back().where,
+                             fmt::format("no [[material]] for the region \"{}\"; the mesh has \"{}\"",
+                                         fmt::join(missing, "\", \""), fmt::join(mesh.region_names(), "\", \""))));
+  return materials;
+}
+
+/// The parts of the boundary that have names and do not tie regions to each other, those that the settings select, and
+/// one of all slits if there is more than one region.
+template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const Settings<Dim>& settings,
+                                            FineMesh<Dim> mesh, std::string& open_interface) {
+  using Group = typename FineMesh<Dim>::Group;
+  std::vector<Group> groups = mesh.groups();
+  if (mesh.num_regions() > 1) {
+    Group slits{"\x01slits", {}};  // no name in a file
+    for (const Group& group : groups)
+      if (std::ranges::find(source.slits, group.name) != source.slits.end())
+        slits.facets.insert(slits.facets.end(), group.facets.begin(), group.facets.end());
+    if (!slits.facets.empty()) {
+      open_interface = slits.name;
+      groups.push_back(std::move(slits));
+      mesh = std::move(mesh).with_groups(groups);
+    }
+  }
+  const std::vector<TiedFacets> ties = tied_facets(mesh, open_interface);
+  if (!ties.empty()) {
+    std::vector<char> tied(mesh.num_facets(), 0);
+    for (const auto& [first, second] : ties) tied[first] = tied[second] = 1;
+    for (Group& group : groups) std::erase_if(group.facets, [&](Index f) { return tied[f]; });
+    std::erase_if(groups, [](const Group& group) { return group.facets.empty(); });
+  }
+  for (const auto& selected : settings.selections)
+    located(settings, selected.where, [&] {
+      if (std::ranges::find(groups, selected.name, &Group::name) != groups.end())
+        throw InputError(
+            fmt::format("the mesh has a part named \"{}\", which this selection would be called", selected.name));
+      groups.push_back({selected.name, select_facets(mesh, selected.how, open_interface)});
+      if (groups.back().facets.empty())
+        throw InputError(
+            fmt::format("the selection \"{}\" is empty: no facet of the boundary, whose vertices lie in "
+                        "({:.6g}) to ({:.6g}), belongs to it",
+                        selected.name, fmt::join(mesh.vertices().rowwise().minCoeff().eval(), ", "),
+                        fmt::join(mesh.vertices().rowwise().maxCoeff().eval(), ", ")));
+    });
+  return std::move(mesh).with_groups(std::move(groups));
+}
+
+/// The mesh with its hinges cut, which is said.
+template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, PreparedMesh<Dim>& result) {
+  const Unhinged<Dim> cut = cut_hinges(mesh);
+  if (cut.hinges.empty()) return mesh;
+  const auto count = static_cast<Index>(cut.hinges.size());
+  result.reports.push_back({"hinges_cut", count});
+  result.remarks.push_back(
+      fmt::format("cells hang together by a vertex or an edge only at {} vert{}, such as ({:.6g}): "
+                  "cut there",
+                  count, count == 1 ? "ex" : "ices", fmt::join(mesh.vertex(cut.hinges[0]), ", ")));
+  return FineMesh<Dim>(cut.mesh);
+}
+
+/// The mesh without the bodies that neither the conditions hold nor a load moves, which is said. Where all are free, or
+/// one with more than half of the volume, or loaded ones, they stay: the solver refuses them by name.
+template <int Dim>
+FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> mesh, PreparedMesh<Dim>& result) {
+  for (const auto& group : boundaries(settings)) located(settings, group.where, [&] { mesh.group(group.name); });
+  if (mesh.num_components() == 1 || settings.loads.body_force) return mesh;
+  const auto ties = tied_facets(mesh, result.open_interface);
+  const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.model.plane == Plane::axisymmetric),
+                                         restraints(settings.supports), ties);
+  const auto body_of = [&](Index cell) { return bodies.of_component[mesh.component()[mesh.cells()(0, cell)]]; };
+  std::vector<char> out(bodies.size());
+  for (Index body = 0; body < bodies.size(); ++body) out[body] = bodies.is_free(body);
+  for (const auto& load : settings.loads.tractions)
+    for (const Index f : mesh.group(load.on)) out[body_of(mesh.facet_cell(f))] = 0;
+  Index count = 0, largest = -1;
+  double volume = 0.0;
+  for (Index body = 0; body < bodies.size(); ++body) {
+    if (!out[body]) continue;
+    ++count;
+    volume += bodies.volumes[body];
+    if (largest < 0 || bodies.volumes[body] > bodies.volumes[largest]) largest = body;
+  }
+  if (count == 0 || count == bodies.size() || bodies.volumes[largest] > 0.5 * bodies.volumes.sum()) return mesh;
+  std::vector<char> kept(mesh.num_cells());
+  for (Index c = 0; c < mesh.num_cells(); ++c) kept[c] = !out[body_of(c)];
+  const double fraction = volume / bodies.volumes.sum();
+  const std::string what =
+      fmt::format("{} bod{} with {:.2g} % of the volume", count, count == 1 ? "y" : "ies", 100.0 * fraction);
+  result.reports.push_back({"free_bodies", count});
+  result.reports.push_back({"free_bodies_fraction", fraction});
+  result.remarks.push_back(fmt::format("{} neither held nor loaded, the largest around ({:.4g}): left out", what,
+                                       fmt::join(bodies.centres.col(largest), ", ")));
+  FineMesh<Dim> rest(extract(mesh, kept));
+  const auto remains = [&](const std::string& name) {
+    return std::ranges::find(rest.groups(), name, &FineMesh<Dim>::Group::name) != rest.groups().end();
+  };
+  for (const auto& group : boundaries(settings))
+    if (!remains(group.name))
+      throw InputError(said_at(
+          group.where, fmt::format("all of the boundary \"{}\" is on bodies that are neither held nor loaded ({}) "
+                                   "and left out",
+                                   group.name, what)));
+  if (!result.open_interface.empty() && !remains(result.open_interface)) result.open_interface.clear();
+  return rest;
+}
+
+}  // namespace
+
+template <int Dim> double mesh_size(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
+  return source.ratio > 0.0 ? settings.approximation.spacing / source.ratio : source.size;
+}
+
+template <int Dim>
+PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor) {
+  StageTimes times;
+  PreparedMesh<Dim> result;
+  const double cpu_start = process_cpu_seconds();
+  {
+    const Stage stage("mesh", monitor.timing(times));
+    FineMesh<Dim> mesh = located(settings, source.where, [&] {
+      MadeMesh<Dim> made = source.mesh({mesh_size(source, settings), source.coarsening});
+      result.size = made.size;
+      result.reports = std::move(made.reports);
+      result.remarks = std::move(made.remarks);
+      result.image = std::move(made.image);
+      result.region_of_label = std::move(made.region_of_label);
+      // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.
+      const bool parted = settings.approximation.kind == BasisKind::mls;
+      return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
+    });
+    mesh = without_hinges(std::move(mesh), result);
+    mesh = with_parts(source, settings, std::move(mesh), result.open_interface);
+    mesh = without_free_bodies(settings, std::move(mesh), result);
+    if (result.size == 0.0) result.size = mesh.size();
+    result.size_is_said = source.says_its_size();
+    result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
+  }
+  if (monitor.times) monitor.times->add(times);
+  result.seconds = times.total();
+  result.cpu_seconds = process_cpu_seconds() - cpu_start;
+  for (const auto& group : boundaries(settings)) {
+    const auto& facets = located(settings, group.where, [&] { return result.mesh->group(group.name); });
+    BoundaryPart part{group.name, static_cast<Index>(facets.size()), 0.0};
+    for (const Index f : facets) part.measure += result.mesh->facet_measure(f);
+    result.remarks.push_back(fmt::format("boundary \"{}\": {} facets, {} {:.6g}", part.name, part.facets,
+                                         Dim == 2 ? "length" : "area", part.measure));
+    result.parts.push_back(std::move(part));
+  }
+  for (const auto& region : graded_regions(settings))
+    located(settings, region.where, [&] { return result.mesh->region(region.name); });
+  result.materials = region_materials(settings, *result.mesh);
+  check_probes(settings, *result.mesh);
+  return result;
+}
+
+template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh) {
+  ElasticModel& model = settings.model;
+  ApproximationOptions& basis = settings.approximation;
+  const bool cloud = basis.kind == BasisKind::mls;
+  model.regions = mesh.materials;
+  model.open_interface = mesh.open_interface;
+  if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
+  if (cloud && model.essential == Essential::strong)
+    for (const auto& support : settings.supports)
+      if (std::ranges::find(basis.vanish_on, support.on) == basis.vanish_on.end())
+        basis.vanish_on.push_back(support.on);
+  basis.axisymmetric = model.plane == Plane::axisymmetric;
+  basis.fine = basis.fine || model.stabilisation > 0.0;
+  if (basis.dilatation == Dilatation::automatic)
+    basis.dilatation = averaged_if(basis.kind != BasisKind::p1 &&
+                                   incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind));
+  return settings;
+}
+
+template Settings<2> with_defaults<2>(Settings<2>, const PreparedMesh<2>&);
+template Settings<3> with_defaults<3>(Settings<3>, const PreparedMesh<3>&);
+template double mesh_size<2>(const MeshSource<2>&, const Settings<2>&);
+template double mesh_size<3>(const MeshSource<3>&, const Settings<3>&);
+template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const Settings<2>&, const Monitor&);
+template PreparedMesh<3> prepare<3>(const MeshSource<3>&, const Settings<3>&, const Monitor&);
+
+}  // namespace efree

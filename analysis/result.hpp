@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What an analysis finds: fields, the numbers that were asked for, and their errors.
+#pragma once
+
+#include "efree/analysis/prepare.hpp"
+#include "efree/solvers/cell_solver.hpp"
+
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// One mesh, or grid of cells, that was tried on the way to an accuracy.
+struct Attempt {
+  double size;     ///< of the fine mesh, asked for; 0: that of the file; on cells their edges
+  Index cells;     ///< of it
+  int degree;      ///< of its elements
+  double error;    ///< relative, in the energy norm, in all
+  double seconds;  ///< wall clock
+  /// Error over what was asked for, the largest of all that was: as a root for probes and reactions, whose errors
+  /// behave like squares of those in the energy norm. 1 or less: reached. 0 without an accuracy.
+  double excess = 0.0;
+};
+
+/// The size of an error relative to that of the value; 0 without an error.
+template <int Dim> double relative_error(const Vec<Dim>& value, const Vec<Dim>& error) {
+  return error.norm() > 0.0 ? error.norm() / value.norm() : 0.0;
+}
+
+/// The force by which what is prescribed on a part holds the body [force; in the plane per thickness].
+template <int Dim> struct ReactionResult {
+  std::string name;
+  Vec<Dim> force, error;  ///< error: of each component, absolute
+};
+
+/// The largest value of a field.
+template <int Dim> struct Extreme {
+  std::string of;  ///< "displacement" or "von_mises"
+  double value;
+  Vec<Dim> at;
+  Index place;                  ///< of the space of the fields; of displacements a degree of freedom
+  std::optional<double> error;  ///< absolute, where it is known
+};
+
+/// Relative errors in the energy norm.
+struct Estimates {
+  double cloud;        ///< of the answer, against the finite elements of the fine mesh; on cells, of the iterations
+  double uncorrected;  ///< of the cloud's own answer, against them (averaged dilatations: mixed_distance); on cells the
+                       ///< same as `cloud`; without a cloud of linear elements
+  double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
+  int corrections;     ///< iterations that led to the answer
+  double total() const { return std::hypot(cloud, mesh); }
+};
+
+template <int Dim> struct Result {
+  std::shared_ptr<const FineMesh<Dim>> mesh;
+  ElasticModel model;                ///< with the materials of all regions
+  Approximation<Dim> approximation;  ///< refers to *mesh
+  /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
+  std::optional<Approximation<Dim>> elements;
+  Solution<Dim> solution;             ///< on cells the strain energy only
+  std::optional<CellSolution> cells;  ///< if it was solved on cells; then `approximation` is a space only
+  /// None for finite elements, nor where averaged dilatations lack memory for them.
+  std::optional<Estimates> estimates;
+  Fields<Dim> fields;
+  /// What `solution` and `fields` belong to.
+  const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
+
+  std::optional<Errors> errors;                                  ///< if an exact solution is known
+  std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the settings
+  /// Absolute errors of the components of the probes' displacements, by name, where they are known.
+  std::map<std::string, Vec<Dim>> probe_errors;
+  std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
+  std::vector<Extreme<Dim>> extremes;          ///< that the settings ask for
+  /// By cell of the mesh: what recovered stresses are off those of the displacement, in the energy norm, relative to
+  /// the mean energy density of the body. The root of its mean square over the volume is the error of the body in all.
+  Vector error_density;
+  std::vector<BoundaryPart> parts;                        ///< of the boundary
+  std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
+
+  /// If an accuracy was asked for, and on cells: in order. The answer is that of the smallest error, on cells the last.
+  std::vector<Attempt> attempts;
+
+  std::vector<std::string> warnings;  ///< what makes the numbers doubtful
+  std::string refusal;                ///< why they are no answer; empty if they are one
+
+  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, duals (errors of
+  /// probes, reactions, extremes), output (recovery, errors, probes).
+  StageTimes times;
+  double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
+};
+
+/// von Mises stress at the places of the space (FineSpace::num_places).
+template <int Dim> Vector von_mises_at_places(const Result<Dim>& result);
+
+}  // namespace efree

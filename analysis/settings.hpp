@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What an analysis is told: what the body is made of, what holds and loads it, what is asked, and how far to go for
+/// it.
+#pragma once
+
+#include "efree/geometry/mesh/selection.hpp"
+#include "efree/solvers/correction.hpp"
+#include "efree/solvers/static_analysis.hpp"
+
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// Something that can only be checked on the mesh, and where it was said.
+struct Mention {
+  std::string name, where;
+};
+struct RegionMaterial {
+  std::string region;
+  SharedMaterial material;
+  std::string where{};
+};
+template <int Dim> struct Probe {
+  std::string name;
+  Vec<Dim> at;
+  std::string where{};
+};
+/// What holds a part of the boundary.
+struct Reaction {
+  std::string name, on, where{};
+};
+/// A part of the boundary that is selected on the mesh, and the name it gets.
+template <int Dim> struct NamedSelection {
+  std::string name;
+  Selection<Dim> how;
+  std::string where{};
+};
+/// A probe or a reaction and the error it may have, relative to its size.
+struct Goal {
+  enum class Of { probe, reaction } of;
+  std::string name;
+  double error;
+};
+/// Whether an image in space is solved on a grid of cells (solve_on_cells), not by a cloud.
+enum class OnCells {
+  automatic,  ///< where it can be, if nothing is said of a cloud
+  never,
+  always,
+};
+
+/// A static analysis in the plane or in space; all but the material and, in 2D, model.plane may be left as it is.
+/// `where`, here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is
+/// empty.
+template <int Dim> struct Settings {
+  std::string title{};
+  std::string where{};                      ///< all of it: the case file
+  ElasticModel model{};                     ///< but for `regions` and `open_interface`, which the mesh tells
+  std::vector<RegionMaterial> materials{};  ///< one for each region; empty: model.material everywhere
+  std::vector<NamedSelection<Dim>> selections{};
+  std::vector<DisplacementCondition<Dim>> supports{};
+  Loads<Dim> loads{};
+  ExactSolution<Dim> exact{};  ///< to compare with; both fields empty if there is none
+  std::vector<Probe<Dim>> probes{};
+  std::vector<Reaction> reactions{};
+  bool largest_displacement = false, largest_stress = false;  ///< extremes to report
+  /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
+  /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
+  std::vector<Mention> groups{}, graded{};
+
+  ApproximationOptions approximation{};
+  OnCells cells = OnCells::automatic;
+  bool estimated = true;           ///< say how far the answer is from the finite elements of the fine mesh
+  bool corrected = true;           ///< hand out the corrected answer, not that of the cloud
+  CorrectionOptions correction{};  ///< towards the finite elements of the fine mesh
+  double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
+  std::vector<Goal> goals{};       ///< wanted errors of probes and reactions
+  double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
+  double largest_error = 0.5;  ///< relative, in the energy norm, beyond which the answer is no answer
+
+  bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
+  bool has_exact() const { return exact.displacement || exact.stress; }
+};
+
+/// Throws InputError if the analysis has no error estimates, so that no accuracy can be asked for.
+template <int Dim> void require_estimates(const Settings<Dim>& settings);
+
+}  // namespace efree

@@ -1,0 +1,424 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/equilibrium.hpp"
+
+#include "efree/assembly/bodies.hpp"
+#include "efree/assembly/internal/matrix_pattern.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
+#include "efree/core/error.hpp"
+#include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+
+namespace efree {
+
+using internal::BlockColumn;
+using internal::MatrixPattern;
+using internal::Unknowns;
+
+template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh) {
+  require(Dim == 3 || model.plane.has_value(),
+          "a model in 2D does not say what its plane stands for: expected Plane::stress, strain or axisymmetric");
+  if (!model.regions.empty() && static_cast<Index>(model.regions.size()) != mesh.num_regions())
+    throw InputError(fmt::format("{} materials for {} regions ({}), expected one for each", model.regions.size(),
+                                 mesh.num_regions(), fmt::join(mesh.region_names(), ", ")));
+  return {model.regions.empty() ? std::vector<SharedMaterial>(mesh.num_regions(), model.material) : model.regions,
+          model.plane.value_or(Plane::strain)};
+}
+
+template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
+                                                                   const Materials<Dim>& materials,
+                                                                   double stabilisation) {
+  if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
+    throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
+  const bool unions = approximation.dilatation.size() > 0;
+  const bool stabilised = is_stabilised(approximation, stabilisation);
+  if (!unions && !stabilised) return {{&approximation.quadrature, materials.tangents(approximation.quadrature)}};
+  const double share = stabilised ? 1.0 - stabilisation : 1.0;
+  std::vector<StiffnessTerm<Dim>> terms;
+  terms.push_back(
+      {&approximation.quadrature, materials.tangents(approximation.quadrature, StiffnessPart::deviatoric, share)});
+  if (stabilised)
+    terms.push_back(
+        {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
+  const auto& volumetric = unions ? approximation.dilatation : approximation.quadrature;
+  terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
+  return terms;
+}
+
+template <int Dim> bool is_stabilised(const Approximation<Dim>& approximation, double stabilisation) {
+  const auto all_points = approximation.space.mesh().num_cells() * approximation.space.cell_rule().weights.size();
+  if (stabilisation == 0.0 || approximation.quadrature.size() >= all_points) return false;
+  if (approximation.fine.size() == 0)
+    throw InputError(
+        fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
+  return true;
+}
+
+namespace {
+
+/// A share of the materials' work on strains at points.
+template <int Dim> struct WorkTerm {
+  enum class Dilatation { own, averaged, none };
+  const Discretization<Dim>* points;
+  double share;
+  Dilatation dilatation;
+};
+
+template <int Dim>
+std::vector<WorkTerm<Dim>> work_terms(const Approximation<Dim>& approximation, double stabilisation) {
+  using Dilatation = typename WorkTerm<Dim>::Dilatation;
+  std::vector<WorkTerm<Dim>> terms{
+      {&approximation.quadrature, 1.0, approximation.dilatation.size() > 0 ? Dilatation::averaged : Dilatation::own}};
+  if (is_stabilised(approximation, stabilisation)) {
+    terms.push_back({&approximation.quadrature, -stabilisation, Dilatation::none});
+    terms.push_back({&approximation.fine, stabilisation, Dilatation::none});
+  }
+  return terms;
+}
+
+/// A x at every point.
+template <int Dim> Gradients<Dim> times(const PointTangents<Dim>& A, Gradients<Dim> x) {
+  parallel_for(static_cast<Index>(x.cols()), [&](Index K) { x.col(K) = A[K] * Gradient<Dim>(x.col(K)); });
+  return x;
+}
+
+/// Adds weight * G_b^T A G_a to the blocks of column a, for one of its places in a table.
+template <int Dim> void add_stiffness(const ShapeRow<Dim>& row, std::size_t k, double weight, const Tangent<Dim>& A,
+                                      BlockColumn<Dim>& column) {
+  const GradientBlock<Dim> stress = weight * nodal_gradient(row, k).stress(A);
+  for (std::size_t l = k; l < row.nodes.size(); ++l)
+    column[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
+}
+
+}  // namespace
+
+template <int Dim> struct Equilibrium<Dim>::Data {
+  const Approximation<Dim>& approximation;
+  Materials<Dim> materials;
+  bool linear;
+  std::vector<StiffnessTerm<Dim>> initial;  ///< the stiffness where nothing has happened yet
+  std::vector<WorkTerm<Dim>> work;
+  SymmetricMatrix weak;         ///< what holds the boundary weakly, and ties regions; empty if nothing does
+  Points<Dim> weak_prescribed;  ///< the forces by which it prescribes displacements
+  Unknowns<Dim> unknowns;
+  MatrixPattern<Dim> pattern;
+
+  Points<Dim> displacements(const State& state) const { return state.u.reshaped(Dim, state.u.size() / Dim); }
+  Points<Dim> weak_forces(const Points<Dim>& U) const {
+    if (weak.size() == 0) return Points<Dim>::Zero(Dim, U.cols());
+    const Vector forces = weak.template selfadjointView<Eigen::Lower>() * U.reshaped();
+    return forces.reshaped(Dim, U.cols());
+  }
+
+  /// What the materials say at the points of one term, with what takes that back to the gradients of the points and of
+  /// the unions.
+  struct Answer {
+    PointResponses<Dim> of;
+    Gradients<Dim> swelling;  ///< by point: strain s that pressure makes, per dilatation; empty: own dilatations
+    Gradient<Dim> trace;
+
+    /// s . P, the stress that works on the dilatation of the union (or on none).
+    double pressure(Index K) const { return swelling.col(K).dot(of.P.col(K)); }
+    /// What works on the gradient of the point itself.
+    Gradient<Dim> stress(Index K) const {
+      return swelling.cols() == 0 ? Gradient<Dim>(of.P.col(K)) : Gradient<Dim>(of.P.col(K) - pressure(K) * trace);
+    }
+    Tangent<Dim> tangent(Index K) const {
+      if (swelling.cols() == 0) return of.A[K];
+      const Tangent<Dim> left = Tangent<Dim>::Identity() - swelling.col(K) * trace.transpose();
+      return left.transpose() * of.A[K] * left;
+    }
+    /// Change of `stress` by the dilatation of the union.
+    Gradient<Dim> stress_by_dilatation(Index K) const {
+      const Gradient<Dim> change = of.A[K] * swelling.col(K);
+      return change - swelling.col(K).dot(change) * trace;
+    }
+    double bulk(Index K) const { return swelling.col(K).dot(of.A[K] * swelling.col(K)); }
+  };
+
+  Answer ask(const WorkTerm<Dim>& term, const State& state, Index first_history, bool tangents) const {
+    using Dilatation = typename WorkTerm<Dim>::Dilatation;
+    const Discretization<Dim>& points = *term.points;
+    const Points<Dim> U = displacements(state);
+    Answer answer{{}, {}, materials.trace()};
+    Gradients<Dim> H = gradient(points, U);
+    if (term.dilatation != Dilatation::own) {
+      Gradients<Dim> mean;
+      if (term.dilatation == Dilatation::averaged) mean = gradient(approximation.dilatation, U);
+      answer.swelling.resizeLike(H);
+      parallel_for(points.size(), [&](Index K) {
+        Stiffness<Dim> room;
+        const Gradient<Dim> s =
+            gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
+        const double wanted = mean.cols() > 0 ? answer.trace.dot(mean.col(approximation.union_of[K])) : 0.0;
+        answer.swelling.col(K) = s;
+        H.col(K) += (wanted - answer.trace.dot(H.col(K))) * s;
+      });
+    }
+    answer.of = materials.respond(points, H, state.history.segment(first_history, materials.history_size(points)),
+                                  state.dt, tangents);
+    return answer;
+  }
+
+  /// Calls visit(term, answer, first of its histories) for every term of the work.
+  template <class Visit> void for_each_answer(const State& state, bool tangents, const Visit& visit) const {
+    Index first = 0;
+    for (const auto& term : work) {
+      visit(term, ask(term, state, first, tangents), first);
+      first += materials.history_size(*term.points);
+    }
+  }
+
+  /// Sums over the points of each union, weighted: value(K).
+  template <class Value> Vector union_sums(const Discretization<Dim>& points, const Value& value) const {
+    Vector sums = Vector::Zero(approximation.dilatation.size());
+    for (Index K = 0; K < points.size(); ++K) sums[approximation.union_of[K]] += points.weights[K] * value(K);
+    return sums;
+  }
+
+  Points<Dim> internal_forces(const State& state) const {
+    const Points<Dim> U = displacements(state);
+    Points<Dim> forces = weak_forces(U);
+    if (linear) {
+      for (const auto& term : initial)
+        forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
+      return forces;
+    }
+    for_each_answer(state, false, [&](const WorkTerm<Dim>& term, const Answer& answer, Index) {
+      Gradients<Dim> P(gradient_size<Dim>, term.points->size());
+      for (Index K = 0; K < term.points->size(); ++K) P.col(K) = term.share * answer.stress(K);
+      forces += internal_force(*term.points, P);
+      if (term.dilatation != WorkTerm<Dim>::Dilatation::averaged) return;
+      const auto& unions = approximation.dilatation;
+      const Vector pressure = union_sums(*term.points, [&](Index K) { return term.share * answer.pressure(K); });
+      const Vector mean = pressure.cwiseQuotient(unions.weights);
+      forces += internal_force(unions, Gradients<Dim>(answer.trace * mean.transpose()));
+    });
+    return forces;
+  }
+
+  void initial_tangent(SymmetricMatrix& K) const {
+    pattern.sum(
+        unknowns,
+        [&](Index a, BlockColumn<Dim>& column) {
+          for (const auto& term : initial)
+            for (const auto& [point, k] : term.discretization->shape.by_node()[a])
+              add_stiffness(term.discretization->shape.row(point), k, term.discretization->weights[point],
+                            term.tangents[point], column);
+        },
+        weak, K);
+  }
+
+  /// One term of the tangent at a state, before it is summed.
+  struct TangentTerm {
+    const Discretization<Dim>* points;
+    std::vector<Tangent<Dim>> A;   ///< by point, times the share
+    Vector bulk;                   ///< by union: work of a dilatation on itself; empty without averages
+    std::vector<Vec<Dim>> forces;  ///< by entry of the unions' table: those that a dilatation of the union makes
+  };
+
+  TangentTerm tangent_term(const WorkTerm<Dim>& term, const Answer& answer) const {
+    const Discretization<Dim>& points = *term.points;
+    TangentTerm result{&points, std::vector<Tangent<Dim>>(points.size()), {}, {}};
+    parallel_for(points.size(), [&](Index K) { result.A[K] = term.share * answer.tangent(K); });
+    if (term.dilatation != WorkTerm<Dim>::Dilatation::averaged) return result;
+    const auto& table = approximation.dilatation.shape;
+    result.bulk = union_sums(points, [&](Index K) { return term.share * answer.bulk(K); });
+    result.forces.assign(static_cast<std::size_t>(table.num_entries()), Vec<Dim>::Zero());
+    for (Index K = 0; K < points.size(); ++K) {
+      const auto all = table.row(approximation.union_of[K]);
+      const auto first = static_cast<std::size_t>(all.N.data() - table.row(0).N.data());
+      const Gradient<Dim> change = term.share * points.weights[K] * answer.stress_by_dilatation(K);
+      const auto row = points.shape.row(K);
+      for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {
+        while (all.nodes[at] != row.nodes[k]) ++at;  // the union has all nodes of its points
+        result.forces[first + at] += nodal_gradient(row, k).force(change);
+      }
+    }
+    return result;
+  }
+
+  void tangent(const State& state, SymmetricMatrix& K) const {
+    std::vector<TangentTerm> terms;
+    for_each_answer(state, true, [&](const WorkTerm<Dim>& term, const Answer& answer, Index) {
+      terms.push_back(tangent_term(term, answer));
+    });
+    const Gradient<Dim> trace = materials.trace();
+    const auto& unions = approximation.dilatation.shape;
+    pattern.sum(
+        unknowns,
+        [&](Index a, BlockColumn<Dim>& column) {
+          for (const TangentTerm& term : terms) {
+            for (const auto& [point, k] : term.points->shape.by_node()[a])
+              add_stiffness(term.points->shape.row(point), k, term.points->weights[point], term.A[point], column);
+            if (term.bulk.size() == 0) continue;
+            for (const auto& [g, k] : unions.by_node()[a]) {
+              const auto row = unions.row(g);
+              const Vec<Dim>* forces = term.forces.data() + (row.N.data() - unions.row(0).N.data());
+              const Vec<Dim> along = nodal_gradient(row, k).force(trace);
+              for (std::size_t l = k; l < row.nodes.size(); ++l) {
+                const Vec<Dim> other = nodal_gradient(row, l).force(trace);
+                column[row.nodes[l]] +=
+                    (term.bulk[g] * other + forces[l]) * along.transpose() + other * forces[k].transpose();
+              }
+            }
+          }
+        },
+        weak, K);
+  }
+};
+
+template <int Dim> Equilibrium<Dim>::Equilibrium(const Approximation<Dim>& approximation, const ElasticModel& model,
+                                                 const std::vector<DisplacementCondition<Dim>>& conditions)
+    : forces_(Points<Dim>::Zero(Dim, approximation.shape.num_nodes())) {
+  if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
+    throw InputError(approximation.space.axisymmetric()
+                         ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
+                         : "the model is axisymmetric: approximate with axisymmetric = true");
+  require_decided(approximation, model);
+  const Index nodes = approximation.shape.num_nodes();
+  auto materials = materials_of(model, approximation.space.mesh());
+  auto initial = efree::stiffness_terms(approximation, materials, model.stabilisation);
+  const auto restrained = restraints(conditions);
+  const auto ties = tied_facets(approximation.space.mesh(), model.open_interface);
+  require_restrained(approximation.space, restrained, ties);
+  const bool weakly = model.essential.value_or(Essential::nitsche) == Essential::nitsche;
+  NitscheSystem<Dim> weak;
+  if (weakly || !ties.empty())
+    weak = nitsche(approximation.space, approximation.shape, initial,
+                   weakly ? restrained : std::vector<Restraint<Dim>>{}, ties);
+  const Points<Dim> prescribed =
+      weakly ? Points<Dim>(weak.rhs.reshaped(Dim, nodes)) : Points<Dim>(Points<Dim>::Zero(Dim, nodes));
+  Unknowns<Dim> unknowns(
+      nodes, weakly ? NodalConditions<Dim>{}
+                    : nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, restrained));
+  std::vector<const ShapeTable<Dim>*> tables;
+  for (const auto& term : initial) tables.push_back(&term.discretization->shape);
+  MatrixPattern<Dim> pattern(nodes, tables, weak.matrix);
+  const bool linear = materials.linear();
+  data_ = std::make_shared<const Data>(Data{approximation, std::move(materials), linear, std::move(initial),
+                                            work_terms(approximation, model.stabilisation), std::move(weak.matrix),
+                                            prescribed, std::move(unknowns), std::move(pattern)});
+}
+
+template <int Dim> Equilibrium<Dim> Equilibrium<Dim>::with(const Loads<Dim>& loads) const {
+  Equilibrium result = *this;
+  result.forces_ = load_vector(approximation().space, approximation().shape, loads);
+  return result;
+}
+
+template <int Dim> Equilibrium<Dim> Equilibrium<Dim>::homogeneous(Points<Dim> forces) const {
+  Equilibrium result = *this;
+  result.forces_ = std::move(forces);
+  result.prescribes_ = false;
+  return result;
+}
+
+template <int Dim> State Equilibrium<Dim>::rest() const {
+  Index remembered = 0;
+  for (const auto& term : data_->work) remembered += data_->materials.history_size(*term.points);
+  return {.u = Vector::Zero(Dim * approximation().shape.num_nodes()), .history = Vector::Zero(remembered)};
+}
+
+template <int Dim> State Equilibrium<Dim>::under(double factor, State state) const {
+  state.factor = factor;
+  state.u = data_->unknowns.prescribe(prescribes_ ? factor : 0.0, data_->displacements(state)).reshaped();
+  return state;
+}
+
+template <int Dim> State Equilibrium<Dim>::moved(State state, const Vector& change) const {
+  state.u += data_->unknowns.to_nodes(change).reshaped();
+  return state;
+}
+
+template <int Dim> Vector Equilibrium<Dim>::residual(const State& state) const {
+  Points<Dim> forces = data_->internal_forces(state) - state.factor * forces_;
+  if (prescribes_) forces -= state.factor * data_->weak_prescribed;
+  return data_->unknowns.of(forces);
+}
+
+template <int Dim> double Equilibrium<Dim>::force_scale(const State& state) const {
+  double largest = (state.factor * forces_).cwiseAbs().maxCoeff();
+  data_->for_each_answer(state, false, [&](const WorkTerm<Dim>& term, const auto& answer, Index) {
+    const ShapeTable<Dim>& shape = term.points->shape;
+    Vector sums = Vector::Zero(shape.num_nodes());
+    for (Index K = 0; K < shape.num_points(); ++K) {
+      const auto row = shape.row(K);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k)
+        sums[row.nodes[k]] += term.points->weights[K] * nodal_gradient(row, k).force(answer.of.P.col(K)).norm();
+    }
+    largest = std::max(largest, sums.maxCoeff());
+  });
+  return largest;
+}
+
+template <int Dim> void Equilibrium<Dim>::tangent(const State& state, SymmetricMatrix& K) const {
+  if (data_->linear)
+    data_->initial_tangent(K);
+  else
+    data_->tangent(state, K);
+}
+
+template <int Dim> State Equilibrium<Dim>::commit(State state) const {
+  Vector history = state.history;
+  data_->for_each_answer(state, false, [&](const WorkTerm<Dim>&, const auto& answer, Index first) {
+    history.segment(first, answer.of.history.size()) = answer.of.history;
+  });
+  state.history = std::move(history);
+  state.dt = 0.0;
+  return state;
+}
+
+template <int Dim> bool Equilibrium<Dim>::linear() const {
+  return data_->linear;
+}
+template <int Dim> const std::vector<Index>& Equilibrium<Dim>::node_of_unknowns() const {
+  return data_->unknowns.node_of();
+}
+
+template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
+  double energy = 0.0;
+  data_->for_each_answer(state, false, [&](const WorkTerm<Dim>& term, const auto& answer, Index) {
+    energy += term.share * term.points->weights.dot(answer.of.energy);
+  });
+  return energy;
+}
+
+template <int Dim> const Approximation<Dim>& Equilibrium<Dim>::approximation() const {
+  return data_->approximation;
+}
+template <int Dim> const Materials<Dim>& Equilibrium<Dim>::materials() const {
+  return data_->materials;
+}
+template <int Dim> const std::vector<StiffnessTerm<Dim>>& Equilibrium<Dim>::stiffness_terms() const {
+  return data_->initial;
+}
+
+template <int Dim> Points<Dim> Equilibrium<Dim>::initial_tangent_times(const Points<Dim>& U) const {
+  Points<Dim> forces = data_->weak_forces(U);
+  for (const auto& term : data_->initial)
+    forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
+  return forces;
+}
+template <int Dim> Points<Dim> Equilibrium<Dim>::weak_forces(const Points<Dim>& U) const {
+  return data_->weak_forces(U);
+}
+template <int Dim> const Points<Dim>& Equilibrium<Dim>::weak_prescribed() const {
+  return data_->weak_prescribed;
+}
+template <int Dim> Points<Dim> Equilibrium<Dim>::held_part(const Points<Dim>& U) const {
+  return data_->unknowns.fixed_part(U);
+}
+
+template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
+template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
+template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double);
+template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double);
+template class Equilibrium<2>;
+template class Equilibrium<3>;
+
+}  // namespace efree

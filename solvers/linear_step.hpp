@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The simplest algorithm: one step of Newton's method, which solves linear equations.
+#pragma once
+
+#include "efree/solvers/equations.hpp"
+#include "efree/solvers/linear_solver.hpp"
+
+namespace efree {
+
+/// The state under a factor, from another one, by one solve with a factored tangent of the equations. Throws
+/// NumericalError if the result is not finite, or if it leaves forces out of balance because the equations are not
+/// linear.
+State linear_step(const Equations& equations, const LinearSolver& tangent, State from, double factor = 1.0);
+
+}  // namespace efree
