@@ -468,6 +468,7 @@ template <int Dim> SecondaryBasis<Dim> linear_functions_of(const FineSpace<Dim>&
   for (Index K = 0; K < count; ++K) {
     secondary.vertices.insert(secondary.vertices.end(), first[K + 1] - first[K], clusters.vertices[K]);
     secondary.region.insert(secondary.region.end(), first[K + 1] - first[K], regions[K]);
+    secondary.cluster.insert(secondary.cluster.end(), first[K + 1] - first[K], K);
   }
 
   /// Rows of the functions at `per_item` points of every cell or facet.
@@ -524,7 +525,7 @@ template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>
                                                             const NodeCloud<Dim>& cloud) {
   const FineMesh<Dim>& mesh = space.mesh();
   const Index functions = table.num_nodes();
-  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, space.cell_rule(), {}, {}};
+  SecondaryBasis<Dim> secondary{cloud.positions, cloud.vertices, {}, {}, space.cell_rule(), {}, {}};
   for (Index v : cloud.vertices) secondary.region.push_back(mesh.region(mesh.cells_of(v).front()));
   // Rows at points inside cells or facets are means of the rows at their vertices, weighted by barycentric coordinates.
   const auto interpolate_rows = [&](Index items, const auto& vertex_of, const auto& points) {
@@ -576,56 +577,49 @@ Discretization<Dim> without_table(const FineSpace<Dim>& space, const SecondaryBa
   result.points = secondary.points;
   result.on_facets = secondary.on_facets;
   result.region = secondary.region;
+  result.cluster = secondary.cluster;
   result.weights = secondary_weights(space, secondary);
   return result;
 }
 
-/// Whether rows K and K + 1 have their entries in the same columns.
-bool share_columns(const SparseRows& matrix, Index K) {
-  const Index *offsets = matrix.outerIndexPtr() + K, *columns = matrix.innerIndexPtr();
-  return std::equal(columns + offsets[0], columns + offsets[1], columns + offsets[1], columns + offsets[2]);
-}
-
 /// The projected table, up to `Count` points at a time where their functions live on the same cells.
 template <int Count, int Dim> ShapeTable<Dim> projected_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                              const SimplexRule<Dim>& rule, const SparseRows& points_of,
-                                                              const Vector& weights) {
+                                                              const SecondaryBasis<Dim>& secondary,
+                                                              const Discretization<Dim>& discretization) {
+  const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
+  const auto& rule = secondary.rule;
   const Index per_cell = static_cast<Index>(rule.weights.size());
   const auto fill = [&](Index begin, Index end, auto& out) {
     Accumulator<Moments<Count>> fine(space.size()), nodal(shape.num_nodes());
     for (Index K = begin, next; K < end; K = next) {
-      next = K + 1;
-      while (next < end && next < K + Count && share_columns(points_of, next - 1)) ++next;
+      next = std::min({end, K + Count, discretization.end_of_cluster(K)});
       fine.clear();
       const Index *offsets = points_of.outerIndexPtr(), length = offsets[K + 1] - offsets[K];
       for (Index e = 0; e < length; ++e) {
         const Index point = points_of.innerIndexPtr()[offsets[K] + e], c = point / per_cell, q = point % per_cell;
         Eigen::Matrix<double, 1, Count> factors = Eigen::Matrix<double, 1, Count>::Zero();
         for (Index k = K; k < next; ++k)
-          factors[k - K] = points_of.valuePtr()[offsets[k] + e] * weight(space, rule, c, q) / weights[k];
+          factors[k - K] = points_of.valuePtr()[offsets[k] + e] * weight(space, rule, c, q) / discretization.weights[k];
         add_cell_point<Dim, Count>(space, c, rule.points.col(q), factors, fine);
       }
       emit_nodes<Dim, Count>(shape, fine, nodal, static_cast<int>(next - K), out);
     }
   };
-  return TableBuilder<Dim>(static_cast<Index>(weights.size()), shape.num_nodes(), space.axisymmetric()).build(fill);
+  return TableBuilder<Dim>(discretization.size(), shape.num_nodes(), space.axisymmetric()).build(fill);
 }
 
 }  // namespace
 
 template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                const SecondaryBasis<Dim>& secondary) {
-  const SparseRows points_of = secondary.in_cells.transpose();  // M x rule points
   Discretization<Dim> result = without_table(space, secondary);
   for (Index K = 0; K < result.size(); ++K)
     if (!(result.weights[K] > 0.0))
       throw NumericalError(
           fmt::format("quadrature: the weight of the point at ({:.6g}) is {:.3g}, expected a positive number",
                       fmt::join(result.points.col(K), ", "), result.weights[K]));
-  bool together = false;
-  for (Index K = 0; K + 1 < result.size() && !together; ++K) together = share_columns(points_of, K);
-  result.shape = together ? projected_table<Dim + 1, Dim>(space, shape, secondary.rule, points_of, result.weights)
-                          : projected_table<1, Dim>(space, shape, secondary.rule, points_of, result.weights);
+  result.shape = result.cluster.empty() ? projected_table<1>(space, shape, secondary, result)
+                                        : projected_table<Dim + 1>(space, shape, secondary, result);
   return result;
 }
 

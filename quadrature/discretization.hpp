@@ -13,9 +13,11 @@ template <int Dim> struct SecondaryBasis {
   Points<Dim> points;           ///< Dim x M, x_K
   std::vector<Index> vertices;  ///< M, a fine vertex at or near x_K, in the same body
   std::vector<Index> region;    ///< M, region of the mesh that Phi_K lives in
-  SimplexRule<Dim> rule;        ///< on every cell, exact for one gradient times Phi_K
-  SparseRows in_cells;          ///< (cells * rule points) x M: Phi_K at the points of the rule, cell by cell
-  SparseRows on_facets;  ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
+  std::vector<Index>
+      cluster;            ///< M, ascending: functions with the same number live on the same cells; empty if none do
+  SimplexRule<Dim> rule;  ///< on every cell, exact for one gradient times Phi_K
+  SparseRows in_cells;    ///< (cells * rule points) x M: Phi_K at the points of the rule, cell by cell
+  SparseRows on_facets;   ///< (boundary facets * facet rule points) x M: Phi_K at the points of FineSpace::facet_rule
 };
 
 /// What physics sees of a basis: points, weights, and functions with projected gradients. All integrals are over the
@@ -26,9 +28,16 @@ template <int Dim> struct Discretization {
   /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K; N as
   /// far as SecondaryBasis::rule goes, which is made for gradients
   ShapeTable<Dim> shape;
-  SparseRows on_facets;       ///< Phi_K on the boundary, see SecondaryBasis
-  std::vector<Index> region;  ///< M, region of the mesh that each point stands for
+  SparseRows on_facets;        ///< Phi_K on the boundary, see SecondaryBasis
+  std::vector<Index> region;   ///< M, region of the mesh that each point stands for
+  std::vector<Index> cluster;  ///< see SecondaryBasis
 
+  /// One past the last of the points that share the cells of point K, which follow each other.
+  Index end_of_cluster(Index K) const {
+    Index end = K + 1;
+    while (!cluster.empty() && end < size() && cluster[end] == cluster[K]) ++end;
+    return end;
+  }
   Index size() const { return static_cast<Index>(weights.size()); }
   bool axisymmetric() const { return shape.has_hoop(); }
 };

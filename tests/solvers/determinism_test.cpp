@@ -55,8 +55,9 @@ TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnCells) {
 }
 TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnLinearFunctions) {
   expect_same_on_two_threads({.spacing = 0.3, .secondary = SecondaryKind::linear}, stress);
-  expect_same_on_two_threads({.order = 2, .spacing = 0.3, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged},
-                             {.material = LinearElastic(1.0, 0.49), .plane = Plane::strain});
+  expect_same_on_two_threads(
+      {.order = 2, .spacing = 0.3, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged},
+      {.material = LinearElastic(1.0, 0.49), .plane = Plane::strain});
 }
 TEST(Determinism, OneAndTwoThreadsAgreeBitwiseOnLumpedMls) {
   expect_same_on_two_threads({.spacing = 0.3, .secondary = SecondaryKind::mls}, stress);
