@@ -106,9 +106,9 @@ struct Cholesky::Impl {
   ~Impl() { cholmod_free_factor(&factor, common.get()); }
 
   /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
-  std::vector<Index> node_order(const Pattern& pattern, const std::vector<Index>& node_of) {
-    const Index nodes = static_cast<Index>(pattern.offsets.size()) - 1;
-    cholmod_sparse view = symmetric_view(nodes, pattern.offsets.data(), pattern.rows.data(), nullptr);
+  std::vector<Index> node_order(const Pattern& of_nodes, const std::vector<Index>& node_of) {
+    const Index nodes = static_cast<Index>(of_nodes.offsets.size()) - 1;
+    cholmod_sparse view = symmetric_view(nodes, of_nodes.offsets.data(), of_nodes.rows.data(), nullptr);
     const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, common.get()); };
     const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, common.get()), free);
     common.check(node_of.size());

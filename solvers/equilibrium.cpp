@@ -62,20 +62,20 @@ namespace {
 
 /// A share of the materials' work on strains at points.
 template <int Dim> struct WorkTerm {
-  enum class Dilatation { own, averaged, none };
+  enum class Trace { own, averaged, none };
   const Discretization<Dim>* points;
   double share;
-  Dilatation dilatation;
+  Trace trace;
 };
 
 template <int Dim>
 std::vector<WorkTerm<Dim>> work_terms(const Approximation<Dim>& approximation, double stabilisation) {
-  using Dilatation = typename WorkTerm<Dim>::Dilatation;
+  using Trace = typename WorkTerm<Dim>::Trace;
   std::vector<WorkTerm<Dim>> terms{
-      {&approximation.quadrature, 1.0, approximation.dilatation.size() > 0 ? Dilatation::averaged : Dilatation::own}};
+      {&approximation.quadrature, 1.0, approximation.dilatation.size() > 0 ? Trace::averaged : Trace::own}};
   if (is_stabilised(approximation, stabilisation)) {
-    terms.push_back({&approximation.quadrature, -stabilisation, Dilatation::none});
-    terms.push_back({&approximation.fine, stabilisation, Dilatation::none});
+    terms.push_back({&approximation.quadrature, -stabilisation, Trace::none});
+    terms.push_back({&approximation.fine, stabilisation, Trace::none});
   }
   return terms;
 }
@@ -141,14 +141,14 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   };
 
   Answer ask(const WorkTerm<Dim>& term, const State& state, Index first_history, bool tangents) const {
-    using Dilatation = typename WorkTerm<Dim>::Dilatation;
+    using Trace = typename WorkTerm<Dim>::Trace;
     const Discretization<Dim>& points = *term.points;
     const Points<Dim> U = displacements(state);
     Answer answer{{}, {}, materials.trace()};
     Gradients<Dim> H = gradient(points, U);
-    if (term.dilatation != Dilatation::own) {
+    if (term.trace != Trace::own) {
       Gradients<Dim> mean;
-      if (term.dilatation == Dilatation::averaged) mean = gradient(approximation.dilatation, U);
+      if (term.trace == Trace::averaged) mean = gradient(approximation.dilatation, U);
       answer.swelling.resizeLike(H);
       parallel_for(points.size(), [&](Index K) {
         Stiffness<Dim> room;
@@ -192,7 +192,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       Gradients<Dim> P(gradient_size<Dim>, term.points->size());
       for (Index K = 0; K < term.points->size(); ++K) P.col(K) = term.share * answer.stress(K);
       forces += internal_force(*term.points, P);
-      if (term.dilatation != WorkTerm<Dim>::Dilatation::averaged) return;
+      if (term.trace != WorkTerm<Dim>::Trace::averaged) return;
       const auto& unions = approximation.dilatation;
       const Vector pressure = union_sums(*term.points, [&](Index K) { return term.share * answer.pressure(K); });
       const Vector mean = pressure.cwiseQuotient(unions.weights);
@@ -225,7 +225,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     const Discretization<Dim>& points = *term.points;
     TangentTerm result{&points, std::vector<Tangent<Dim>>(points.size()), {}, {}};
     parallel_for(points.size(), [&](Index K) { result.A[K] = term.share * answer.tangent(K); });
-    if (term.dilatation != WorkTerm<Dim>::Dilatation::averaged) return result;
+    if (term.trace != WorkTerm<Dim>::Trace::averaged) return result;
     const auto& table = approximation.dilatation.shape;
     result.bulk = union_sums(points, [&](Index K) { return term.share * answer.bulk(K); });
     result.forces.assign(static_cast<std::size_t>(table.num_entries()), Vec<Dim>::Zero());

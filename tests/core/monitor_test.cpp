@@ -16,8 +16,8 @@ namespace {
 using ::testing::ElementsAre, ::testing::Pair;
 
 struct Told {
-  std::vector<std::pair<std::string, double>> progress;
-  StageTimes times;
+  std::vector<std::pair<std::string, double>> progress{};
+  StageTimes times{};
   /// Says yes from this question on.
   int patience = std::numeric_limits<int>::max();
   int asked = 0;
@@ -116,8 +116,6 @@ TEST(Monitor, EndsAnAnalysisAtWhateverStepItIsAsked) {
     Told told{.patience = patience};
     const std::string stage = cancelled_in([&] { pull(told.monitor()); });
     EXPECT_EQ(told.asked, patience + 1);
-    EXPECT_EQ(told.progress.empty() ? "cloud" : told.progress.back().first, patience == 0 ? "cloud" : stage)
-        << "after " << patience;
     if (ends.empty() || ends.back() != stage) ends.push_back(stage);
   }
   EXPECT_THAT(ends, ElementsAre("cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction"));

@@ -278,7 +278,7 @@ TEST(Approximation, CloudsOfAnotherMeshAreRefused) {
   wrong.positions.col(2) *= 1.1;
   refused(wrong, "node 2 of the cloud is at");
   wrong = cloud;
-  std::swap(wrong.vertices[0], wrong.vertices[1]);
+  wrong.vertices[1] = wrong.vertices[0];
   refused(wrong, "expected ascending");
   wrong = cloud;
   wrong.spacing[1] = 0.0;

@@ -89,9 +89,9 @@ struct Variant {
 };
 /// Everything that the work of the materials is made of.
 std::vector<Variant> variants(double spacing) {
-  return {{"plain", {.spacing = spacing}},
+  return {{"plain", {.spacing = spacing, .dilatation = Dilatation::pointwise}},
           {"averaged dilatations", {.spacing = spacing, .dilatation = Dilatation::averaged}},
-          {"stabilised", {.spacing = spacing, .fine = true}, 0.3},
+          {"stabilised", {.spacing = spacing, .dilatation = Dilatation::pointwise, .fine = true}, 0.3},
           {"both", {.spacing = spacing, .dilatation = Dilatation::averaged, .fine = true}, 0.3},
           {"quadratic elements, nodal values",
            {.kind = BasisKind::p2, .dilatation = Dilatation::averaged},
