@@ -20,7 +20,7 @@ using namespace efree;
 
 int main() {
   constexpr double E = 1.0, nu = 0.3;
-  constexpr Index n = 48;
+  constexpr Index n = 40;
   const LabelImage<3> image =
       keep_largest(random_spheres<3>(n, {.porosity = 0.3, .r_min = 5.0, .r_max = 9.0, .seed = 3})).image;
   const double solid = static_cast<double>(std::ranges::count(image.labels, 1)) / (n * n * n);

@@ -22,7 +22,7 @@ using namespace efree;
 constexpr double deflection = 7.695;
 
 int main() {
-  const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 0.6});
+  const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 1.2});
   const Settings<2> settings{
       .model = {.material = LinearElastic(240.565, 0.4999), .plane = Plane::strain},
       .supports = {clamp<2>("left")},
