@@ -421,7 +421,7 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
 }
 
 /// What makes the mesh of a file, and the grey values if it is an image.
-template <int Dim> void read_file(const Section& geometry, const fs::path& file, CaseGeometry<Dim>& result) {
+template <int Dim> void read_file(const Section& geometry, const fs::path& file, MeshSource<Dim>& result) {
   const FileKind kind = kind_of(geometry, file);
   switch (kind) {
     case FileKind::gmsh:
