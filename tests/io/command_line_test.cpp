@@ -327,9 +327,10 @@ displacement = [0, 0, 0]
                                  &output);  // without charts
   ASSERT_EQ(status, 0) << output;
   const auto methods = json(work / "out/convergence.json")["methods"];
-  for (const char* name : {"cells-1", "cells-2", "cells-4", "mls-1", "mls-2", "mls-4", "mls-24", "full", "p1", "p2"})
+  for (const char* name : {"cells-1", "cells-2", "cells-4", "linear-1.5", "linear-2.5", "mls-1", "mls-2", "mls-4",
+                           "mls-24", "full", "p1", "p2"})
     EXPECT_TRUE(methods.contains(name)) << name;
-  EXPECT_EQ(methods.size(), 10u);
+  EXPECT_EQ(methods.size(), 12u);
 }
 
 TEST(CommandLine, AStudyStartsFromTheSeedOfTheCase) {
