@@ -65,10 +65,13 @@ Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& a
   Matrix fits = Matrix::Zero((Dim + 1) * rows, count);
   parallel_for(count, [&](Index I) {
     const Vec<Dim> x = approximation.nodes.col(I < nodes ? I : approximation.space.dof_at(I));
-    double scale = 0.0, total = 0.0;
+    double largest = 0.0, scale = 0.0, total = 0.0;
+    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) largest = std::max(largest, entry.value());
+    // A function of order 2 may be negative in the mean over every cluster it reaches: then all count alike.
+    const auto weight_of = [&](const SparseRows::InnerIterator& entry) { return largest > 0.0 ? entry.value() : 1.0; };
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
-      total += entry.value();
-      scale += entry.value() * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
+      total += weight_of(entry);
+      scale += weight_of(entry) * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
     }
     scale = scale > 0.0 ? std::sqrt(scale / total) : 1.0;
     Fit A = Fit::Zero();
@@ -76,7 +79,7 @@ Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& a
     for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
       Eigen::Matrix<double, Dim + 1, 1> g;
       g << 1.0, (approximation.quadrature.points.col(entry.col()) - x) / scale;
-      const double weight = entry.value() / total;
+      const double weight = weight_of(entry) / total;
       A += weight * g * g.transpose();
       b += weight * g * values.col(entry.col()).transpose();
     }
