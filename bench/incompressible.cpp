@@ -158,7 +158,7 @@ int main(int argc, char** argv) {
       run("liver", nu, [&] {
         auto analysis = std::get<Case<3>>(read_case(folder / "liver.toml"));
         analysis.model.material = LinearElastic(1.0, nu);
-        const double h = mesh_size(analysis);
+        const double h = mesh_size(analysis.geometry, analysis);
         auto made = prepare(analysis);
         ElasticModel model = analysis.model;
         model.regions = made.materials;

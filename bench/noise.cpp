@@ -12,6 +12,7 @@
 /// quarters (96^3: 12 GiB).
 #include "noise.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "gyroid.hpp"
 
 #include <cmath>
