@@ -210,7 +210,8 @@ template <int Dim> double Materials<Dim>::incompressibility(const FineMesh<Dim>&
     Points<Dim> centres(Dim, count);
     for (Index k = 0; k < count; ++k) centres.col(k) = mesh.centroid(cells[region][k]);
     const Material& material = *materials_[region];
-    const auto response = efree::respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
+    const auto response =
+        efree::respond(material, Deformation::none(in_space<Dim>(centres), material.history_size()), true);
     for (Index p = 0; p < count; ++p) largest = std::max(largest, efree::incompressibility(response.tangent_at(p)));
   }
   return largest;

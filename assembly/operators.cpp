@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/assembly/operators.hpp"
 
-#include "efree/assembly/internal/gather.hpp"
+#include "efree/assembly/internal/matrix_pattern.hpp"
 #include "efree/core/parallel.hpp"
 
 namespace efree {
@@ -37,16 +37,14 @@ template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discret
 
 template <int Dim>
 SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const PointTangents<Dim>& A) {
-  const ShapeTable<Dim>& shape = discretization.shape;
-  const NodePlaces& by_node = shape.by_node();
-  return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
-    for (const auto& [K, k] : by_node[a]) {
-      const auto row = shape.row(K);
-      const GradientBlock<Dim> stress = discretization.weights[K] * nodal_gradient(row, k).stress(A[K]);
-      for (std::size_t l = k; l < row.nodes.size(); ++l)
-        sums[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
-    }
-  });
+  const Index nodes = discretization.shape.num_nodes();
+  const internal::MatrixPattern<Dim> pattern(nodes, {&discretization.shape}, {});
+  SymmetricMatrix K;
+  pattern.sum(
+      internal::Unknowns<Dim>(nodes, {}),
+      [&](Index a, internal::BlockColumn<Dim>& column) { internal::add_stiffness(discretization, A, a, column); }, {},
+      K);
+  return K;
 }
 
 template Gradients<2> gradient<2>(const Discretization<2>&, const Points<2>&);

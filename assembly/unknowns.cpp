@@ -59,7 +59,7 @@ template <int Dim> Points<Dim> Unknowns<Dim>::prescribe(double factor, Points<Di
   return displacements;
 }
 
-template <int Dim> Points<Dim> Unknowns<Dim>::fixed_part(Points<Dim> displacements) const {
+template <int Dim> Points<Dim> Unknowns<Dim>::fixed_part(const Points<Dim>& displacements) const {
   Points<Dim> fixed = Points<Dim>::Zero(Dim, num_nodes_);
   for (std::size_t k = 0; k < conditions_.nodes.size(); ++k) {
     const Index node = conditions_.nodes[k];

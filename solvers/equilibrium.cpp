@@ -15,6 +15,7 @@
 
 namespace efree {
 
+using internal::add_stiffness;
 using internal::BlockColumn;
 using internal::MatrixPattern;
 using internal::Unknowns;
@@ -84,14 +85,6 @@ std::vector<WorkTerm<Dim>> work_terms(const Approximation<Dim>& approximation, d
 template <int Dim> Gradients<Dim> times(const PointTangents<Dim>& A, Gradients<Dim> x) {
   parallel_for(static_cast<Index>(x.cols()), [&](Index K) { x.col(K) = A[K] * Gradient<Dim>(x.col(K)); });
   return x;
-}
-
-/// Adds weight * G_b^T A G_a to the blocks of column a, for one of its places in a table.
-template <int Dim> void add_stiffness(const ShapeRow<Dim>& row, std::size_t k, double weight, const Tangent<Dim>& A,
-                                      BlockColumn<Dim>& column) {
-  const GradientBlock<Dim> stress = weight * nodal_gradient(row, k).stress(A);
-  for (std::size_t l = k; l < row.nodes.size(); ++l)
-    column[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
 }
 
 }  // namespace
@@ -180,14 +173,19 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     return sums;
   }
 
+  /// The tangent where nothing has happened yet, of all coefficients, times U.
+  Points<Dim> initial_forces(const Points<Dim>& U) const {
+    if (U.isZero(0.0)) return Points<Dim>::Zero(Dim, U.cols());
+    Points<Dim> forces = weak_forces(U);
+    for (const auto& term : initial)
+      forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
+    return forces;
+  }
+
   Points<Dim> internal_forces(const State& state) const {
     const Points<Dim> U = displacements(state);
+    if (linear) return initial_forces(U);
     Points<Dim> forces = weak_forces(U);
-    if (linear) {
-      for (const auto& term : initial)
-        forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
-      return forces;
-    }
     for_each_answer(state, false, [&](const WorkTerm<Dim>& term, const Answer& answer, Index) {
       Gradients<Dim> P(gradient_size<Dim>, term.points->size());
       for (Index K = 0; K < term.points->size(); ++K) P.col(K) = term.share * answer.stress(K);
@@ -205,10 +203,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     pattern.sum(
         unknowns,
         [&](Index a, BlockColumn<Dim>& column) {
-          for (const auto& term : initial)
-            for (const auto& [point, k] : term.discretization->shape.by_node()[a])
-              add_stiffness(term.discretization->shape.row(point), k, term.discretization->weights[point],
-                            term.tangents[point], column);
+          for (const auto& term : initial) add_stiffness(*term.discretization, term.tangents, a, column);
         },
         weak, K);
   }
@@ -253,8 +248,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
         unknowns,
         [&](Index a, BlockColumn<Dim>& column) {
           for (const TangentTerm& term : terms) {
-            for (const auto& [point, k] : term.points->shape.by_node()[a])
-              add_stiffness(term.points->shape.row(point), k, term.points->weights[point], term.A[point], column);
+            add_stiffness(*term.points, term.A, a, column);
             if (term.bulk.size() == 0) continue;
             for (const auto& [g, k] : unions.by_node()[a]) {
               const auto row = unions.row(g);
@@ -399,10 +393,7 @@ template <int Dim> const std::vector<StiffnessTerm<Dim>>& Equilibrium<Dim>::stif
 }
 
 template <int Dim> Points<Dim> Equilibrium<Dim>::initial_tangent_times(const Points<Dim>& U) const {
-  Points<Dim> forces = data_->weak_forces(U);
-  for (const auto& term : data_->initial)
-    forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
-  return forces;
+  return data_->initial_forces(U);
 }
 template <int Dim> Points<Dim> Equilibrium<Dim>::weak_forces(const Points<Dim>& U) const {
   return data_->weak_forces(U);

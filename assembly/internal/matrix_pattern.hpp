@@ -29,6 +29,17 @@ template <int Dim> class BlockColumn {
   std::vector<Mat<Dim>, Eigen::aligned_allocator<Mat<Dim>>> blocks_;
 };
 
+/// Adds sum_K w_K G_b^T A_K G_a, K the points of a discretization, to the blocks of the column of node a.
+template <int Dim, class Tangents>
+void add_stiffness(const Discretization<Dim>& discretization, const Tangents& A, Index a, BlockColumn<Dim>& column) {
+  for (const auto& [K, k] : discretization.shape.by_node()[a]) {
+    const auto row = discretization.shape.row(K);
+    const GradientBlock<Dim> stress = discretization.weights[K] * nodal_gradient(row, k).stress(A[K]);
+    for (std::size_t l = k; l < row.nodes.size(); ++l)
+      column[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
+  }
+}
+
 /// Lower triangle of a matrix of unknowns whose blocks are those of pairs of nodes that meet at a point of some table.
 template <int Dim> class MatrixPattern {
  public:

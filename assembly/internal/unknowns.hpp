@@ -35,7 +35,7 @@ template <int Dim> class Unknowns {
   /// Displacements whose fixed components are `factor` times what is prescribed, and the others as they are.
   Points<Dim> prescribe(double factor, Points<Dim> displacements) const;
   /// The fixed components of displacements; the others are zero.
-  Points<Dim> fixed_part(Points<Dim> displacements) const;
+  Points<Dim> fixed_part(const Points<Dim>& displacements) const;
 
  private:
   Index num_nodes_, size_ = 0;
