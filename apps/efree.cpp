@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The command line program. Exit status: 0 done, 2 bad input, 3 numerical failure, 1 anything else.
+#include "blas_kernels.hpp"
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
@@ -238,6 +239,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  if (!inspect_command.parsed()) restart_with_fast_blas(argv);
   if (options.study.compare && seeds->empty()) options.study.seeds = 5;
   // What libraries say aside (CGAL, OpenCASCADE): it comes back as an error, once. Ours goes through stdio.
   std::cout.rdbuf(nullptr);

@@ -4,12 +4,14 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/internal/supernodes.hpp"
 
 #include <cholmod.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 #include <span>
 
 extern "C" void openblas_set_num_threads(int);
@@ -97,8 +99,9 @@ struct Cholesky::Impl {
   cholmod_factor* factor = nullptr;
   std::vector<Index> order;  ///< of the unknowns, if it was given
   std::size_t unknowns = 0, entries = 0;
-  std::size_t pattern = 0;  ///< hash of what was analysed
-  bool is_current = false;  ///< whether there are values in the factor
+  std::size_t pattern = 0;               ///< hash of what was analysed
+  std::optional<Supernodes> supernodes;  ///< none: simplicial
+  bool is_current = false;               ///< whether there are values in the factor
   Index negative = 0;
 
   /// Threaded BLAS sums in an order that depends on the number of threads.
@@ -128,7 +131,9 @@ struct Cholesky::Impl {
   }
 
   /// Symbolic factor of this kind, with the ordering that there is.
-  void prepare(cholmod_sparse& view, bool supernodal) {
+  void prepare(const SymmetricMatrix& lower, bool supernodal) {
+    cholmod_sparse view = view_of(lower);
+    supernodes.reset();
     cholmod_free_factor(&factor, common.get());
     common.common.supernodal = supernodal ? CHOLMOD_SUPERNODAL : CHOLMOD_SIMPLICIAL;
     common.common.nmethods = order.empty() ? 0 : 1;  // 0: CHOLMOD's own strategy
@@ -138,11 +143,20 @@ struct Cholesky::Impl {
     common.check(unknowns);
     require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", unknowns),
                    "use a wider cloud spacing or a coarser mesh");
+    if (supernodal) supernodes.emplace(*factor, lower);
   }
   double factor_entries() const { return static_cast<double>(factor->is_super ? factor->xsize : factor->nzmax); }
 
   /// Whether all pivots could be divided by.
-  bool is_factored(cholmod_sparse& view) {
+  bool is_factored(const SymmetricMatrix& lower) {
+    if (supernodes) {
+      if (factor->xtype == CHOLMOD_PATTERN) cholmod_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, factor, common.get());
+      common.check(unknowns);
+      const Index column = supernodes->factorize(lower, static_cast<double*>(factor->x));
+      factor->minor = column == Supernodes::none ? factor->n : static_cast<std::size_t>(column);
+      return column == Supernodes::none;
+    }
+    cholmod_sparse view = view_of(lower);
     on_one_thread([&] { cholmod_factorize(&view, factor, common.get()); });
     common.check(unknowns);
     return common.common.status != CHOLMOD_NOT_POSDEF && factor->minor >= factor->n;
@@ -161,8 +175,7 @@ struct Cholesky::Impl {
 Cholesky::Cholesky() : impl_(std::make_unique<Impl>()) {}
 Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : Cholesky() {
   analyse(lower, node_of);
-  cholmod_sparse view = Impl::view_of(lower);
-  if (!impl_->is_factored(view))
+  if (!impl_->is_factored(lower))
     throw NumericalError(
         fmt::format("the matrix is not positive definite (at unknown {} of {})", impl_->ended_at(), lower.rows()));
   impl_->require_regular();
@@ -183,8 +196,7 @@ void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>&
             "Cholesky: a node for each unknown expected, ascending");
     impl_->order = impl_->node_order(node_pattern(pattern, node_of), node_of);
   }
-  cholmod_sparse view = Impl::view_of(pattern);
-  impl_->prepare(view, true);
+  impl_->prepare(pattern, true);
 }
 
 void Cholesky::factorize(const SymmetricMatrix& lower) {
@@ -194,13 +206,12 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
                                  lower.rows(), impl_->entries, impl_->unknowns));
   require(pattern_hash(lower) == impl_->pattern,
           "Cholesky: entries are elsewhere than in the pattern that was analysed");
-  cholmod_sparse view = Impl::view_of(lower);
   impl_->is_current = false;
   impl_->negative = 0;
-  if (!impl_->factor->is_super) impl_->prepare(view, true);
-  if (!impl_->is_factored(view)) {
-    impl_->prepare(view, false);
-    if (!impl_->is_factored(view))
+  if (!impl_->factor->is_super) impl_->prepare(lower, true);
+  if (!impl_->is_factored(lower)) {
+    impl_->prepare(lower, false);
+    if (!impl_->is_factored(lower))
       throw NumericalError(
           fmt::format("the matrix is singular (at unknown {} of {})", impl_->ended_at(), lower.rows()));
     const auto* offsets = static_cast<const int*>(impl_->factor->p);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Sparse Cholesky factorisation by CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008), BLAS on one thread.
+/// Sparse Cholesky factorisation: ordering, supernodes and solves by CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008),
+/// numbers on several threads, BLAS on one.
 #pragma once
 
 #include "efree/solvers/linear_solver.hpp"

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/cholesky.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <array>
 #include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -54,6 +56,63 @@ TEST(Cholesky, OrderingByNodesGivesTheSameSolutionFromAFactorAsSparse) {
   EXPECT_LT((by_nodes.solve(rhs) - by_unknowns.solve(rhs)).cwiseAbs().maxCoeff(), 1e-13);
   EXPECT_LT(by_nodes.factor_entries(), 1.2 * by_unknowns.factor_entries());
   EXPECT_THROW(Cholesky(lower, std::vector<Index>(3, 0)), InputError);
+}
+
+/// Lower triangle of a definite matrix on a cube of n^3 nodes with three unknowns each, all neighbours coupled.
+SymmetricMatrix cube(Index n, std::vector<Index>& node_of) {
+  const Index nodes = n * n * n;
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  node_of.clear();
+  for (Index a = 0; a < nodes; ++a) {
+    node_of.insert(node_of.end(), 3, a);
+    for (Index b = a; b < nodes; ++b) {
+      const Index di = std::abs(a % n - b % n), dj = std::abs(a / n % n - b / n % n),
+                  dk = std::abs(a / n / n - b / n / n);
+      if (std::max({di, dj, dk}) > 1) continue;
+      for (int i = 0; i < 3; ++i)
+        for (int j = a == b ? i : 0; j < 3; ++j)
+          entries.emplace_back(3 * b + j, 3 * a + i, a == b && i == j ? 60.0 : -1.0 / (1.0 + (a + b + i + j) % 5));
+    }
+  }
+  SymmetricMatrix lower(3 * nodes, 3 * nodes);
+  lower.setFromTriplets(entries.begin(), entries.end());
+  return lower;
+}
+
+TEST(Cholesky, LargeFactorsSolveToRoundingWithTheSameBitsOnAnyNumberOfThreads) {
+  std::vector<Index> node_of;
+  const SymmetricMatrix lower = cube(11, node_of);  // wide enough for supernodes of several panels and tiles
+  const Matrix exact = Matrix::Random(lower.rows(), 2), rhs = lower.selfadjointView<Eigen::Lower>() * exact;
+  const int threads = num_threads();
+  set_num_threads(1);
+  const Matrix on_one = Cholesky(lower, node_of).solve(rhs);
+  EXPECT_LT((on_one - exact).cwiseAbs().maxCoeff(), 1e-13);
+  for (const int count : {2, 3, 7}) {
+    set_num_threads(count);
+    EXPECT_EQ(Cholesky(lower, node_of).solve(rhs), on_one) << count << " threads";
+  }
+  set_num_threads(threads);
+}
+
+TEST(Cholesky, TheFirstPivotThatFailsIsNamedOnAnyNumberOfThreads) {
+  std::vector<Index> node_of;
+  SymmetricMatrix lower = cube(8, node_of);
+  for (const Index held : {200, 900, 1500}) lower.coeffRef(held, held) = -1.0;
+  const auto message = [&] {
+    try {
+      Cholesky factor(lower, node_of);
+    } catch (const NumericalError& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  const int threads = num_threads();
+  set_num_threads(1);
+  const std::string on_one = message();
+  EXPECT_THAT(on_one, ::testing::HasSubstr("not positive definite"));
+  set_num_threads(2);
+  EXPECT_EQ(message(), on_one);
+  set_num_threads(threads);
 }
 
 TEST(Cholesky, ChainThatHoldsNowhereIsSingular) {

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The numbers of a supernodal Cholesky factor, on several threads.
+#pragma once
+
+#include "efree/assembly/operators.hpp"
+#include "efree/core/types.hpp"
+
+#include <cholmod.h>
+
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace efree {
+
+/// CHOLMOD orders the unknowns, finds the supernodes and solves; what it does on one thread, or on many with other
+/// bits, is done here. Supernodes are cut into panels of columns and these into tiles of rows, none of which depends on
+/// the number of threads; every tile takes its updates in ascending order (left-looking: Ng, Peyton 1993). Branches of
+/// the elimination tree are factored side by side, each by one thread, the panels of its trunk one after the other with
+/// their tiles side by side.
+class Supernodes {
+ public:
+  /// `symbolic` is a supernodal analysis of `lower`, whose values do not count.
+  Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower);
+
+  Supernodes(const Supernodes&) = delete;
+  Supernodes& operator=(const Supernodes&) = delete;
+
+  static constexpr Index none = std::numeric_limits<Index>::max();
+  /// Writes the factor of a matrix with that pattern to L, as long as CHOLMOD's xsize. Returns the first column of the
+  /// factor where the pivot is not positive, or `none`; then L is no factor.
+  Index factorize(const SymmetricMatrix& lower, double* L) const;
+
+ private:
+  /// Consecutive columns of a supernode, and its rows from the first of them on.
+  struct Panel {
+    Index first, width;
+    std::span<const Index> rows;  ///< the columns' own first
+    std::size_t values;           ///< the first in L, column by column
+    Index stride;                 ///< between columns
+
+    Index num_tiles() const;
+    std::pair<Index, Index> tile(Index t) const;  ///< range of rows; tile 0 is square
+  };
+  /// What a panel takes off: the product of these rows, of all columns of a supernode below it in the tree or of those
+  /// before it in its own, with the first `num_columns` of the rows, which are columns of the panel.
+  struct Update {
+    std::span<const Index> rows;
+    std::size_t values;  ///< of the first row, the first in L
+    Index stride, depth, num_columns;
+  };
+  struct Workspace;
+
+  void update(const Panel& panel, Index tile, std::span<const Update> updates, Workspace& space, double* L) const;
+  Index factorize_branch(std::span<const Index> branch, double* L) const;
+  Index factorize_trunk(double* L) const;
+
+  std::vector<Index> rows_;  ///< of all supernodes
+  std::vector<Panel> panels_;
+  Ragged<Update> updates_;          ///< of every panel, in ascending order of supernodes
+  std::vector<std::size_t> place_;  ///< in L, of every entry of the matrix
+  Ragged<Index> branches_;          ///< their panels in ascending order; the branch with most work comes first
+  std::vector<Index> trunk_;        ///< panels above them, ascending
+  std::size_t size_;                ///< of L
+};
+
+}  // namespace efree

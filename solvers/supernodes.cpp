@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/internal/supernodes.hpp"
+
+#include "efree/core/parallel.hpp"
+
+#include <cblas.h>
+
+#include <algorithm>
+#include <memory>
+#include <numeric>
+
+extern "C" void dpotrf_(const char* uplo, const int* n, double* A, const int* stride, int* info);
+
+namespace efree {
+namespace {
+
+constexpr Index widest_panel = 192, tallest_tile = 384;
+/// A branch has at most this share of the work.
+constexpr double largest_branch = 1.0 / 64.0;
+
+}  // namespace
+
+Index Supernodes::Panel::num_tiles() const {
+  return 1 + (static_cast<Index>(rows.size()) - width + tallest_tile - 1) / tallest_tile;
+}
+std::pair<Index, Index> Supernodes::Panel::tile(Index t) const {
+  if (t == 0) return {0, width};
+  const Index begin = width + (t - 1) * tallest_tile;
+  return {begin, std::min(begin + tallest_tile, static_cast<Index>(rows.size()))};
+}
+
+/// Scratch memory of a thread.
+struct Supernodes::Workspace {
+  std::unique_ptr<Index[]> row;  ///< of a tile, by row of the matrix
+  std::vector<double> product = std::vector<double>(static_cast<std::size_t>(widest_panel) * tallest_tile);
+
+  explicit Workspace(Index n) : row(std::make_unique_for_overwrite<Index[]>(static_cast<std::size_t>(n))) {}
+};
+
+Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower)
+    : rows_(static_cast<const int*>(symbolic.s), static_cast<const int*>(symbolic.s) + symbolic.ssize),
+      size_(symbolic.xsize) {
+  const auto* first_column = static_cast<const int*>(symbolic.super);
+  const auto* first_row = static_cast<const int*>(symbolic.pi);
+  const auto* first_value = static_cast<const int*>(symbolic.px);
+  const Index n = static_cast<Index>(symbolic.n);
+
+  std::vector<Index> panel_of(n);
+  for (Index s = 0; s < static_cast<Index>(symbolic.nsuper); ++s) {
+    const Index columns = first_column[s + 1] - first_column[s], height = first_row[s + 1] - first_row[s];
+    const Index parts = (columns + widest_panel - 1) / widest_panel;
+    for (Index part = 0; part < parts; ++part) {
+      const Index begin = columns * part / parts, width = columns * (part + 1) / parts - begin;
+      std::fill_n(panel_of.begin() + first_column[s] + begin, width, static_cast<Index>(panels_.size()));
+      panels_.push_back({first_column[s] + begin,
+                         width,
+                         {rows_.data() + first_row[s] + begin, static_cast<std::size_t>(height - begin)},
+                         first_value[s] + static_cast<std::size_t>(begin) * (static_cast<std::size_t>(height) + 1),
+                         height});
+    }
+  }
+  const Index panels = static_cast<Index>(panels_.size());
+
+  const auto for_updates = [&](const auto& visit) {
+    for (Index s = 0; s < static_cast<Index>(symbolic.nsuper); ++s) {
+      const Index columns = first_column[s + 1] - first_column[s], height = first_row[s + 1] - first_row[s];
+      const std::span rows(rows_.data() + first_row[s], static_cast<std::size_t>(height));
+      for (Index begin = 0, end = 0; begin < height; begin = end) {
+        const Index target = panel_of[rows[begin]];
+        while (end < height && panel_of[rows[end]] == target) ++end;
+        if (begin > 0)
+          visit(target, Update{rows.subspan(begin), static_cast<std::size_t>(first_value[s] + begin), height,
+                               std::min(begin, columns), end - begin});
+      }
+    }
+  };
+  updates_.offsets.assign(panels + 1, 0);
+  for_updates([&](Index target, const Update&) { ++updates_.offsets[target + 1]; });
+  std::partial_sum(updates_.offsets.begin(), updates_.offsets.end(), updates_.offsets.begin());
+  updates_.items.resize(updates_.offsets.back());
+  std::vector<Index> cursor(updates_.offsets.begin(), updates_.offsets.end() - 1);
+  for_updates([&](Index target, const Update& update) { updates_.items[cursor[target]++] = update; });
+
+  // Branches and trunk: operations of every panel with all below it in the tree.
+  const auto parent = [&](const Panel& panel) {
+    return static_cast<Index>(panel.rows.size()) > panel.width ? panel_of[panel.rows[panel.width]] : none;
+  };
+  std::vector<double> work(panels, 0.0);
+  double total = 0.0;
+  for (Index p = 0; p < panels; ++p) {
+    double own = static_cast<double>(panels_[p].rows.size()) * panels_[p].width * panels_[p].width;
+    for (const Update& u : updates_[p]) own += 2.0 * u.depth * u.num_columns * static_cast<double>(u.rows.size());
+    total += own;
+    work[p] += own;
+    if (const Index above = parent(panels_[p]); above != none) work[above] += work[p];
+  }
+  std::vector<Index> root(panels);  // of the branch that a panel belongs to
+  std::vector<std::vector<Index>> branch(panels);
+  for (Index p = panels - 1; p >= 0; --p) {
+    const Index above = parent(panels_[p]);
+    if (work[p] > largest_branch * total)
+      root[p] = none;
+    else
+      root[p] = above == none || root[above] == none ? p : root[above];
+  }
+  std::vector<Index> roots;
+  for (Index p = 0; p < panels; ++p) {
+    if (root[p] == none)
+      trunk_.push_back(p);
+    else
+      branch[root[p]].push_back(p);
+    if (root[p] == p) roots.push_back(p);
+  }
+  std::ranges::stable_sort(roots, std::greater{}, [&](Index p) { return work[p]; });
+  for (const Index r : roots) {
+    branches_.items.insert(branches_.items.end(), branch[r].begin(), branch[r].end());
+    branches_.close_row();
+  }
+
+  const auto* order = static_cast<const int*>(symbolic.Perm);
+  std::vector<Index> position(n);
+  for (Index i = 0; i < n; ++i) position[order[i]] = i;
+  place_.resize(static_cast<std::size_t>(lower.nonZeros()));
+  parallel_for(n, [&](Index column) {
+    for (Index k = lower.outerIndexPtr()[column]; k < lower.outerIndexPtr()[column + 1]; ++k) {
+      const auto [c, r] = std::minmax({position[column], position[lower.innerIndexPtr()[k]]});
+      const Panel& panel = panels_[panel_of[c]];
+      const auto found = std::ranges::lower_bound(panel.rows, r) - panel.rows.begin();
+      place_[k] = panel.values + static_cast<std::size_t>(found) +
+                  static_cast<std::size_t>(c - panel.first) * static_cast<std::size_t>(panel.stride);
+    }
+  });
+}
+
+void Supernodes::update(const Panel& panel, Index t, std::span<const Update> updates, Workspace& space,
+                        double* L) const {
+  const auto [top, bottom] = panel.tile(t);
+  for (Index r = top; r < bottom; ++r) space.row[panel.rows[r]] = r;
+  for (const Update& u : updates) {
+    const auto begin = std::ranges::lower_bound(u.rows, panel.rows[top]);
+    const auto end = std::upper_bound(begin, u.rows.end(), panel.rows[bottom - 1]);
+    if (begin == end) continue;
+    const Index height = static_cast<Index>(end - begin), width = u.num_columns;
+    const double* upper = L + u.values;
+    const double* left = upper + (begin - u.rows.begin());
+    const auto column = [&](Index j) {
+      return L + panel.values +
+             static_cast<std::size_t>(u.rows[j] - panel.first) * static_cast<std::size_t>(panel.stride);
+    };
+    const auto multiply = [&](double sign, double keep, double* C, Index stride) {
+      if (t == 0)
+        cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, height, u.depth, sign, left, u.stride, keep, C, stride);
+      else
+        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, height, width, u.depth, sign, left, u.stride, upper,
+                    u.stride, keep, C, stride);
+    };
+    const Index first = space.row[*begin];
+    const bool is_block = space.row[*(end - 1)] - first == height - 1 && u.rows[width - 1] - u.rows[0] == width - 1;
+    if (is_block) {
+      multiply(-1.0, 1.0, column(0) + first, panel.stride);
+      continue;
+    }
+    multiply(1.0, 0.0, space.product.data(), height);
+    for (Index j = 0; j < width; ++j) {
+      double* target = column(j);
+      const double* product = space.product.data() + static_cast<std::size_t>(j) * static_cast<std::size_t>(height);
+      for (Index i = t == 0 ? j : 0; i < height; ++i) target[space.row[begin[i]]] -= product[i];
+    }
+  }
+}
+
+namespace {
+
+/// Cholesky factor of a small matrix, in its place. Returns the column where it ends, or `none`.
+Index factorize_square(Index size, double* A, Index stride) {
+  int info = 0;
+  dpotrf_("L", &size, A, &stride, &info);
+  return info > 0 ? info - 1 : Supernodes::none;
+}
+/// B <- B A^-T for a lower triangle A.
+void divide(Index rows, Index columns, const double* A, double* B, Index stride) {
+  cblas_dtrsm(CblasColMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, rows, columns, 1.0, A, stride, B,
+              stride);
+}
+
+}  // namespace
+
+Index Supernodes::factorize_branch(std::span<const Index> branch, double* L) const {
+  Workspace space(panels_.back().first + panels_.back().width);
+  for (const Index p : branch) {
+    const Panel& panel = panels_[p];
+    double* square = L + panel.values;
+    update(panel, 0, updates_[p], space, L);
+    if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
+      return panel.first + column;
+    for (Index t = 1; t < panel.num_tiles(); ++t) {
+      const auto [top, bottom] = panel.tile(t);
+      update(panel, t, updates_[p], space, L);
+      divide(bottom - top, panel.width, square, square + top, panel.stride);
+    }
+  }
+  return none;
+}
+
+Index Supernodes::factorize_trunk(double* L) const {
+  for (const Index p : trunk_) {
+    const Panel& panel = panels_[p];
+    double* square = L + panel.values;
+    parallel_chunks(panel.num_tiles(), 1, [&](Index t, Index) {
+      Workspace space(panels_.back().first + panels_.back().width);
+      update(panel, t, updates_[p], space, L);
+    });
+    if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
+      return panel.first + column;
+    parallel_chunks(panel.num_tiles() - 1, 1, [&](Index t, Index) {
+      const auto [top, bottom] = panel.tile(t + 1);
+      divide(bottom - top, panel.width, square, square + top, panel.stride);
+    });
+  }
+  return none;
+}
+
+Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
+  if (panels_.empty()) return none;
+  constexpr std::size_t piece = std::size_t{1} << 18;
+  parallel_chunks(static_cast<Index>((size_ + piece - 1) / piece), 1, [&](Index k, Index) {
+    std::fill(L + static_cast<std::size_t>(k) * piece, L + std::min(size_, static_cast<std::size_t>(k + 1) * piece),
+              0.0);
+  });
+  parallel_chunks(lower.nonZeros(), 1 << 16, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k) L[place_[k]] = lower.valuePtr()[k];
+  });
+  std::vector<Index> ended(branches_.rows(), none);
+  parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], L); });
+  const Index first = std::ranges::min(ended.empty() ? std::vector{none} : ended);
+  return first != none ? first : factorize_trunk(L);
+}
+
+}  // namespace efree
