@@ -17,17 +17,19 @@ using internal::place_text;
 using internal::prescribed;
 using internal::to_nodes;
 
-/// Sums blocks with equal keys; input in any order, output sorted by key.
+/// Sums blocks with equal keys, in their order; input in any order, output sorted by key.
 template <class Key, class Block> void combine(std::vector<std::pair<Key, Block>>& entries) {
-  std::stable_sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::size_t out = 0;
-  for (std::size_t in = 0; in < entries.size(); ++in) {
-    if (out > 0 && entries[out - 1].first == entries[in].first)
-      entries[out - 1].second += entries[in].second;
+  std::vector<std::pair<Key, Index>> order;
+  order.reserve(entries.size());
+  for (const auto& [key, block] : entries) order.emplace_back(key, static_cast<Index>(order.size()));
+  std::ranges::sort(order);
+  std::vector<std::pair<Key, Block>> sums;
+  for (const auto& [key, k] : order)
+    if (!sums.empty() && sums.back().first == key)
+      sums.back().second += entries[k].second;
     else
-      entries[out++] = entries[in];
-  }
-  entries.resize(out);
+      sums.push_back(entries[k]);
+  entries = std::move(sums);
 }
 
 /// The same while the blocks come, so that there are never many more than different keys near each other.
@@ -132,8 +134,8 @@ HeldPoint<Dim> held_at(const BoundaryPoint<Dim>& point, const std::vector<const 
   return result;
 }
 
-/// The constraints of all restraints, then those of the ties, always in the same order. What is prescribed is evaluated
-/// once.
+/// The constraints of all restraints, then those of the ties, in parts that do not depend on the number of threads.
+/// What is prescribed is evaluated once.
 template <int Dim> class Constraints {
  public:
   Constraints(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
@@ -145,23 +147,46 @@ template <int Dim> class Constraints {
       std::vector<const Restraint<Dim>*> on_facet;
       for (; s < pairs.size() && pairs[s].first == f; ++s) on_facet.push_back(&restraints[pairs[s].second]);
       facets_.push_back(f);
-      for_each_point<Dim>(space, {f},
+      for_each_point<Dim>(space, {&f, 1},
                           [&](const BoundaryPoint<Dim>& point) { held_.push_back(held_at(point, on_facet)); });
     }
   }
 
+  Index num_parts() const { return parts(facets_.size()) + parts(ties_.size()); }
+  /// Those of one part, always in the same order.
+  template <class Visit> void for_each(Index part, const Visit& visit) const {
+    const Index of_facets = parts(facets_.size());
+    if (part < of_facets)
+      for_each_held(range(facets_, part), visit);
+    else
+      for_each_tie(range(ties_, part - of_facets), visit);
+  }
   template <class Visit> void for_each(const Visit& visit) const {
-    auto held = held_.begin();
-    for_each_point<Dim>(space_, facets_, [&](const BoundaryPoint<Dim>& point) {
+    for (Index part = 0; part < num_parts(); ++part) for_each(part, visit);
+  }
+
+ private:
+  static constexpr std::size_t facets_per_part = 512;
+  static Index parts(std::size_t size) { return static_cast<Index>((size + facets_per_part - 1) / facets_per_part); }
+  template <class T> static std::span<const T> range(const std::vector<T>& all, Index part) {
+    const std::size_t begin = static_cast<std::size_t>(part) * facets_per_part;
+    return std::span(all).subspan(begin, std::min(facets_per_part, all.size() - begin));
+  }
+
+  template <class Visit> void for_each_held(std::span<const Index> facets, const Visit& visit) const {
+    auto held = held_.begin() + (facets.data() - facets_.data()) * space_.facet_rule().weights.size();
+    for_each_point<Dim>(space_, facets, [&](const BoundaryPoint<Dim>& point) {
       visit(Constraint<Dim>{{{point, 1.0}}, point.n, held->directions, held->value});
       ++held;
     });
-    for (const auto& [f, other] : ties_) {
+  }
+  template <class Visit> void for_each_tie(std::span<const TiedFacets> ties, const Visit& visit) const {
+    for (const auto& [f, other] : ties) {
       const auto twins = points_on_twin(space_, f, other);
       const Index per_facet = static_cast<Index>(twins.size());
       const Index c = space_.mesh().facet_cell(other);
       Index g = 0;
-      for_each_point<Dim>(space_, {f}, [&](const BoundaryPoint<Dim>& point) {
+      for_each_point<Dim>(space_, {&f, 1}, [&](const BoundaryPoint<Dim>& point) {
         BoundaryPoint<Dim> twin = point;
         twin.facet = other;
         // Phi_K of the far side at the rule point nearest to this one: the rule is symmetric, so it is the same place.
@@ -180,12 +205,29 @@ template <int Dim> class Constraints {
     }
   }
 
- private:
   const FineSpace<Dim>& space_;
   const std::vector<TiedFacets>& ties_;
   std::vector<Index> facets_;         ///< restrained ones, ascending
   std::vector<HeldPoint<Dim>> held_;  ///< at their points
 };
+
+/// The sums by key of what add(constraint, sums) adds for all constraints, sorted by key.
+template <class Key, class Block, int Dim, class Add>
+std::vector<std::pair<Key, Block>> summed(const Constraints<Dim>& constraints, const Add& add) {
+  std::vector<std::vector<std::pair<Key, Block>>> parts(constraints.num_parts());
+  parallel_chunks(constraints.num_parts(), 1, [&](Index part, Index) {
+    Combiner<Key, Block> sums;
+    constraints.for_each(part, [&](const Constraint<Dim>& constraint) { add(constraint, sums); });
+    parts[part] = sums.take();
+  });
+  std::vector<std::pair<Key, Block>> all;
+  for (auto& part : parts) {
+    all.insert(all.end(), part.begin(), part.end());
+    part = {};
+  }
+  combine(all);
+  return all;
+}
 
 /// Stiffness along a normal: the largest (P n . d)^2 / (H : P) over unit directions d and all gradients H.
 template <int Dim> double normal_stiffness(const Tangent<Dim>& A, const Vec<Dim>& n) {
@@ -246,25 +288,30 @@ SymmetricMatrix consistency(const ShapeTable<Dim>& shape, const std::vector<Stif
                             const std::vector<std::vector<double>>& penalty, const Constraints<Dim>& constraints,
                             const StiffnessTerm<Dim>& term, Points<Dim>& rhs) {
   using Block = Eigen::Matrix<double, Dim, gradient_size<Dim>>;
-  Combiner<std::pair<Index, Index>, Block> all_jumps;  // (K, fine v): int Phi_K eta_v sum_d d (d n^T)
-  Combiner<Index, Gradient<Dim>> all_values;           // K: int Phi_K sum_d g d n^T
-  constraints.for_each([&](const Constraint<Dim>& constraint) {
+  // Over the points of the term on the boundary: visit(K, what the flux at K is multiplied with, d n^T for all d held).
+  const auto for_fluxes = [&](const Constraint<Dim>& constraint, const auto& visit) {
     Block normal;
     for (int i = 0; i < Dim; ++i) normal.row(i) = NodalGradient<Dim>{constraint.n}.of(Vec<Dim>::Unit(i)).transpose();
-    const Block block = constraint.directions * normal;
     const Shares share = shares(terms, penalty, constraint);
     for (std::size_t s = 0; s < constraint.sides.size(); ++s)
-      for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi) {
-        const double factor = constraint.weight() * share.flux[s] * phi.value();
-        all_values.add(phi.col(), factor * (normal.transpose() * constraint.value));
-        for (const auto& [point, sign] : constraint.sides)
-          for (std::size_t i = 0; i < point.dofs.size(); ++i)
-            if (point.N[i] != 0.0)
-              all_jumps.add(std::pair(phi.col(), point.dofs[i]), sign * factor * point.N[i] * block);
-      }
+      for (SparseRows::InnerIterator phi(term.discretization->on_facets, constraint.sides[s].point.row); phi; ++phi)
+        visit(static_cast<Index>(phi.col()), constraint.weight() * share.flux[s] * phi.value(), normal);
+  };
+  // (K, fine v): int Phi_K eta_v sum_d d (d n^T)
+  const auto jumps = summed<std::pair<Index, Index>, Block>(constraints, [&](const auto& constraint, auto& sums) {
+    for_fluxes(constraint, [&](Index K, double factor, const Block& normal) {
+      const Block block = constraint.directions * normal;
+      for (const auto& [point, sign] : constraint.sides)
+        for (std::size_t i = 0; i < point.dofs.size(); ++i)
+          if (point.N[i] != 0.0) sums.add({K, point.dofs[i]}, sign * factor * point.N[i] * block);
+    });
   });
-  const auto jumps = all_jumps.take();
-  const auto values = all_values.take();
+  // K: int Phi_K sum_d g d n^T
+  const auto values = summed<Index, Gradient<Dim>>(constraints, [&](const auto& constraint, auto& sums) {
+    for_fluxes(constraint, [&](Index K, double factor, const Block& normal) {
+      sums.add(K, factor * (normal.transpose() * constraint.value));
+    });
+  });
 
   const auto& discretization = *term.discretization;
   for (const auto& [K, q] : values) {
@@ -327,22 +374,27 @@ template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, c
                                                   const std::vector<StiffnessTerm<Dim>>& terms,
                                                   const std::vector<std::vector<double>>& penalty,
                                                   const Constraints<Dim>& constraints, Points<Dim>& rhs) {
-  Combiner<std::pair<Index, Index>, Mat<Dim>> all;
-  Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
-  constraints.for_each([&](const Constraint<Dim>& constraint) {
-    const double factor = constraint.weight() * shares(terms, penalty, constraint).beta;
+  const auto beta_at = [&](const Constraint<Dim>& constraint) {
+    return constraint.weight() * shares(terms, penalty, constraint).beta;
+  };
+  const auto fine = summed<std::pair<Index, Index>, Mat<Dim>>(constraints, [&](const auto& constraint, auto& sums) {
+    const double factor = beta_at(constraint);
     for (const auto& [at, sign] : constraint.sides)
-      for (std::size_t i = 0; i < at.dofs.size(); ++i) {
-        if (at.N[i] == 0.0) continue;
-        fine_rhs.col(at.dofs[i]) += sign * factor * at.N[i] * constraint.value;
+      for (std::size_t i = 0; i < at.dofs.size(); ++i)
         for (const auto& [other, other_sign] : constraint.sides)
           for (std::size_t j = 0; j < other.dofs.size(); ++j)
-            if (other.N[j] != 0.0)
-              all.add(std::pair(at.dofs[i], other.dofs[j]),
-                      (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
-      }
+            if (at.N[i] != 0.0 && other.N[j] != 0.0)
+              sums.add({at.dofs[i], other.dofs[j]},
+                       (sign * other_sign * factor * at.N[i] * other.N[j]) * constraint.directions);
   });
-  const auto fine = all.take();
+  const auto forces = summed<Index, Vec<Dim>>(constraints, [&](const auto& constraint, auto& sums) {
+    const double factor = beta_at(constraint);
+    for (const auto& [at, sign] : constraint.sides)
+      for (std::size_t i = 0; i < at.dofs.size(); ++i)
+        if (at.N[i] != 0.0) sums.add(at.dofs[i], sign * factor * at.N[i] * constraint.value);
+  });
+  Points<Dim> fine_rhs = Points<Dim>::Zero(Dim, space.size());
+  for (const auto& [v, force] : forces) fine_rhs.col(v) = force;
   rhs += to_nodes(shape, fine_rhs);
 
   // One row for each fine v on the boundary: its nodes against the sum over its neighbours w there.

@@ -30,7 +30,7 @@ template <int Dim> struct BoundaryPoint {
 };
 
 template <int Dim, class Visit>
-void for_each_point(const FineSpace<Dim>& space, const std::vector<Index>& facets, const Visit& visit) {
+void for_each_point(const FineSpace<Dim>& space, std::span<const Index> facets, const Visit& visit) {
   const auto& rule = space.facet_rule();
   const Index per_facet = static_cast<Index>(rule.weights.size());
   for (Index f : facets) {

@@ -10,7 +10,6 @@
 #include <numbers>
 #include <numeric>
 #include <random>
-#include <tuple>
 
 namespace efree {
 namespace {
@@ -203,7 +202,7 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
   const Ragged<Index> groups = groups_of_facets(mesh);
   struct Side {
     Index a, b, facet;  ///< a < b
-    auto key() const { return std::tuple(a, b, facet); }
+    std::uint64_t edge() const { return static_cast<std::uint64_t>(a) << 32 | static_cast<std::uint64_t>(b); }
   };
   std::vector<Side> sides;
   for (Index f = 0; f < mesh.num_facets(); ++f)
@@ -211,7 +210,9 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
       const Index a = mesh.facets()(k, f), b = mesh.facets()((k + 1) % 3, f);
       sides.push_back({std::min(a, b), std::max(a, b), f});
     }
-  std::ranges::sort(sides, {}, &Side::key);
+  std::ranges::sort(sides, [](const Side& s, const Side& t) {
+    return s.edge() != t.edge() ? s.edge() < t.edge() : s.facet < t.facet;
+  });
 
   std::vector<Place> place(mesh.num_vertices(), inside);
   for (Index f = 0; f < mesh.num_facets(); ++f)
@@ -244,7 +245,11 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
 template <int Dim> class Cover {
  public:
   Cover(const FineMesh<Dim>& mesh, const Vector& spacing)
-      : mesh_(mesh), spacing_(spacing), covered_(mesh.num_vertices(), 0), stamp_(mesh.num_vertices(), -1) {}
+      : mesh_(mesh),
+        spacing_(spacing),
+        covered_(mesh.num_vertices(), 0),
+        vertex_stamp_(mesh.num_vertices(), -1),
+        cell_stamp_(mesh.num_cells(), -1) {}
 
   bool covers(Index v) const { return covered_[v]; }
 
@@ -252,18 +257,21 @@ template <int Dim> class Cover {
     const Vec<Dim> centre = mesh_.vertex(node);
     const double reach = spacing_[node] * spacing_[node];
     stack_.assign(1, node);
-    stamp_[node] = node;
+    vertex_stamp_[node] = node;
     while (!stack_.empty()) {
       const Index v = stack_.back();
       stack_.pop_back();
       covered_[v] = 1;
-      for (const Index c : mesh_.cells_of(v))
+      for (const Index c : mesh_.cells_of(v)) {
+        if (cell_stamp_[c] == node) continue;
+        cell_stamp_[c] = node;
         for (int i = 0; i <= Dim; ++i) {
           const Index w = mesh_.cells()(i, c);
-          if (stamp_[w] == node) continue;
-          stamp_[w] = node;
+          if (vertex_stamp_[w] == node) continue;
+          vertex_stamp_[w] = node;
           if ((mesh_.vertex(w) - centre).squaredNorm() < reach) stack_.push_back(w);
         }
+      }
     }
   }
 
@@ -271,7 +279,7 @@ template <int Dim> class Cover {
   const FineMesh<Dim>& mesh_;
   const Vector& spacing_;
   std::vector<char> covered_;
-  std::vector<Index> stamp_;  // node that last reached the vertex
+  std::vector<Index> vertex_stamp_, cell_stamp_;  // node that last reached the vertex, the cell
   std::vector<Index> stack_;
 };
 
