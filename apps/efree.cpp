@@ -33,6 +33,7 @@ struct Options {
   bool quiet = false;
   bool no_picture = false;
   bool json = false;
+  bool trust = false;
   std::string accuracy;
   double time_limit = 0.0;
   StudyOptions study;
@@ -143,7 +144,7 @@ void inspect_file(const Options& options) {
         }
         fmt::print("{}", options.json ? json : inspection_text(inspection));
       },
-      inspect(options.case_file));
+      inspect(options.case_file, options.trust));
 }
 
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
@@ -179,6 +180,11 @@ std::string not_positive(const std::string& text) {
   return good ? "" : fmt::format("\"{}\", expected positive numbers separated by commas", text);
 }
 
+void add_trust(CLI::App& command, Options& options) {
+  command.add_flag("--trust", options.trust,
+                   "let .geo scripts run programs, write files and read those of other folders");
+}
+
 void add_common(CLI::App& command, Options& options) {
   command.add_option("CASE", options.case_file, "case file (TOML, see docs/case-file.md)")->required();
   command.add_option("--out", options.out, "directory for the results, created if need be")
@@ -186,6 +192,7 @@ void add_common(CLI::App& command, Options& options) {
       ->type_name("DIR");
   command.add_option("--threads", options.threads, "number of threads; default: all cores")->check(CLI::Range(1, 4096));
   command.add_flag("--quiet", options.quiet, "no progress");
+  add_trust(command, options);
 }
 
 int run(int argc, char** argv) {
@@ -234,6 +241,7 @@ int run(int argc, char** argv) {
   inspect_command.add_option("--out", options.out, "directory for geometry.png, geometry.vtu and inspection.json")
       ->type_name("DIR");
   inspect_command.add_flag("--json", options.json, "JSON instead of text");
+  add_trust(inspect_command, options);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -259,7 +267,7 @@ int run(int argc, char** argv) {
           convergence(analysis, options, display);
           return 0;
         },
-        read_case(options.case_file));
+        read_case(options.case_file, options.trust));
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", error.what()));
     return 2;

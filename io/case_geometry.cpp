@@ -191,9 +191,9 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
   };
 }
 
-template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file) {
+template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file, bool trust) {
   refuse(geometry, {"image", "surface"}, "a gmsh or CAD file");
-  GmshOptions options{.slits = geometry.texts("slits")};
+  GmshOptions options{.slits = geometry.texts("slits"), .trust = trust};
   const Section parameters = geometry.section("parameters", {});
   for (const auto& [key, node] : parameters.table())
     options.parameters[std::string(key.str())] = parameters.number(key.str(), any_number);
@@ -421,12 +421,12 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
 }
 
 /// What makes the mesh of a file, and the grey values if it is an image.
-template <int Dim> void read_file(const Section& geometry, const fs::path& file, MeshSource<Dim>& result) {
+template <int Dim> void read_file(const Section& geometry, const fs::path& file, bool trust, MeshSource<Dim>& result) {
   const FileKind kind = kind_of(geometry, file);
   switch (kind) {
     case FileKind::gmsh:
     case FileKind::cad:
-      result.mesh = gmsh_mesh<Dim>(geometry, file);
+      result.mesh = gmsh_mesh<Dim>(geometry, file, trust);
       return;
     case FileKind::planar_image:
     case FileKind::image:
@@ -449,7 +449,7 @@ Section::Keys geometry_keys() {
   return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters", "image", "surface"};
 }
 
-int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane) {
+int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane, bool trust) {
   if (geometry.has("file") == geometry.has("shape"))
     geometry.fail("shape", fmt::format("[geometry] has {}, expected exactly one of file and shape",
                                        geometry.has("file") ? "both file and shape" : "neither file nor shape"));
@@ -476,13 +476,13 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
       break;
   }
   try {
-    return gmsh_dimension(file.string());
+    return gmsh_dimension(file.string(), trust);
   } catch (const InputError& error) {
     geometry.fail("file", error.what());
   }
 }
 
-template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder) {
+template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder, bool trust) {
   MeshSource<Dim> result;
   if (geometry.has("mesh_size") && geometry.has("mesh_ratio"))
     geometry.fail("mesh_ratio", "mesh_size and mesh_ratio say the same thing, expected one of them");
@@ -493,11 +493,11 @@ template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const 
   if (geometry.has("shape"))
     result.mesh = shape_mesh<Dim>(geometry);
   else
-    read_file(geometry, file_of(geometry, folder), result);
+    read_file(geometry, file_of(geometry, folder), trust, result);
   return result;
 }
 
-template MeshSource<2> read_geometry<2>(const Section&, const fs::path&);
-template MeshSource<3> read_geometry<3>(const Section&, const fs::path&);
+template MeshSource<2> read_geometry<2>(const Section&, const fs::path&, bool);
+template MeshSource<3> read_geometry<3>(const Section&, const fs::path&, bool);
 
 }  // namespace efree::internal

@@ -82,9 +82,9 @@ template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out
   }
 }
 
-template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::string kind) {
+template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::string kind, bool trust) {
   Inspection<Dim> out{.file = path, .kind = std::move(kind)};
-  add_mesh(read_gmsh<Dim>(path), out);
+  add_mesh(read_gmsh<Dim>(path, {.trust = trust}), out);
   if (out.groups.empty())
     out.remarks.emplace_back("no part of the boundary has a name: select by place, e.g. on = { box = [...] }");
   return out;
@@ -366,20 +366,20 @@ std::string lower_case(std::string text) {
 
 }  // namespace
 
-AnyInspection inspect(const fs::path& file) {
+AnyInspection inspect(const fs::path& file, bool trust) {
   const std::string path = file.string(), name = lower_case(file.filename().string());
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
   if (fs::is_directory(file)) throw InputError(fmt::format("{} is a directory, expected a file", path));
   if (!fs::exists(file)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml"))
     return std::visit([&](const auto& analysis) -> AnyInspection { return inspect_case(path, analysis); },
-                      read_case(file));
+                      read_case(file, trust));
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);
-  if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD");
+  if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", trust);
   if (ends(".geo", ".msh")) {
     const std::string kind = ends(".geo") ? "gmsh geometry" : "gmsh mesh";
-    if (gmsh_dimension(path) == 2) return inspect_gmsh<2>(path, kind);
-    return inspect_gmsh<3>(path, kind);
+    if (gmsh_dimension(path, trust) == 2) return inspect_gmsh<2>(path, kind, trust);
+    return inspect_gmsh<3>(path, kind, trust);
   }
   if (ends(".raw"))
     throw InputError(

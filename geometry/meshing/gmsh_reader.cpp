@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/internal/cad_import.hpp"
+#include "efree/geometry/meshing/internal/gmsh_script.hpp"
 #include "efree/geometry/meshing/internal/gmsh_session.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 
@@ -15,6 +16,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <new>
 #include <set>
 
 namespace efree {
@@ -270,6 +272,8 @@ template <class Body> auto in_session(const std::string& path, const Body& body)
     return body(session);
   } catch (const std::string& message) {
     session.fail(message);
+  } catch (const std::bad_alloc&) {
+    session.fail("more than the memory there is: the file is damaged, or too large");
   }
 }
 
@@ -286,13 +290,15 @@ template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOp
   if (format != Format::geo && !options.parameters.empty())
     throw InputError(fmt::format("{}: only .geo files have parameters", path));
   if (format == Format::geo) check_last_line(path);
+  if (format != Format::cad && !options.trust) internal::require_harmless(path);
   return in_session(path, [&](const GmshSession& session) { return read<Dim>(session, path, format, options); });
 }
 
-int gmsh_dimension(const std::string& path) {
+int gmsh_dimension(const std::string& path, bool trust) {
   const Format format = format_of(path);
   if (format == Format::cad) return 3;
   if (format == Format::geo) check_last_line(path);
+  if (!trust) internal::require_harmless(path);
   return in_session(path, [&](const GmshSession& session) {
     session.open(path);
     return internal::all_entities(3).empty() ? 2 : 3;

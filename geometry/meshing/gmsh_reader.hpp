@@ -17,6 +17,9 @@ struct GmshOptions {
   /// ("radius").
   std::map<std::string, double> parameters{};
   std::vector<std::string> slits{};  ///< names of physical curves (surfaces in 3D) to cut the body open along
+  /// Run scripts whatever they do. Otherwise those that start programs, write files, or take files from outside their
+  /// folder are refused before gmsh sees them.
+  bool trust = false;
 };
 
 /// Mesh from a gmsh or CAD file (gmsh API). Starts and ends a gmsh session of its own: neither call it while using gmsh
@@ -42,11 +45,12 @@ struct GmshOptions {
 ///
 /// Throws InputError for a file that is missing, unreadable, with elements other than first-order triangles
 /// (tetrahedra) or none, a planar one not in one plane z = const, an entity in two regions, a name in `slits` that is
-/// no physical group, an unknown parameter, a size or parameters for a .msh file, CAD without a body, and for
-/// everything that gmsh itself reports as an error, in its words.
+/// no physical group, an unknown parameter, a size or parameters for a .msh file, a script that does more than describe
+/// geometry, CAD without a body, and for everything that gmsh itself reports as an error, in its words.
 template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {});
 
-/// 3 if the file holds volumes (always for CAD files, which are not opened), else 2. Throws like read_gmsh.
-int gmsh_dimension(const std::string& path);
+/// 3 if the file holds volumes (always for CAD files, which are not opened), else 2. `trust`, and what it throws, as
+/// for read_gmsh.
+int gmsh_dimension(const std::string& path, bool trust = false);
 
 }  // namespace efree

@@ -14,10 +14,11 @@ Section::Keys geometry_keys();
 
 /// Dimensions of the body: by the shape, the kind of file or, for .geo and .msh, what is in it. Images of formats that
 /// hold 2 or 3 dimensions are taken as the case means them: planar if it `has_plane`. `folder` is where relative names
-/// of files start. Throws InputError beginning with "file:line: ", as all that follow.
-int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane);
+/// of files start; `trust` as in GmshOptions. Throws InputError beginning with "file:line: ", as all that follow.
+int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane, bool trust);
 
 /// Checks all of [geometry] that can be checked before a mesh is made.
-template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder);
+template <int Dim>
+MeshSource<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder, bool trust);
 
 }  // namespace efree::internal
