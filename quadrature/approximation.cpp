@@ -181,17 +181,19 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
   }
 }
 
-/// Joins quadrature points into unions that carry the volumetric part: few enough not to lock.
-template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud,
-                                    const NearestSource& nearest, std::uint64_t seed,
+/// Unions that carry the volumetric part: few enough not to lock.
+constexpr double unions_per_node = 0.5;
+
+/// Joins quadrature points, each of a cluster around one of these vertices, into unions around the nearest seeds;
+/// where there are no seeds, those of the same cluster.
+template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
                                     const std::vector<Index>& vertices, Approximation<Dim>& result) {
-  constexpr double unions_per_node = 0.5;
-  const auto seeds = sample_points(mesh, cloud, nearest, unions_per_node, seed);
-  const NearestSource owner = nearest_source(mesh, seeds.vertices);
-  std::vector<Index> renumbered(seeds.size(), -1);
+  NearestSource owner;
+  if (seeds.size() > 0) owner = nearest_source(mesh, seeds.vertices);
+  std::vector<Index> renumbered(mesh.num_vertices(), -1);
   Index unions = 0;
-  for (Index v : vertices) {
-    Index& number = renumbered[owner.source[v]];
+  for (const Index v : vertices) {
+    Index& number = renumbered[seeds.size() > 0 ? seeds.vertices[owner.source[v]] : v];
     if (number < 0) number = unions++;
     result.union_of.push_back(number);
   }
@@ -223,10 +225,10 @@ template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<cons
 }
 
 /// Quadrature points per node.
-template <int Dim> double default_ratio(SecondaryKind secondary) {
+template <int Dim> double default_ratio(SecondaryKind secondary, Dilatation dilatation) {
   switch (secondary) {
     case SecondaryKind::linear:
-      return 2.5;
+      return dilatation == Dilatation::averaged ? unions_per_node * (Dim + 1) : 2.5;
     case SecondaryKind::mls:
       return Dim == 2 ? 6.0 : 24.0;
     default:
@@ -240,7 +242,7 @@ template <int Dim> ApproximationOptions with_defaults(ApproximationOptions optio
   const bool coarse = Dim == 2 && vertices_per_node < 50.0;  // linear cells would show: docs/evidence.md
   if (options.interpolation == 0) options.interpolation = coarse && options.weight != Weight::heat_flow ? 2 : 1;
   if (options.support == 0.0) options.support = options.order == 1 ? 2.5 : 3.0;
-  if (options.ratio == 0.0) options.ratio = default_ratio<Dim>(options.secondary);
+  if (options.ratio == 0.0) options.ratio = default_ratio<Dim>(options.secondary, options.dilatation);
   return options;
 }
 
@@ -306,7 +308,12 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
-  if (result.averaged) join_unions(mesh, cloud, nearest, options.seed + 1, secondary.vertices, result);
+  if (result.averaged) {
+    const bool whole = second_cloud && seeds_per_node <= unions_per_node;  // clusters are few enough as they are
+    const auto seeds =
+        whole ? NodeCloud<Dim>{} : sample_points(mesh, cloud, nearest, unions_per_node, options.seed + 1);
+    join_unions(mesh, seeds, secondary.vertices, result);
+  }
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));
   return result;

@@ -16,11 +16,12 @@
 namespace efree {
 namespace {
 
-/// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight,
-/// Phi_K summed over the points that share its cells (so that it is positive, and they carry their plane together):
-/// narrow enough not to smear what varies over a few spacings (measured: cubes lose a quarter of the error of plain
-/// overlaps), wide enough to hold a plane. For finite elements of degree 1 all overlaps around an inner node are alike
-/// in size. Their nodes have a row for each place: at interfaces points count for the place of their region only.
+/// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight.
+/// Of points that share their cells none has less than half the mean overlap or more than twice that (so that it is
+/// positive, and they carry their plane together). Narrow enough not to smear what varies over a few spacings
+/// (measured: cubes lose a quarter of the error of plain overlaps), wide enough to hold a plane. For finite elements of
+/// degree 1 all overlaps around an inner node are alike in size. Their nodes have a row for each place: at interfaces
+/// points count for the place of their region only.
 template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Discretization<Dim>& quadrature) {
   // Only finite elements know meshes in which regions share degrees of freedom, which are their nodes.
   const bool shared = space.num_places() > space.size();
@@ -37,15 +38,16 @@ template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Dis
     end = quadrature.end_of_cluster(K);
     const auto nodes = quadrature.shape.row(K).nodes;
     for (std::size_t k = 0; k < nodes.size(); ++k) {
-      double overlap = 0.0;
-      for (Index L = K; L < end; ++L) {
+      const auto overlap_of = [&](Index L) {
         // Axisymmetric: overlaps in the section, where points far from the axis count no more than those near it.
         const auto row = quadrature.shape.row(L);
-        overlap += quadrature.weights[L] * (quadrature.axisymmetric() ? row.hoop[k] : row.N[k]);
-      }
-      overlap = std::max(0.0, overlap) / (end - K);
+        return quadrature.weights[L] * (quadrature.axisymmetric() ? row.hoop[k] : row.N[k]);
+      };
+      double mean = 0.0;
+      for (Index L = K; L < end; ++L) mean += overlap_of(L) / (end - K);
       for (Index L = K; L < end; ++L) {
         const Index at = offsets[row_of(nodes[k], L)]++;
+        const double overlap = mean > 0.0 ? std::clamp(overlap_of(L), 0.5 * mean, 2.0 * mean) : 0.0;
         around.innerIndexPtr()[at] = L;
         around.valuePtr()[at] = overlap * overlap * overlap;
       }
@@ -84,9 +86,10 @@ Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& a
       b += weight * g * values.col(entry.col()).transpose();
     }
     const Eigen::LLT<Fit> cholesky(A);
-    const auto pivots = cholesky.matrixLLT().diagonal();
+    // The first pivot is 1; the others are those of the points' spread about their mean, in units of `scale`.
+    const Vec<Dim> spread = cholesky.matrixLLT().diagonal().template tail<Dim>();
     auto fit = fits.col(I).reshaped(rows, Dim + 1);
-    if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 0.1 * pivots.maxCoeff()) {
+    if (cholesky.info() == Eigen::Success && spread.maxCoeff() > 1e-3 && spread.minCoeff() > 0.1 * spread.maxCoeff()) {
       fit = cholesky.solve(b).transpose();
       fit.template rightCols<Dim>() /= scale;
     } else {

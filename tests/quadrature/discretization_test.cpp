@@ -298,6 +298,10 @@ TEST(Approximation, DefaultsDependOnTheDimensionAndTheFineMesh) {
   EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::mls}, 10.0).ratio, 6.0);
   EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls}, 10.0).ratio, 24.0);
   EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::linear}, 10.0).ratio, 2.5);
+  // Half a cluster per node, each a union of its own.
+  const ApproximationOptions averaged{.secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged};
+  EXPECT_EQ(with_defaults<2>(averaged, 10.0).ratio, 1.5);
+  EXPECT_EQ(with_defaults<3>(averaged, 10.0).ratio, 2.0);
   EXPECT_EQ(with_defaults<2>({}, 10.0).ratio, 4.0);
   EXPECT_EQ(with_defaults<3>({}, 10.0).ratio, 4.0);
   EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls, .ratio = 3.0}, 10.0).ratio, 3.0);

@@ -150,7 +150,7 @@ TEST_P(AxisymmetricQuadraticPatch, IsExactOnLinearFunctionsOfClusters) {
   const auto pulled = [&](const Vec<2>& x, const Vec<2>& n) { return traction<2>(C * LinearStrain::strain(x), n); };
   Loads<2> loads{.tractions = {}, .body_force = [&](const Vec<2>&) { return LinearStrain::force(moduli); }};
   for (const auto& part : body.inner) loads.tractions.push_back({part, pulled});
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     ApproximationOptions options{.axisymmetric = true,
                                  .order = 2,
                                  .interpolation = 2,
@@ -338,7 +338,7 @@ TEST_P(Lame1852, RecoveredStressIsWithinAFewPercentOnEightNodesAndOneOnSixteen) 
     const auto errors = section_errors(sphere, secondary, 1.0 / 7.0, seed);
     EXPECT_LE(errors.hoop.mean, sphere ? 0.07 : 0.03) << "cloud " << seed;
     // Linear functions lose here: docs/evidence.md, "Linear functions on clusters".
-    const double more = secondary == SecondaryKind::linear ? 1.15 : 1.0;
+    const double more = secondary == SecondaryKind::linear ? 1.05 : 1.0;
     EXPECT_LE(*errors.body.energy_norm_recovered, more * (sphere ? 0.04 : 0.018)) << "cloud " << seed;
   }
   const auto fine = section_errors(sphere, secondary, 1.0 / 15.0);

@@ -36,6 +36,19 @@ TEST(Cook, NearlyIncompressiblePlaneStrainWithinTwoPercentWith120Nodes) {
         << "seed " << seed;
 }
 
+TEST(Cook, AMeanDilatationForEachClusterOfLinearFunctionsDoesAsWellWithLessThanHalfThePoints) {
+  const auto mesh = triangulate(shapes::cook(), {.size = spacing / 8.0});
+  for (const double nu : {0.4999, 0.499999})
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const ApproximationOptions options{
+          .spacing = spacing, .seed = seed, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged};
+      EXPECT_LE(approximate(mesh, options).ratio(), 1.7) << "seed " << seed;
+      EXPECT_NEAR(tip_deflection(mesh, options, {.material = LinearElastic(240.565, nu), .plane = Plane::strain}),
+                  0.07695, 0.00154)
+          << "nu = " << nu << ", seed " << seed;
+    }
+}
+
 TEST(Cook, LinearFiniteElementsLockWhereUnionsDoNot) {
   const ElasticModel model{.material = LinearElastic(240.565, 0.4999), .plane = Plane::strain};
   EXPECT_LT(tip_deflection(triangulate(shapes::cook(), {.size = 6.5}),

@@ -83,20 +83,19 @@ INSTANTIATE_TEST_SUITE_P(Secondary, ProjectedQuadraticPatch,
 /// indicators need for an error of 2e-3.
 class QuadraticPatch : public ::testing::TestWithParam<std::tuple<std::string, Essential>> {
  protected:
-  /// Held on the whole outer boundary, and on the first part of it with tractions on the others.
+  /// Held on the whole outer boundary, or on the first part of it with tractions on the others.
   template <int Dim> static void expect_exact(const Approximation<Dim>& approximation, const ElasticModel& model,
                                               const std::vector<std::string>& outer,
-                                              const std::vector<std::string>& inner) {
+                                              const std::vector<std::string>& inner, bool held) {
     std::vector<std::string> loaded(outer.begin() + 1, outer.end());
     loaded.insert(loaded.end(), inner.begin(), inner.end());
-    for (const auto& field : testing::quadratic_fields<Dim>())
-      for (const bool all : {true, false}) {
-        const auto error = all ? testing::patch_error(approximation, model, field, outer, inner)
-                               : testing::patch_error(approximation, model, field, {outer[0]}, loaded);
-        EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded");
-        EXPECT_LE(error.stress, bar) << field.name << (all ? ", held" : ", loaded");
-        EXPECT_LE(error.recovered, bar) << field.name << (all ? ", held" : ", loaded");
-      }
+    for (const auto& field : testing::quadratic_fields<Dim>()) {
+      const auto error = held ? testing::patch_error(approximation, model, field, outer, inner)
+                              : testing::patch_error(approximation, model, field, {outer[0]}, loaded);
+      EXPECT_LE(error.displacement, bar) << field.name << (held ? ", held" : ", loaded");
+      EXPECT_LE(error.stress, bar) << field.name << (held ? ", held" : ", loaded");
+      EXPECT_LE(error.recovered, bar) << field.name << (held ? ", held" : ", loaded");
+    }
   }
   static constexpr double bar = 1e-11;
 };
@@ -104,13 +103,13 @@ class QuadraticPatch : public ::testing::TestWithParam<std::tuple<std::string, E
 TEST_P(QuadraticPatch, IsExactOnLinearFunctionsOfClusters) {
   const auto [name, essential] = GetParam();
   const auto body = testing::body(name);
-  for (std::uint64_t seed = 1; seed <= (name == "square" ? 20 : 3); ++seed) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     ApproximationOptions options{
         .order = 2, .interpolation = 2, .spacing = body.spacing, .seed = seed, .secondary = SecondaryKind::linear};
     if (essential == Essential::strong) options.vanish_on = body.outer;
     const ElasticModel model{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress, .essential = essential};
-    expect_exact(approximate(body.mesh, options), model, body.outer, body.inner);
+    expect_exact(approximate(body.mesh, options), model, body.outer, body.inner, seed % 2 == 0);
   }
 }
 
@@ -132,8 +131,12 @@ TEST_P(SolidQuadraticPatch, IsExactOnLinearFunctionsOfClusters) {
   if (essential == Essential::strong) options.vanish_on = testing::box_sides;
   const std::vector<std::string> inner =
       name == "slit_box" ? std::vector<std::string>{"slit"} : std::vector<std::string>{};
-  expect_exact(approximate(mesh, options), {.material = LinearElastic(1.0, 0.3), .essential = essential},
-               testing::box_sides, inner);
+  const ElasticModel model{.material = LinearElastic(1.0, 0.3), .essential = essential};
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    SCOPED_TRACE(seed);
+    options.seed = seed;
+    expect_exact(approximate(mesh, options), model, testing::box_sides, inner, seed % 2 == 0);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Solids, SolidQuadraticPatch,
