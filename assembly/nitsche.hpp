@@ -12,7 +12,7 @@ namespace efree {
 /// One part of the stiffness: its own quadrature with its own tangents (B-bar and stabilisation are sums of such
 /// terms).
 template <int Dim> struct StiffnessTerm {
-  const Discretization<Dim>* discretization;
+  const Quadrature<Dim>* discretization;
   PointTangents<Dim> tangents;  ///< symmetric
   bool pressure = false;        ///< whether it is the volumetric part of a split stiffness, kappa m m^T
 };

@@ -79,19 +79,19 @@ template <int Dim> double default_spacing(const FineMesh<Dim>& mesh);
 
 /// Immutable result; shares its mesh (space.shared_mesh()).
 template <int Dim> struct Approximation {
-  FineSpace<Dim> space;            ///< Lagrange space on the fine mesh that holds the functions
-  ShapeTable<Dim> shape;           ///< space.size() x N: values of the basis at the fine degrees of freedom
-  Points<Dim> nodes;               ///< Dim x N
-  std::vector<Index> node_dofs;    ///< N, fine degree of freedom each node sits on, all different
-  Discretization<Dim> quadrature;  ///< secondary basis: points, weights, projected gradients, traces
-  Discretization<Dim> dilatation;  ///< coarser unions of the above; empty unless averaged
-  std::vector<Index> union_of;     ///< M, union each quadrature point belongs to; empty unless averaged
-  bool averaged = false;           ///< whether the volumetric part is on unions (B-bar)
-  bool undecided = false;          ///< Dilatation::automatic: nobody who knows the material said that it need not be
-  Discretization<Dim> fine;        ///< full integration; empty unless asked for
-  MlsReport mls;                   ///< how often supports had to grow
-  Index small_bodies = 0;          ///< too small for moving least squares: finite elements
-  Index dropped_points = 0;        ///< quadrature nodes left out to keep every weight positive
+  FineSpace<Dim> space;          ///< Lagrange space on the fine mesh that holds the functions
+  ShapeTable<Dim> shape;         ///< space.size() x N: values of the basis at the fine degrees of freedom
+  Points<Dim> nodes;             ///< Dim x N
+  std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on, all different
+  Quadrature<Dim> quadrature;    ///< secondary basis: points, weights, projected gradients, traces
+  Quadrature<Dim> dilatation;    ///< coarser unions of the above; empty unless averaged
+  std::vector<Index> union_of;   ///< M, union each quadrature point belongs to; empty unless averaged
+  bool averaged = false;         ///< whether the volumetric part is on unions (B-bar)
+  bool undecided = false;        ///< Dilatation::automatic: nobody who knows the material said that it need not be
+  Quadrature<Dim> fine;          ///< full integration; empty unless asked for
+  MlsReport mls;                 ///< how often supports had to grow
+  Index small_bodies = 0;        ///< too small for moving least squares: finite elements
+  Index dropped_points = 0;      ///< quadrature nodes left out to keep every weight positive
 
   /// Quadrature points per node, M/N.
   double ratio() const { return static_cast<double>(quadrature.size()) / static_cast<double>(nodes.cols()); }

@@ -571,9 +571,8 @@ template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const S
 namespace {
 
 /// All of a discretization but its table.
-template <int Dim>
-Discretization<Dim> without_table(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
-  Discretization<Dim> result;
+template <int Dim> Quadrature<Dim> without_table(const FineSpace<Dim>& space, const SecondaryBasis<Dim>& secondary) {
+  Quadrature<Dim> result;
   result.points = secondary.points;
   result.on_facets = secondary.on_facets;
   result.region = secondary.region;
@@ -610,9 +609,9 @@ template <int Count, int Dim> ShapeTable<Dim> projected_table(const FineSpace<Di
 
 }  // namespace
 
-template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                               const SecondaryBasis<Dim>& secondary) {
-  Discretization<Dim> result = without_table(space, secondary);
+template <int Dim> Quadrature<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                           const SecondaryBasis<Dim>& secondary) {
+  Quadrature<Dim> result = without_table(space, secondary);
   for (Index K = 0; K < result.size(); ++K)
     if (!(result.weights[K] > 0.0))
       throw NumericalError(
@@ -623,12 +622,12 @@ template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, cons
   return result;
 }
 
-template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                          const SecondaryBasis<Dim>& secondary) {
+template <int Dim> Quadrature<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                      const SecondaryBasis<Dim>& secondary) {
   const auto& rule = secondary.rule;
   const Index per_cell = static_cast<Index>(rule.weights.size());
   const SparseRows points_of = secondary.in_cells.transpose();
-  Discretization<Dim> result = without_table(space, secondary);
+  Quadrature<Dim> result = without_table(space, secondary);
   result.shape = TableBuilder<Dim>(result.size(), shape.num_nodes(), space.axisymmetric())
                      .build([&](Index begin, Index end, auto& out) {
                        Accumulator<Moments<1>> fine(space.size()), nodal(shape.num_nodes());
@@ -650,11 +649,10 @@ template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& 
   return result;
 }
 
-template <int Dim>
-Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups) {
+template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const std::vector<Index>& group, Index groups) {
   if (static_cast<Index>(group.size()) != fine.size())
     throw InputError(fmt::format("merge: {} group numbers for {} quadrature points", group.size(), fine.size()));
-  Discretization<Dim> result;
+  Quadrature<Dim> result;
   result.points = Points<Dim>::Zero(Dim, groups);
   result.weights = Vector::Zero(groups);
   for (Index g : group)
@@ -694,25 +692,25 @@ Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Ind
   return result;
 }
 
-template struct Discretization<2>;
+template struct Quadrature<2>;
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
 template SecondaryBasis<2> linear_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
 template SecondaryBasis<2> secondary_from_table<2>(const FineSpace<2>&, const ShapeTable<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
 template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
-template Discretization<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
-template Discretization<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
-template Discretization<2> merge<2>(const Discretization<2>&, const std::vector<Index>&, Index);
-template struct Discretization<3>;
+template Quadrature<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
+template Quadrature<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
+template Quadrature<2> merge<2>(const Quadrature<2>&, const std::vector<Index>&, Index);
+template struct Quadrature<3>;
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
 template SecondaryBasis<3> linear_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
 template SecondaryBasis<3> secondary_from_table<3>(const FineSpace<3>&, const ShapeTable<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
 template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);
-template Discretization<3> project<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
-template Discretization<3> evaluate_at_points<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
-template Discretization<3> merge<3>(const Discretization<3>&, const std::vector<Index>&, Index);
+template Quadrature<3> project<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
+template Quadrature<3> evaluate_at_points<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
+template Quadrature<3> merge<3>(const Quadrature<3>&, const std::vector<Index>&, Index);
 
 }  // namespace efree

@@ -28,7 +28,6 @@ template <int Dim> struct Discretization {
   /// M x N: N = (1/w_K) int phi_I Phi_K, dN = (1/w_K) int grad(phi_I) Phi_K, hoop = (1/w_K) int (phi_I / r) Phi_K; N as
   /// far as SecondaryBasis::rule goes, which is made for gradients
   ShapeTable<Dim> shape;
-  SparseRows on_facets;        ///< Phi_K on the boundary, see SecondaryBasis
   std::vector<Index> region;   ///< M, region of the mesh that each point stands for
   std::vector<Index> cluster;  ///< see SecondaryBasis
 
@@ -40,6 +39,11 @@ template <int Dim> struct Discretization {
   }
   Index size() const { return static_cast<Index>(weights.size()); }
   bool axisymmetric() const { return shape.has_hoop(); }
+};
+
+/// A discretization by projection, with what conditions on the boundary need of it.
+template <int Dim> struct Quadrature : Discretization<Dim> {
+  SparseRows on_facets;  ///< Phi_K on the boundary, see SecondaryBasis
 };
 
 /// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
@@ -77,17 +81,16 @@ template <int Dim> Vector secondary_weights(const FineSpace<Dim>& space, const S
 /// Projects the gradients of the functions in `shape` (space.size() x N) on the secondary basis with the lumped Gram
 /// matrix: sum_K w_K p(x_K) dN_I(x_K) = int p grad(phi_I) for every p the secondary basis reproduces. Throws
 /// NumericalError if some w_K is not positive.
-template <int Dim> Discretization<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                               const SecondaryBasis<Dim>& secondary);
+template <int Dim> Quadrature<Dim> project(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                           const SecondaryBasis<Dim>& secondary);
 
 /// The naive alternative, kept for comparison: same points and weights, but gradients taken at the points themselves.
 /// Fails the patch test.
-template <int Dim> Discretization<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                          const SecondaryBasis<Dim>& secondary);
+template <int Dim> Quadrature<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                      const SecondaryBasis<Dim>& secondary);
 
 /// Unions of quadrature points: point K joins union group[K] (numbered 0 .. groups-1); gradients are the weighted means
 /// (B-bar).
-template <int Dim>
-Discretization<Dim> merge(const Discretization<Dim>& fine, const std::vector<Index>& group, Index groups);
+template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const std::vector<Index>& group, Index groups);
 
 }  // namespace efree

@@ -224,7 +224,7 @@ Physical Surface("crack") = Surface In BoundingBox{0.1, 0.1, 0.4, 0.9, 0.9, 0.6}
 
 TEST(GmshSolid, StepBodiesThatTouchShareTheirFacetsInTheUnitOfTheFile) {
   const std::string step = file("two.step", "");
-  read_gmsh<3>(file("write.geo", std::string(two_boxes) + "Save \"" + step + "\";\n"), {.size = 1.0});
+  read_gmsh<3>(file("write.geo", std::string(two_boxes) + "Save \"" + step + "\";\n"), {.size = 1.0, .trust = true});
   const MeshData<3> data = read_gmsh<3>(step, {.size = 0.3});
   const FineMesh<3> mesh(data);
   EXPECT_EQ(mesh.num_regions(), 2);
@@ -255,7 +255,7 @@ TEST(GmshSolid, WhatTwoBodiesShareIsARegionOfItsOwn) {
                     "SetFactory(\"OpenCASCADE\"); Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {0.75, 0, 0, 1, 1, "
                     "1};\nSave \"" +
                         brep + "\";\n"),
-               {.size = 1.0});
+               {.size = 1.0, .trust = true});
   const FineMesh<3> mesh(read_gmsh<3>(brep, {.size = 0.5}));
   EXPECT_EQ(mesh.region_names(), (std::vector<std::string>{"body 1", "body 1 & body 2", "body 2"}));
   EXPECT_NEAR(volume(mesh, "body 1 & body 2"), 0.25, 1e-9);
