@@ -6,10 +6,14 @@
 ///   bench_coercivity --solid [spacing = 0.5] [seeds = 3]     the eighth of a cube with a spherical cavity
 ///   bench_coercivity --pores [seeds = 2]                     defaults on graded clouds in porous images of 128 x 128
 ///                                                            pixels, on meshes with as few as 3 vertices to a node
+///   bench_coercivity --pressure [seeds = 3]                  inf-sup values of pressures on unions, on squares (2D)
+///   and
+///                                                            cubes (3D)
 #include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/tests/bodies.hpp"
@@ -19,6 +23,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <string_view>
 
 using namespace efree;
@@ -110,11 +115,55 @@ void study_pores(int seeds) {
       }
 }
 
+/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p constant on
+/// the unions.
+template <int Dim> double inf_sup(const Approximation<Dim>& approximation) {
+  const Matrix basis = without_rigid_motions<Dim>(approximation.nodes);
+  const Discretization<Dim>& unions = approximation.dilatation;
+  Matrix divergence = Matrix::Zero(unions.size(), Dim * approximation.nodes.cols());
+  for (Index U = 0; U < unions.size(); ++U) {
+    const auto row = unions.shape.row(U);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      divergence.template block<1, Dim>(U, Dim * row.nodes[k]) = std::sqrt(unions.weights[U]) * row.dN[k].transpose();
+  }
+  const Matrix reduced = divergence * basis;
+  const Matrix schur = reduced * reduced_stiffness(approximation.quadrature, basis).llt().solve(reduced.transpose());
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix>(schur, Eigen::EigenvaluesOnly).eigenvalues().minCoeff());
+}
+
+template <int Dim> void study_pressure(const std::function<FineMesh<Dim>(double)>& mesh_of, int seeds) {
+  for (const auto& [secondary, ratio] : {std::pair{SecondaryKind::cells, 4.0},
+                                         {SecondaryKind::linear, 0.0},
+                                         {SecondaryKind::linear, 2.5},
+                                         {SecondaryKind::linear, 3.0}})
+    for (const double spacing : Dim == 2 ? std::vector{0.2, 0.1, 0.05} : std::vector{0.4, 0.3, 0.2}) {
+      const auto mesh = mesh_of(spacing / 3.0);
+      for (int seed = 1; seed <= seeds; ++seed) {
+        const auto approximation = approximate<Dim>(mesh, {.spacing = spacing,
+                                                           .seed = static_cast<std::uint64_t>(seed),
+                                                           .secondary = secondary,
+                                                           .ratio = ratio,
+                                                           .dilatation = Dilatation::averaged});
+        const auto nodes = static_cast<double>(approximation.nodes.cols());
+        std::printf("%d,%s,%g,%d,%g,%.2f,%.2f,%.3f\n", Dim, testing::name_of(secondary), spacing, seed, nodes,
+                    approximation.ratio(), approximation.dilatation.size() / nodes, inf_sup(approximation));
+        std::fflush(stdout);
+      }
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "--pores") {
     study_pores(argc > 2 ? std::atoi(argv[2]) : 2);
+    return 0;
+  }
+  if (argc > 1 && std::string_view(argv[1]) == "--pressure") {
+    const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
+    std::printf("dim,secondary,spacing,seed,nodes,points_per_node,unions_per_node,inf_sup\n");
+    study_pressure<2>([](double h) { return triangulate(shapes::rectangle(0, 0, 1, 1), {.size = h}); }, seeds);
+    study_pressure<3>([](double h) { return FineMesh<3>(solids::box({1, 1, 1}, h)); }, seeds);
     return 0;
   }
   const bool solid = argc > 1 && std::string_view(argv[1]) == "--solid";

@@ -59,8 +59,9 @@ struct ApproximationOptions {
   Weight weight = Weight::automatic;               ///< how nodes reach through the body
   Kernel kernel = Kernel::cubic_spline;            ///< weight by distance
   SecondaryKind secondary = SecondaryKind::cells;  ///< quadrature
-  double ratio = 0.0;  ///< quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear, for mls 6 in the plane and
-                       ///< 24 in space
+  /// Quadrature points per node, M/N; 0: 4 for cells, 2.5 for linear ((Dim + 1) / 2 where dilatations are averaged),
+  /// for mls 6 in the plane and 24 in space.
+  double ratio = 0.0;
   Dilatation dilatation = Dilatation::automatic;
   bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
@@ -84,7 +85,7 @@ template <int Dim> struct Approximation {
   Points<Dim> nodes;             ///< Dim x N
   std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on, all different
   Quadrature<Dim> quadrature;    ///< secondary basis: points, weights, projected gradients, traces
-  Quadrature<Dim> dilatation;    ///< coarser unions of the above; empty unless averaged
+  Quadrature<Dim> dilatation;    ///< unions of the above, 0.5 per node; empty unless averaged
   std::vector<Index> union_of;   ///< M, union each quadrature point belongs to; empty unless averaged
   bool averaged = false;         ///< whether the volumetric part is on unions (B-bar)
   bool undecided = false;        ///< Dilatation::automatic: nobody who knows the material said that it need not be

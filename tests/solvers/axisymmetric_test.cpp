@@ -337,7 +337,7 @@ TEST_P(Lame1852, RecoveredStressIsWithinAFewPercentOnEightNodesAndOneOnSixteen) 
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const auto errors = section_errors(sphere, secondary, 1.0 / 7.0, seed);
     EXPECT_LE(errors.hoop.mean, sphere ? 0.07 : 0.03) << "cloud " << seed;
-    // Linear functions lose here: docs/evidence.md, "Linear functions on clusters".
+    // Linear functions lose here: docs/evidence.md, "Indicators or linear functions".
     const double more = secondary == SecondaryKind::linear ? 1.05 : 1.0;
     EXPECT_LE(*errors.body.energy_norm_recovered, more * (sphere ? 0.04 : 0.018)) << "cloud " << seed;
   }
