@@ -52,7 +52,7 @@ void scanned_part(const fs::path& file) {
   write_image(keep_largest(image).image, file.string());
 }
 
-/// gmsh writes the STEP file while it reads this.
+/// gmsh writes the STEP file while it reads this script of ours.
 void assembly(const fs::path& file) {
   const fs::path script = fs::path(file).replace_extension(".geo");
   std::ofstream(script) << "SetFactory(\"OpenCASCADE\");\n"
@@ -62,7 +62,7 @@ void assembly(const fs::path& file) {
                            "BooleanDifference(4) = { Volume{1}; Delete; }{ Volume{2}; Delete; };\n"
                            "Save \""
                         << file.filename().string() << "\";\n";
-  read_gmsh<3>(script.string(), {.size = 10.0});
+  read_gmsh<3>(script.string(), {.size = 10.0, .trust = true});
   fs::remove(script);
 }
 
