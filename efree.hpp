@@ -55,6 +55,7 @@
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/picture.hpp"
+#include "efree/io/reading.hpp"
 #include "efree/io/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/materials/material.hpp"

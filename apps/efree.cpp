@@ -33,7 +33,7 @@ struct Options {
   bool quiet = false;
   bool no_picture = false;
   bool json = false;
-  bool trust = false;
+  Reading reading;
   std::string accuracy;
   double time_limit = 0.0;
   StudyOptions study;
@@ -144,7 +144,7 @@ void inspect_file(const Options& options) {
         }
         fmt::print("{}", options.json ? json : inspection_text(inspection));
       },
-      inspect(options.case_file, options.trust));
+      inspect(options.case_file, options.reading));
 }
 
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
@@ -180,9 +180,14 @@ std::string not_positive(const std::string& text) {
   return good ? "" : fmt::format("\"{}\", expected positive numbers separated by commas", text);
 }
 
-void add_trust(CLI::App& command, Options& options) {
-  command.add_flag("--trust", options.trust,
+void add_reading(CLI::App& command, Options& options) {
+  command.add_flag("--trust", options.reading.trust,
                    "let .geo scripts run programs, write files and read those of other folders");
+  command
+      .add_option("--mesh-time-limit", options.reading.seconds,
+                  "seconds that reading and meshing may take; default: 3600")
+      ->type_name("SECONDS")
+      ->check(CLI::PositiveNumber);
 }
 
 void add_common(CLI::App& command, Options& options) {
@@ -192,7 +197,7 @@ void add_common(CLI::App& command, Options& options) {
       ->type_name("DIR");
   command.add_option("--threads", options.threads, "number of threads; default: all cores")->check(CLI::Range(1, 4096));
   command.add_flag("--quiet", options.quiet, "no progress");
-  add_trust(command, options);
+  add_reading(command, options);
 }
 
 int run(int argc, char** argv) {
@@ -241,7 +246,7 @@ int run(int argc, char** argv) {
   inspect_command.add_option("--out", options.out, "directory for geometry.png, geometry.vtu and inspection.json")
       ->type_name("DIR");
   inspect_command.add_flag("--json", options.json, "JSON instead of text");
-  add_trust(inspect_command, options);
+  add_reading(inspect_command, options);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -267,7 +272,7 @@ int run(int argc, char** argv) {
           convergence(analysis, options, display);
           return 0;
         },
-        read_case(options.case_file, options.trust));
+        read_case(options.case_file, options.reading));
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", error.what()));
     return 2;

@@ -8,18 +8,83 @@
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
+#include <algorithm>
 #include <fstream>
 #include <limits>
+#include <sstream>
 #include <string>
 
 namespace efree {
 
+namespace {
+
+constexpr double unlimited = std::numeric_limits<double>::infinity();
+
+/// The number that follows a word in a file of such pairs, or `otherwise`.
+double value_of(const std::string& word, const std::string& file, double otherwise) {
+  std::ifstream stream(file);
+  for (std::string line; std::getline(stream, line);) {
+    std::istringstream words(line);
+    std::string key;
+    if (double value = 0.0; words >> key >> value && key == word) return value;
+  }
+  return otherwise;
+}
+
+/// The number that a file begins with, or `otherwise`.
+double number_in(const std::string& file, double otherwise) {
+  std::ifstream stream(file);
+  double value = 0.0;
+  return stream >> value ? value : otherwise;
+}
+
+/// Where a version of control groups keeps its numbers.
+struct GroupFiles {
+  const char *root, *limit, *used, *cached;
+};
+constexpr GroupFiles version_1{"/sys/fs/cgroup/memory", "/memory.limit_in_bytes", "/memory.usage_in_bytes",
+                               "total_inactive_file"};
+constexpr GroupFiles version_2{"/sys/fs/cgroup", "/memory.max", "/memory.current", "inactive_file"};
+
+/// What the control groups that this process is in leave of their limits. Files that are cached can go.
+double available_to_group() {
+  std::ifstream file("/proc/self/cgroup");
+  double least = unlimited;
+  for (std::string line; std::getline(file, line);) {
+    const bool first = line.find(":memory:/") != std::string::npos;
+    if (!first && !line.starts_with("0::/")) continue;
+    const GroupFiles& files = first ? version_1 : version_2;
+    std::string group = line.substr(line.find(":/") + 1);
+    while (true) {
+      const std::string folder = files.root + group;
+      const double used = number_in(folder + files.used, 0.0);
+      const double cached = value_of(files.cached, folder + "/memory.stat", 0.0);
+      least = std::min(least, number_in(folder + files.limit, unlimited) - used + cached);
+      if (group.empty()) break;
+      group.erase(group.rfind('/'));
+    }
+  }
+  return least;
+}
+
+/// Of this kind of memory, of which so much is used.
+double left_of(int kind, double used) {
+  rlimit limit{};
+  if (getrlimit(static_cast<__rlimit_resource>(kind), &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return unlimited;
+  return static_cast<double>(limit.rlim_cur) - used;
+}
+
+}  // namespace
+
+double data_memory() {
+  return 1024.0 * value_of("VmData:", "/proc/self/status", 0.0);
+}
+
 double available_memory() {
-  std::ifstream file("/proc/meminfo");
-  std::string key, unit;
-  for (double kilobytes; file >> key >> kilobytes && std::getline(file, unit);)
-    if (key == "MemAvailable:") return 1024.0 * kilobytes;
-  return std::numeric_limits<double>::infinity();
+  const double of_system = 1024.0 * value_of("MemAvailable:", "/proc/meminfo", unlimited);
+  const double addresses = 1024.0 * value_of("VmSize:", "/proc/self/status", 0.0);
+  return std::max(0.0, std::min({of_system, available_to_group(), left_of(RLIMIT_AS, addresses),
+                                 left_of(RLIMIT_DATA, data_memory())}));
 }
 
 void require_memory(double bytes, std::string_view what, std::string_view advice) {

@@ -6,8 +6,12 @@
 
 namespace efree {
 
-/// Bytes that can still be allocated without swapping (Linux: MemAvailable); infinite where the system does not say.
+/// Bytes that this process can still allocate without swapping: what the system has (Linux: MemAvailable), its control
+/// group and its own limits leave. Infinite where nothing is said.
 double available_memory();
+/// Bytes of private memory that this process may write to, used or not: what RLIMIT_DATA counts. 0 where the system
+/// does not say.
+double data_memory();
 
 /// Throws InputError "`what` takes about ... of memory, ... are available; `advice`" if `bytes` are more than there
 /// are.

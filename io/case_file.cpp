@@ -469,8 +469,8 @@ template <int Dim> Plane read_plane(const Section& analysis) {
       Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
 }
 
-template <int Dim>
-Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry, bool trust) {
+template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry,
+                                  const Reading& reading) {
   const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
                                                "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
@@ -486,7 +486,7 @@ Case<Dim> read(const std::filesystem::path& file, const Section& root, const Sec
   Case<Dim> result;
   result.where = file.string();
   result.title = root.text("title", file.stem().string());
-  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), trust);
+  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey);
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
 
@@ -517,16 +517,16 @@ Case<Dim> read(const std::filesystem::path& file, const Section& root, const Sec
 
 }  // namespace
 
-AnyCase read_case(const std::filesystem::path& file, bool trust) {
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "exact", "probe", "reaction", "accuracy"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
-  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, trust) == 2)
-    return read<2>(file, root, geometry, trust);
-  return read<3>(file, root, geometry, trust);
+  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading) == 2)
+    return read<2>(file, root, geometry, reading);
+  return read<3>(file, root, geometry, reading);
 }
 
 }  // namespace efree

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/analyse.hpp"
+#include "efree/io/reading.hpp"
 
 #include <filesystem>
 #include <variant>
@@ -18,8 +19,8 @@ using AnyCase = std::variant<Case<2>, Case<3>>;
 /// Reads and checks a case file. Throws InputError beginning with "file:line:" for a file that cannot be read, a syntax
 /// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
 /// expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by
-/// prepare. `trust`: scripts of gmsh may do what they like (GmshOptions::trust).
-AnyCase read_case(const std::filesystem::path& file, bool trust = false);
+/// prepare. Files are read, and the geometry is meshed, as `reading` says.
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {});
 
 /// prepare, analyse and analyse_to_accuracy with the case's own geometry.
 template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {

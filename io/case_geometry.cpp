@@ -9,6 +9,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/geometry/meshing/surface_image.hpp"
+#include "efree/io/internal/confined.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 
 #include <fmt/format.h>
@@ -292,14 +293,17 @@ template <int Dim> ImageOptions<Dim> image_options(const Section& image, bool is
 }
 
 /// The grey value at a point. Not every case asks for it: the file is read for the first one that is.
-template <int Dim> ScalarField<Dim> grey_of(const Section& geometry, const fs::path& file, bool is_raw) {
+template <int Dim>
+ScalarField<Dim> grey_of(const Section& geometry, const fs::path& file, bool is_raw, const Confinement& confinement) {
   struct Grey {
     std::once_flag read;
     ScalarField<Dim> value;
   };
-  return [grey = std::make_shared<Grey>(), path = file.string(),
+  return [grey = std::make_shared<Grey>(), path = file.string(), confinement,
           reading = image_options<Dim>(image_section(geometry), is_raw)](const Vec<Dim>& x) {
-    std::call_once(grey->read, [&] { grey->value = grey_value<Dim>(read_grey_image<Dim>(path, reading)); });
+    std::call_once(grey->read, [&] {
+      grey->value = grey_value<Dim>(confined(confinement, [&] { return read_grey_image<Dim>(path, reading); }));
+    });
     return grey->value(x);
   };
 }
@@ -420,25 +424,50 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
   };
 }
 
+/// Who reads files of this kind.
+std::string_view reader_of(FileKind kind) {
+  switch (kind) {
+    case FileKind::gmsh:
+      return "gmsh";
+    case FileKind::cad:
+      return "gmsh with OpenCASCADE";
+    case FileKind::surface:
+      return "CGAL";
+    default:
+      return "the reader of images";
+  }
+}
+
+Confinement confinement_of(const fs::path& file, FileKind kind, const Reading& reading) {
+  return {file.string(), std::string(reader_of(kind)), reading.seconds, reading.trust};
+}
+
 /// What makes the mesh of a file, and the grey values if it is an image.
-template <int Dim> void read_file(const Section& geometry, const fs::path& file, bool trust, MeshSource<Dim>& result) {
+template <int Dim>
+void read_file(const Section& geometry, const fs::path& file, const Reading& reading, MeshSource<Dim>& result) {
   const FileKind kind = kind_of(geometry, file);
+  const Confinement confinement = confinement_of(file, kind, reading);
+  const auto confine = [&](auto mesh) -> decltype(result.mesh) {
+    return [mesh = std::move(mesh), confinement](const MeshSize& size) {
+      return confined(confinement, [&] { return mesh(size); });
+    };
+  };
   switch (kind) {
     case FileKind::gmsh:
     case FileKind::cad:
-      result.mesh = gmsh_mesh<Dim>(geometry, file, trust);
+      result.mesh = confine(gmsh_mesh<Dim>(geometry, file, reading.trust));
       return;
     case FileKind::planar_image:
     case FileKind::image:
     case FileKind::raw_image:
-      result.mesh = image_mesh<Dim>(geometry, file, kind == FileKind::raw_image);
-      result.grey = grey_of<Dim>(geometry, file, kind == FileKind::raw_image);
+      result.mesh = confine(image_mesh<Dim>(geometry, file, kind == FileKind::raw_image));
+      result.grey = grey_of<Dim>(geometry, file, kind == FileKind::raw_image, confinement);
       return;
     case FileKind::surface:
       break;
   }
   if constexpr (Dim == 3)
-    result.mesh = surface_mesh(geometry, file);
+    result.mesh = confine(surface_mesh(geometry, file));
   else
     geometry.fail("file", fmt::format("{}: a surface bounds a solid, there is nothing planar in it", file.string()));
 }
@@ -449,7 +478,7 @@ Section::Keys geometry_keys() {
   return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters", "image", "surface"};
 }
 
-int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane, bool trust) {
+int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane, const Reading& reading) {
   if (geometry.has("file") == geometry.has("shape"))
     geometry.fail("shape", fmt::format("[geometry] has {}, expected exactly one of file and shape",
                                        geometry.has("file") ? "both file and shape" : "neither file nor shape"));
@@ -476,13 +505,15 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
       break;
   }
   try {
-    return gmsh_dimension(file.string(), trust);
+    return confined(confinement_of(file, FileKind::gmsh, reading),
+                    [&] { return gmsh_dimension(file.string(), reading.trust); });
   } catch (const InputError& error) {
     geometry.fail("file", error.what());
   }
 }
 
-template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder, bool trust) {
+template <int Dim>
+MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder, const Reading& reading) {
   MeshSource<Dim> result;
   if (geometry.has("mesh_size") && geometry.has("mesh_ratio"))
     geometry.fail("mesh_ratio", "mesh_size and mesh_ratio say the same thing, expected one of them");
@@ -491,13 +522,17 @@ template <int Dim> MeshSource<Dim> read_geometry(const Section& geometry, const 
   result.slits = geometry.texts("slits");
   result.where = geometry.where(geometry.has("file") ? "file" : "shape");
   if (geometry.has("shape"))
-    result.mesh = shape_mesh<Dim>(geometry);
+    result.mesh = [mesh = shape_mesh<Dim>(geometry),
+                   confinement = Confinement{fmt::format("the shape \"{}\"", geometry.text("shape")), "the mesher",
+                                             reading.seconds, reading.trust}](const MeshSize& size) {
+      return confined(confinement, [&] { return mesh(size); });
+    };
   else
-    read_file(geometry, file_of(geometry, folder), trust, result);
+    read_file(geometry, file_of(geometry, folder), reading, result);
   return result;
 }
 
-template MeshSource<2> read_geometry<2>(const Section&, const fs::path&, bool);
-template MeshSource<3> read_geometry<3>(const Section&, const fs::path&, bool);
+template MeshSource<2> read_geometry<2>(const Section&, const fs::path&, const Reading&);
+template MeshSource<3> read_geometry<3>(const Section&, const fs::path&, const Reading&);
 
 }  // namespace efree::internal

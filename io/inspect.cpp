@@ -9,6 +9,7 @@
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/io/case_file.hpp"
+#include "efree/io/internal/confined.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -364,22 +365,20 @@ std::string lower_case(std::string text) {
   return text;
 }
 
-}  // namespace
-
-AnyInspection inspect(const fs::path& file, bool trust) {
+AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   const std::string path = file.string(), name = lower_case(file.filename().string());
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
   if (fs::is_directory(file)) throw InputError(fmt::format("{} is a directory, expected a file", path));
-  if (!fs::exists(file)) throw InputError(fmt::format("there is no file {}", path));
+  if (!fs::is_regular_file(file)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml"))
     return std::visit([&](const auto& analysis) -> AnyInspection { return inspect_case(path, analysis); },
-                      read_case(file, trust));
+                      read_case(file, reading));
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);
-  if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", trust);
+  if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", reading.trust);
   if (ends(".geo", ".msh")) {
     const std::string kind = ends(".geo") ? "gmsh geometry" : "gmsh mesh";
-    if (gmsh_dimension(path, trust) == 2) return inspect_gmsh<2>(path, kind, trust);
-    return inspect_gmsh<3>(path, kind, trust);
+    if (gmsh_dimension(path, reading.trust) == 2) return inspect_gmsh<2>(path, kind, reading.trust);
+    return inspect_gmsh<3>(path, kind, reading.trust);
   }
   if (ends(".raw"))
     throw InputError(
@@ -396,6 +395,13 @@ AnyInspection inspect(const fs::path& file, bool trust) {
       "{}: a file of unknown kind, expected a case (.toml), gmsh (.geo, .msh), CAD (.step, .iges, .brep), an "
       "image (.png, .tif, .pgm, .nrrd, .mha, .inr, ...) or a surface (.stl, .off, .obj, .ply)",
       path));
+}
+
+}  // namespace
+
+AnyInspection inspect(const fs::path& file, const Reading& reading) {
+  return internal::confined({file.string(), "what reads it", reading.seconds, reading.trust},
+                            [&] { return inspect_here(file, reading); });
 }
 
 template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/geometry/mesh/summary.hpp"
+#include "efree/io/reading.hpp"
 
 #include <array>
 #include <filesystem>
@@ -59,9 +60,8 @@ using AnyInspection = std::variant<Inspection<2>, Inspection<3>>;
 
 /// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and
 /// CAD files are meshed with their own sizes; images are told from their pixels (for grey ones the threshold that parts
-/// them best) and surfaces from their triangles. `trust` as for
-/// read_case. Throws InputError as the readers do.
-AnyInspection inspect(const std::filesystem::path& file, bool trust = false);
+/// them best) and surfaces from their triangles. Throws InputError as the readers do, and for files they fail on.
+AnyInspection inspect(const std::filesystem::path& file, const Reading& reading = {});
 
 /// For people: several lines, ending with a line break.
 template <int Dim> std::string inspection_text(const Inspection<Dim>& inspection);

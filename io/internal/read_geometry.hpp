@@ -4,6 +4,7 @@
 
 #include "efree/analysis/mesh_source.hpp"
 #include "efree/io/internal/section.hpp"
+#include "efree/io/reading.hpp"
 
 #include <filesystem>
 
@@ -14,11 +15,12 @@ Section::Keys geometry_keys();
 
 /// Dimensions of the body: by the shape, the kind of file or, for .geo and .msh, what is in it. Images of formats that
 /// hold 2 or 3 dimensions are taken as the case means them: planar if it `has_plane`. `folder` is where relative names
-/// of files start; `trust` as in GmshOptions. Throws InputError beginning with "file:line: ", as all that follow.
-int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane, bool trust);
+/// of files start. Throws InputError beginning with "file:line: ", as all that follow.
+int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane,
+                       const Reading& reading);
 
-/// Checks all of [geometry] that can be checked before a mesh is made.
+/// Checks all of [geometry] that can be checked before a mesh is made, which happens as `reading` says.
 template <int Dim>
-MeshSource<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder, bool trust);
+MeshSource<Dim> read_geometry(const Section& geometry, const std::filesystem::path& folder, const Reading& reading);
 
 }  // namespace efree::internal
