@@ -52,7 +52,7 @@ void write_study_json(const std::filesystem::path& file, const std::string& titl
   json["threads"] = num_threads();
   json["version"] = version();
   std::ofstream stream(file);
-  stream << json.dump(2) << '\n';
+  stream << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
   if (!stream.flush()) throw InputError(fmt::format("cannot write {}", file.string()));
 }
 

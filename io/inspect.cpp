@@ -491,7 +491,7 @@ template <int Dim> std::string inspection_json(const Inspection<Dim>& in) {
   json["facts"] = ordered_json::object();
   for (const auto& [name, value] : in.facts) json["facts"][name] = value;
   json["remarks"] = in.remarks;
-  return json.dump(2) + '\n';
+  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + '\n';
 }
 
 template <int Dim> void write_pieces(const fs::path& file, const Inspection<Dim>& in) {

@@ -34,7 +34,7 @@ using nlohmann::ordered_json;
 
 void write_json(const std::filesystem::path& file, const ordered_json& json) {
   std::ofstream stream(file);
-  stream << json.dump(2) << '\n';
+  stream << json.dump(2, ' ', false, ordered_json::error_handler_t::replace) << '\n';
   if (!stream.flush()) cannot_write(file);
 }
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <mutex>
 #include <numeric>
 
 extern "C" void dpotrf_(const char* uplo, const int* n, double* A, const int* stride, int* info);
@@ -17,6 +18,8 @@ namespace {
 constexpr Index widest_panel = 192, tallest_tile = 384;
 /// A branch has at most this share of the work.
 constexpr double largest_branch = 1.0 / 64.0;
+/// Operations on a panel of the trunk below which threads would only wait for each other.
+constexpr double least_shared = 1e6;
 
 }  // namespace
 
@@ -32,9 +35,37 @@ std::pair<Index, Index> Supernodes::Panel::tile(Index t) const {
 /// Scratch memory of a thread.
 struct Supernodes::Workspace {
   std::unique_ptr<Index[]> row;  ///< of a tile, by row of the matrix
-  std::vector<double> product = std::vector<double>(static_cast<std::size_t>(widest_panel) * tallest_tile);
+  std::unique_ptr<double[]> product;
 
-  explicit Workspace(Index n) : row(std::make_unique_for_overwrite<Index[]>(static_cast<std::size_t>(n))) {}
+  explicit Workspace(Index n)
+      : row(std::make_unique_for_overwrite<Index[]>(static_cast<std::size_t>(n))),
+        product(std::make_unique_for_overwrite<double[]>(static_cast<std::size_t>(widest_panel) * tallest_tile)) {}
+};
+
+/// As many as are in use at once.
+class Supernodes::Workspaces {
+ public:
+  explicit Workspaces(Index n) : n_(n) {}
+
+  template <class Work> void with_one(const Work& work) {
+    std::unique_ptr<Workspace> space = take();
+    work(*space);
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(space));
+  }
+
+ private:
+  std::unique_ptr<Workspace> take() {
+    const std::lock_guard lock(mutex_);
+    if (idle_.empty()) return std::make_unique<Workspace>(n_);
+    std::unique_ptr<Workspace> space = std::move(idle_.back());
+    idle_.pop_back();
+    return space;
+  }
+
+  Index n_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Workspace>> idle_;
 };
 
 Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower)
@@ -92,6 +123,7 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
     for (const Update& u : updates_[p]) own += 2.0 * u.depth * u.num_columns * static_cast<double>(u.rows.size());
     total += own;
     work[p] += own;
+    panels_[p].is_shared = own >= least_shared && panels_[p].num_tiles() > 1;
     if (const Index above = parent(panels_[p]); above != none) work[above] += work[p];
   }
   std::vector<Index> root(panels);  // of the branch that a panel belongs to
@@ -160,10 +192,10 @@ void Supernodes::update(const Panel& panel, Index t, std::span<const Update> upd
       multiply(-1.0, 1.0, column(0) + first, panel.stride);
       continue;
     }
-    multiply(1.0, 0.0, space.product.data(), height);
+    multiply(1.0, 0.0, space.product.get(), height);
     for (Index j = 0; j < width; ++j) {
       double* target = column(j);
-      const double* product = space.product.data() + static_cast<std::size_t>(j) * static_cast<std::size_t>(height);
+      const double* product = space.product.get() + static_cast<std::size_t>(j) * static_cast<std::size_t>(height);
       for (Index i = t == 0 ? j : 0; i < height; ++i) target[space.row[begin[i]]] -= product[i];
     }
   }
@@ -185,39 +217,53 @@ void divide(Index rows, Index columns, const double* A, double* B, Index stride)
 
 }  // namespace
 
-Index Supernodes::factorize_branch(std::span<const Index> branch, double* L) const {
-  Workspace space(panels_.back().first + panels_.back().width);
-  for (const Index p : branch) {
-    const Panel& panel = panels_[p];
-    double* square = L + panel.values;
-    update(panel, 0, updates_[p], space, L);
-    if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
-      return panel.first + column;
-    for (Index t = 1; t < panel.num_tiles(); ++t) {
-      const auto [top, bottom] = panel.tile(t);
-      update(panel, t, updates_[p], space, L);
-      divide(bottom - top, panel.width, square, square + top, panel.stride);
-    }
+Index Supernodes::factorize_alone(Index p, Workspace& space, double* L) const {
+  const Panel& panel = panels_[p];
+  double* square = L + panel.values;
+  update(panel, 0, updates_[p], space, L);
+  if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
+    return panel.first + column;
+  for (Index t = 1; t < panel.num_tiles(); ++t) {
+    const auto [top, bottom] = panel.tile(t);
+    update(panel, t, updates_[p], space, L);
+    divide(bottom - top, panel.width, square, square + top, panel.stride);
   }
   return none;
 }
 
-Index Supernodes::factorize_trunk(double* L) const {
-  for (const Index p : trunk_) {
-    const Panel& panel = panels_[p];
-    double* square = L + panel.values;
-    parallel_chunks(panel.num_tiles(), 1, [&](Index t, Index) {
-      Workspace space(panels_.back().first + panels_.back().width);
-      update(panel, t, updates_[p], space, L);
-    });
-    if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
-      return panel.first + column;
-    parallel_chunks(panel.num_tiles() - 1, 1, [&](Index t, Index) {
-      const auto [top, bottom] = panel.tile(t + 1);
-      divide(bottom - top, panel.width, square, square + top, panel.stride);
-    });
-  }
+Index Supernodes::factorize_together(Index p, Workspaces& spaces, double* L) const {
+  const Panel& panel = panels_[p];
+  double* square = L + panel.values;
+  parallel_chunks(panel.num_tiles(), 1, [&](Index t, Index) {
+    spaces.with_one([&](Workspace& space) { update(panel, t, updates_[p], space, L); });
+  });
+  if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
+    return panel.first + column;
+  parallel_chunks(panel.num_tiles() - 1, 1, [&](Index t, Index) {
+    const auto [top, bottom] = panel.tile(t + 1);
+    divide(bottom - top, panel.width, square, square + top, panel.stride);
+  });
   return none;
+}
+
+Index Supernodes::factorize_branch(std::span<const Index> branch, Workspaces& spaces, double* L) const {
+  Index failed = none;
+  spaces.with_one([&](Workspace& space) {
+    for (std::size_t k = 0; k < branch.size() && failed == none; ++k) failed = factorize_alone(branch[k], space, L);
+  });
+  return failed;
+}
+
+Index Supernodes::factorize_trunk(Workspaces& spaces, double* L) const {
+  Index failed = none;
+  for (std::size_t k = 0; k < trunk_.size() && failed == none; ++k) {
+    const Index p = trunk_[k];
+    if (panels_[p].is_shared)
+      failed = factorize_together(p, spaces, L);
+    else
+      spaces.with_one([&](Workspace& space) { failed = factorize_alone(p, space, L); });
+  }
+  return failed;
 }
 
 Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
@@ -230,10 +276,11 @@ Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
   parallel_chunks(lower.nonZeros(), 1 << 16, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k) L[place_[k]] = lower.valuePtr()[k];
   });
+  Workspaces spaces(panels_.back().first + panels_.back().width);
   std::vector<Index> ended(branches_.rows(), none);
-  parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], L); });
+  parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], spaces, L); });
   const Index first = std::ranges::min(ended.empty() ? std::vector{none} : ended);
-  return first != none ? first : factorize_trunk(L);
+  return first != none ? first : factorize_trunk(spaces, L);
 }
 
 }  // namespace efree

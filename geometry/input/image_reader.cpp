@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/geometry/mesh/internal/extent.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -276,7 +277,7 @@ std::vector<double> numbers_in(std::string text) {
   for (std::string word; words >> word;) {
     char* end = nullptr;
     const double value = std::strtod(word.c_str(), &end);
-    if (end != word.c_str() && std::isfinite(value)) out.push_back(value);
+    if (end != word.c_str()) out.push_back(value);
   }
   return out;
 }
@@ -345,12 +346,11 @@ Values read_nrrd(const std::string& path, int dim) {
                             origin = numbers_in(fields["space origin"]);
   const std::size_t n = sizes.size();
   for (std::size_t d = 0; d < n; ++d) {
-    if (spacings.size() >= n && spacings[spacings.size() - n + d] > 0.0)
-      v.spacing[d] = spacings[spacings.size() - n + d];
+    if (spacings.size() >= n) v.spacing[d] = spacings[spacings.size() - n + d];
     if (directions.size() == n * n) {
       double square = 0.0;
       for (std::size_t k = 0; k < n; ++k) square += directions[n * d + k] * directions[n * d + k];
-      if (square > 0.0) v.spacing[d] = std::sqrt(square);
+      v.spacing[d] = std::sqrt(square);
     }
     if (origin.size() == n) v.origin[d] = origin[d] - 0.5 * v.spacing[d];
   }
@@ -470,7 +470,7 @@ Values read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImageRead
   for (int d = 0; d < 3; ++d) {
     v.size[d] = extent[2 * d + 1] - extent[2 * d] + 1;
     if (v.size[d] < 1) throw InputError(fmt::format("{}: it is truncated or broken, it has no pixels", path));
-    if (const double spacing = reader->GetDataSpacing()[d]; spacing > 0.0) v.spacing[d] = spacing;
+    if (const double spacing = reader->GetDataSpacing()[d]; meta || spacing > 0.0) v.spacing[d] = spacing;
     if (centred) v.origin[d] = reader->GetDataOrigin()[d] - 0.5 * v.spacing[d];
   }
   const std::size_t each = vtkDataArray::GetDataTypeSize(reader->GetDataScalarType());
@@ -606,14 +606,23 @@ template <int Dim> Values read_checked(const std::string& path, const ImageOptio
 }
 
 /// An image of this size, in this place.
-template <class Image, int Dim> Image frame_of(const Values& v, const ImageOptions<Dim>& options) {
+template <class Image, int Dim>
+Image frame_of(const std::string& path, const Values& v, const ImageOptions<Dim>& options) {
   Image image;
   for (int d = 0; d < Dim; ++d) {
     image.size[d] = v.size[d];
     image.spacing[d] = options.spacing.empty() ? v.spacing[d] : options.spacing[options.spacing.size() == 1 ? 0 : d];
     // The origin is a length as well, but not one in pixels: a spacing that is given leaves it.
     image.origin[d] = v.origin[d];
+    if (!(image.spacing[d] > 0.0))
+      throw InputError(fmt::format(
+          "{}: the spacing of its pixels along {} is {}, expected a positive length ([geometry.image] spacing says "
+          "another one)",
+          path, "xyz"[d], image.spacing[d]));
   }
+  Vec<Dim> extent = image.spacing;
+  for (int d = 0; d < Dim; ++d) extent[d] *= image.size[d];
+  internal::require_extent<Dim>(image.origin, image.origin + extent, path);
   return image;
 }
 
@@ -635,7 +644,7 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
   if (options.threshold && !std::isfinite(*options.threshold))
     throw InputError(fmt::format("{}: the threshold is {}", path, *options.threshold));
   const Values v = read_checked<Dim>(path, options);
-  auto image = frame_of<LabelImage<Dim>>(v, options);
+  auto image = frame_of<LabelImage<Dim>>(path, v, options);
   with_type(path, v.type, [&](auto value) {
     image.labels = classify<Dim, decltype(value)>(path, v, options);
     if (options.threshold)
@@ -660,7 +669,7 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
 
 template <int Dim> GreyImage<Dim> read_grey_image(const std::string& path, const ImageOptions<Dim>& options) {
   const Values v = read_checked<Dim>(path, options);
-  auto image = frame_of<GreyImage<Dim>>(v, options);
+  auto image = frame_of<GreyImage<Dim>>(path, v, options);
   with_type(path, v.type, [&](auto value) {
     using T = decltype(value);
     const T* values = static_cast<const T*>(v.data());

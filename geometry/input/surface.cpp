@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
+#include "efree/geometry/mesh/internal/extent.hpp"
 
 #include <CGAL/IO/polygon_soup_io.h>
 #include <CGAL/Polygon_mesh_processing/border.h>
@@ -19,6 +20,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 namespace efree {
 namespace {
@@ -111,6 +113,14 @@ SurfaceSoup read_surface(const std::string& path) {
     for (const std::size_t v : polygon)
       if (v >= points.size())
         throw InputError(fmt::format("{}: a polygon names point {}, but there are {}", path, v, points.size()));
+  if (!points.empty()) {
+    Vec<3> low = Vec<3>::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (const auto& p : points) {
+      low = low.cwiseMin(Vec<3>(p.x(), p.y(), p.z()));
+      high = high.cwiseMax(Vec<3>(p.x(), p.y(), p.z()));
+    }
+    internal::require_extent<3>(low, high, path);
+  }
   pmp::merge_duplicate_points_in_polygon_soup(points, polygons);
 
   SurfaceSoup soup;

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/bodies.hpp"
+#include "efree/geometry/mesh/internal/extent.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <numeric>
 
 namespace efree {
@@ -167,6 +169,50 @@ template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& 
   return edges.determinant() / (Dim == 2 ? 2.0 : 6.0);
 }
 
+/// Whether the facet of a cell opposite its vertex i faces the other way for the cell beyond it, as it does for cells
+/// that lie on different sides of it.
+template <int Dim> bool faces_back(const Cells<Dim>& cells, Index c, Index i, Index beyond) {
+  const Key<Dim> facet = facet_opposite<Dim>(cells, c, i);
+  Index opposite = 0;  // of the cell beyond: the vertex that is not on the facet
+  while (std::ranges::find(facet, cells(opposite, beyond)) != facet.end()) ++opposite;
+  const Key<Dim> back = facet_opposite<Dim>(cells, beyond, opposite);
+  const auto at = std::ranges::find(back, facet[0]) - back.begin();
+  return back[(at + 1) % Dim] == facet[Dim - 1];
+}
+
+/// Throws InputError if two cells lie on the same side of a facet they share.
+template <int Dim> void check_folds(const Points<Dim>& x, const Cells<Dim>& cells, const Cells<Dim>& neighbours) {
+  parallel_for(static_cast<Index>(cells.cols()), [&](Index c) {
+    for (Index i = 0; i <= Dim; ++i) {
+      const Index beyond = neighbours(i, c);
+      if (beyond < c || faces_back<Dim>(cells, c, i, beyond)) continue;
+      const Key<Dim> facet = facet_opposite<Dim>(cells, c, i);
+      Vec<Dim> middle = Vec<Dim>::Zero();
+      for (const Index v : facet) middle += x.col(v) / Dim;
+      throw InputError(
+          fmt::format("mesh: it folds over itself at ({:.6g}): the cells {} and {} lie on the same side of the facet "
+                      "they share",
+                      fmt::join(middle, ", "), c, beyond));
+    }
+  });
+}
+
+/// Throws InputError if the cells around a vertex take more than a full turn.
+void check_turns(const Points<2>& x, const Cells<2>& cells) {
+  Vector turn = Vector::Zero(x.cols());
+  for (Index c = 0; c < cells.cols(); ++c)
+    for (int i = 0; i < 3; ++i) {
+      const Vec<2> a = x.col(cells((i + 1) % 3, c)) - x.col(cells(i, c));
+      const Vec<2> b = x.col(cells((i + 2) % 3, c)) - x.col(cells(i, c));
+      turn[cells(i, c)] += std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
+    }
+  Index v = 0;
+  if (turn.maxCoeff(&v) > 2.0 * std::numbers::pi + 1e-6)
+    throw InputError(
+        fmt::format("mesh: it folds over itself at ({:.6g}): the cells around this vertex take more than a full turn",
+                    fmt::join(x.col(v), ", ")));
+}
+
 template <int Dim> void check_indices(const MeshData<Dim>& data) {
   const Index vertices = static_cast<Index>(data.vertices.cols()), *const cells = data.cells.data();
   for (Eigen::Index k = 0; k < data.cells.size(); ++k)
@@ -201,6 +247,9 @@ template <int Dim> FineMesh<Dim>::FineMesh(MeshData<Dim> data) {
   if (data.cells.cols() == 0) throw InputError("mesh: there is no cell in it");
   check_indices(data);
   if (!data.vertices.allFinite()) throw InputError("mesh: a vertex coordinate is not a finite number");
+  const Vec<Dim> low = data.vertices.rowwise().minCoeff(), high = data.vertices.rowwise().maxCoeff();
+  internal::require_extent<Dim>(low, high, "mesh");
+  internal::require_thickness<Dim>(low, high, "mesh");
   check_regions(data);
   regions_ = std::move(data.regions);
   region_names_ = data.region_names.empty() ? std::vector<std::string>{""} : std::move(data.region_names);
@@ -244,6 +293,8 @@ template <int Dim> FineMesh<Dim>::FineMesh(MeshData<Dim> data) {
 
   vertex_cells_ = cells_around<Dim>(cells_, num_vertices());
   neighbours_ = neighbours_of<Dim>(cells_, vertex_cells_);
+  check_folds<Dim>(vertices_, cells_, neighbours_);
+  if constexpr (Dim == 2) check_turns(vertices_, cells_);
 
   const Index facet_count = static_cast<Index>((neighbours_.array() < 0).count());
   facets_.resize(Dim, facet_count);

@@ -53,8 +53,9 @@ template <int Dim> class FineMesh {
   FineMesh() = default;
   /// Orients cells positively, drops vertices without a cell, finds the boundary facets and resolves the groups
   /// (facets inside the mesh are left out, and so are groups without any facet on the boundary). Throws InputError for
-  /// an index out of range, a cell of zero volume, a facet shared by more than two cells, a group facet that is no
-  /// facet of the mesh, a region without a name or with the name of another, or no cell.
+  /// an index out of range, a cell of zero volume, a facet shared by more than two cells, cells on the same side of a
+  /// facet they share (a mesh that folds over itself), a body too large, small or far away for double precision, a
+  /// group facet that is no facet of the mesh, a region without a name or with the name of another, or no cell.
   explicit FineMesh(MeshData<Dim> data);
 
   Index num_vertices() const { return static_cast<Index>(vertices_.cols()); }

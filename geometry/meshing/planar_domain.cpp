@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/geometry/mesh/internal/extent.hpp"
 #include "efree/geometry/meshing/internal/planar_regions.hpp"
 
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
@@ -146,6 +147,8 @@ Segments collect_segments(const PlanarDomain& domain) {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
   }
+  internal::require_extent<2>(low, high, "domain");
+  internal::require_thickness<2>(low, high, "domain");
   s.tolerance = 1e-12 * (high - low).norm();
   merge_points(s);
   return s;

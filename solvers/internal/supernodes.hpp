@@ -39,6 +39,7 @@ class Supernodes {
     std::span<const Index> rows;  ///< the columns' own first
     std::size_t values;           ///< the first in L, column by column
     Index stride;                 ///< between columns
+    bool is_shared = false;       ///< in the trunk: threads share its tiles
 
     Index num_tiles() const;
     std::pair<Index, Index> tile(Index t) const;  ///< range of rows; tile 0 is square
@@ -51,18 +52,21 @@ class Supernodes {
     Index stride, depth, num_columns;
   };
   struct Workspace;
+  class Workspaces;
 
   void update(const Panel& panel, Index tile, std::span<const Update> updates, Workspace& space, double* L) const;
-  Index factorize_branch(std::span<const Index> branch, double* L) const;
-  Index factorize_trunk(double* L) const;
+  Index factorize_alone(Index panel, Workspace& space, double* L) const;
+  Index factorize_together(Index panel, Workspaces& spaces, double* L) const;
+  Index factorize_branch(std::span<const Index> branch, Workspaces& spaces, double* L) const;
+  Index factorize_trunk(Workspaces& spaces, double* L) const;
 
   std::vector<Index> rows_;  ///< of all supernodes
   std::vector<Panel> panels_;
-  Ragged<Update> updates_;          ///< of every panel, in ascending order of supernodes
-  std::vector<std::size_t> place_;  ///< in L, of every entry of the matrix
-  Ragged<Index> branches_;          ///< their panels in ascending order; the branch with most work comes first
-  std::vector<Index> trunk_;        ///< panels above them, ascending
-  std::size_t size_;                ///< of L
+  Ragged<Update> updates_;    ///< of every panel, in ascending order of supernodes
+  std::vector<Index> place_;  ///< in L, of every entry of the matrix
+  Ragged<Index> branches_;    ///< their panels in ascending order; the branch with most work comes first
+  std::vector<Index> trunk_;  ///< panels above them, ascending
+  std::size_t size_;          ///< of L
 };
 
 }  // namespace efree

@@ -256,7 +256,7 @@ TEST_F(ReadImage, RefusesBadFilesWithOneClearMessage) {
                      "2 x 2 pixels of uint8 after a header of 0 bytes are 4 bytes, but the file has 3");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.raw", "abc"), {.raw = RawImage<2>{.size = {2, 2}, .type = "short"}}),
                      "values of type \"short\"");
-  EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, -2.0}}), "expected positive lengths");
+  EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, -2.0}}), "along y is -2, expected a positive length");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, 2.0, 3.0}}), "3 spacings given");
 }
 

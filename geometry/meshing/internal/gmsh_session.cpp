@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/mesh/internal/extent.hpp"
 #include "efree/geometry/mesh/refine.hpp"
 
 #include <fmt/format.h>
@@ -51,6 +52,9 @@ void GmshSession::open(const std::string& path) const {
 }
 
 void GmshSession::generate(int dim) const {
+  Vec<3> low, high;
+  gmsh::model::getBoundingBox(-1, -1, low[0], low[1], low[2], high[0], high[1], high[2]);
+  if ((high.array() > low.array()).any()) require_extent<3>(low, high, subject_);
   gmsh::model::mesh::generate(dim);
   check();
 }
