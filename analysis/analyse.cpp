@@ -7,7 +7,9 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/core/error.hpp"
 
+#include <cmath>
 #include <optional>
 
 namespace efree {
@@ -39,6 +41,9 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   std::optional<Stage> stage(std::in_place, "output", monitor);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
+  if (!(result.fields.displacement.allFinite() && result.fields.stress.allFinite() &&
+        std::isfinite(result.solution.strain_energy)))
+    throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
   const auto materials = materials_of(result.model, *mesh.mesh);
   if (settings.has_exact()) result.errors = errors_against(basis, result.fields, materials, settings.exact);
   if (result.probes.empty() && result.extremes.empty()) read_off(settings, result);

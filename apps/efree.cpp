@@ -84,6 +84,16 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
 template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
+  const auto fail = [&](const std::string& reason) {
+    const bool is_earlier = out.has("result.json");
+    out.clear();
+    write_failure(out.file("failure.json"), analysis.title, reason, display.stage(),
+                  is_earlier ? "of an earlier run" : "none");
+    out.commit();
+    throw NumericalError(
+        fmt::format("{} failed: {}{}", display.stage(), reason,
+                    is_earlier ? fmt::format("; the results in {} are of an earlier run", options.out) : ""));
+  };
   try {
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
@@ -114,19 +124,28 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
     if (result.refusal.empty())
       out.supersede("failure.json");
     else
-      write_failure(out.file("failure.json"), analysis.title, result.refusal, "correction");
+      write_failure(out.file("failure.json"), analysis.title, result.refusal, "correction", "of this run");
     out.commit();
     if (!result.refusal.empty()) {
       display.say(fmt::format("error: {}; the results are in {} all the same", result.refusal, options.out));
       return 3;
     }
   } catch (const NumericalError& error) {
-    write_failure(out.file("failure.json"), analysis.title, error.what(), display.stage());
-    out.commit();
-    throw NumericalError(fmt::format("{} failed: {}", display.stage(), error.what()));
+    fail(error.what());
+  } catch (const std::bad_alloc&) {
+    fail("there is not enough memory; take a coarser mesh, or a wider spacing of the cloud");
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
   return 0;
+}
+
+/// What a file has put into a message cannot fill the terminal, nor tell it what to do.
+std::string presentable(std::string message) {
+  constexpr std::size_t longest = 1500;
+  for (char& c : message)
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  if (message.size() <= longest) return message;
+  return fmt::format("{} ... {}", message.substr(0, longest / 2), message.substr(message.size() - longest / 2));
 }
 
 void inspect_file(const Options& options) {
@@ -138,7 +157,7 @@ void inspect_file(const Options& options) {
           write_pieces(out.file("geometry.vtu"), inspection);
           std::ofstream stream(out.file("inspection.json"));
           stream << json;
-          if (!stream.flush()) throw InputError(fmt::format("cannot write to {}", options.out));
+          if (!stream.flush()) throw InputError(fmt::format("cannot write inspection.json into {}", options.out));
           draw_pieces(out.file("geometry.png"), inspection);
           out.commit();
         }
@@ -274,13 +293,16 @@ int run(int argc, char** argv) {
         },
         read_case(options.case_file, options.reading));
   } catch (const InputError& error) {
-    display.say(fmt::format("error: {}", error.what()));
+    display.say(fmt::format("error: {}", presentable(error.what())));
     return 2;
   } catch (const NumericalError& error) {
-    display.say(fmt::format("error: {}", error.what()));
+    display.say(fmt::format("error: {}", presentable(error.what())));
+    return 3;
+  } catch (const std::bad_alloc&) {
+    display.say("error: there is not enough memory");
     return 3;
   } catch (const std::exception& error) {
-    display.say(fmt::format("error: {}", error.what()));
+    display.say(fmt::format("error: {}", presentable(error.what())));
     return 1;
   }
 }

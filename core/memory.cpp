@@ -2,8 +2,10 @@
 #include "efree/core/memory.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -91,6 +93,16 @@ void require_memory(double bytes, std::string_view what, std::string_view advice
   if (const double available = available_memory(); !(bytes <= available))
     throw InputError(fmt::format("{} takes about {:.3g} GiB of memory, {:.3g} GiB are available{}{}", what,
                                  bytes / 0x1p30, available / 0x1p30, advice.empty() ? "" : "; ", advice));
+}
+
+void require_blas_memory() {
+  const std::size_t bytes = ((std::size_t{128} << 20U) + (std::size_t{1} << 16U)) * num_threads();
+  void* room = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (room == MAP_FAILED)
+    throw InputError(fmt::format(
+        "factorisation takes {} MiB of addresses for {} threads, which this process may not have; raise its limit{}",
+        bytes >> 20U, num_threads(), num_threads() > 1 ? " or take fewer threads (--threads 1)" : ""));
+  munmap(room, bytes);
 }
 
 void return_freed_memory() {

@@ -17,6 +17,10 @@ double data_memory();
 /// are.
 void require_memory(double bytes, std::string_view what, std::string_view advice = {});
 
+/// Throws InputError if this process may not have the buffers of OpenBLAS for all threads (parallel.hpp), 128 MiB of
+/// addresses each: OpenBLAS would ask for them again and again for ever.
+void require_blas_memory();
+
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mb();
 

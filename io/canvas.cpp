@@ -2,6 +2,7 @@
 #include "efree/io/internal/canvas.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/io/internal/cannot_write.hpp"
 
 #include <fmt/format.h>
 #include <vtkFreeTypeTools.h>
@@ -98,7 +99,7 @@ void Canvas::save(const std::filesystem::path& file) const {
   writer->SetInputData(image);
   writer->SetCompressionLevel(2);  // a third of the default's time for a tenth more bytes
   writer->Write();
-  if (writer->GetErrorCode() != 0) throw InputError(fmt::format("cannot write {}", file.string()));
+  if (writer->GetErrorCode() != 0) internal::cannot_write(file);
 }
 
 }  // namespace efree::internal

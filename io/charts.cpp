@@ -3,6 +3,7 @@
 #include "efree/core/error.hpp"
 #include "efree/io/child_process.hpp"
 #include "efree/io/convergence.hpp"
+#include "efree/io/internal/cannot_write.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -278,7 +279,7 @@ std::string write_charts(OutputDirectory& out, const Study& study) {
   std::ofstream file(out.file("charts.gp"));
   file << script(study);
   file.close();
-  if (!file) throw InputError(fmt::format("cannot write {}", out.file("charts.gp").string()));
+  if (!file) internal::cannot_write(out.file("charts.gp"));
   std::string output;
   const int status = run_program(out.staging(), {"gnuplot", "charts.gp"}, &output);
   for (const char* chart : {"convergence", "error_against_time", "stages"})

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
@@ -30,7 +31,7 @@ void write_study_csv(const std::filesystem::path& file, const Study& study) {
     for (const char* stage : Study::stages) csv << fmt::format(",{:.6f}", row.times[stage]);
     csv << fmt::format(",{:.6f},{:.6f}\n", row.seconds, row.cpu_seconds);
   }
-  if (!csv.flush()) throw InputError(fmt::format("cannot write {}", file.string()));
+  if (!csv.flush()) internal::cannot_write(file);
 }
 
 void write_study_json(const std::filesystem::path& file, const std::string& title, const Study& study) {
@@ -53,7 +54,7 @@ void write_study_json(const std::filesystem::path& file, const std::string& titl
   json["version"] = version();
   std::ofstream stream(file);
   stream << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-  if (!stream.flush()) throw InputError(fmt::format("cannot write {}", file.string()));
+  if (!stream.flush()) internal::cannot_write(file);
 }
 
 std::string order_table(const Study& study) {

@@ -9,6 +9,7 @@
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/io/case_file.hpp"
+#include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/internal/confined.hpp"
 
 #include <fmt/format.h>
@@ -531,7 +532,7 @@ template <int Dim> void write_pieces(const fs::path& file, const Inspection<Dim>
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();
-  if (!writer->Write()) throw InputError(fmt::format("cannot write {}", file.string()));
+  if (!writer->Write() || writer->GetErrorCode() != 0) internal::cannot_write(file);
 }
 
 template std::string inspection_text<2>(const Inspection<2>&);

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/io/internal/cannot_write.hpp"
 
 #include <fmt/format.h>
 #include <vtkCellArray.h>
@@ -28,9 +29,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-[[noreturn]] void cannot_write(const std::filesystem::path& file) {
-  throw InputError(fmt::format("cannot write {}", file.string()));
-}
+using internal::cannot_write;
 
 void write_json(const std::filesystem::path& file, const ordered_json& json) {
   std::ofstream stream(file);
@@ -103,7 +102,7 @@ void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToNone();  // would take twenty times as long for a third of the bytes
-  if (!writer->Write()) cannot_write(file);
+  if (!writer->Write() || writer->GetErrorCode() != 0) cannot_write(file);
 }
 
 template <class Values> ordered_json array(const Values& values) {
@@ -253,9 +252,13 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
 }
 
 void write_failure(const std::filesystem::path& file, const std::string& title, const std::string& reason,
-                   const std::string& stage) {
-  write_json(file,
-             {{"title", title}, {"status", "failed"}, {"reason", reason}, {"stage", stage}, {"version", version()}});
+                   const std::string& stage, const std::string& results) {
+  write_json(file, {{"title", title},
+                    {"status", "failed"},
+                    {"reason", reason},
+                    {"stage", stage},
+                    {"results", results},
+                    {"version", version()}});
 }
 
 template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);

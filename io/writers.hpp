@@ -28,8 +28,9 @@ template <int Dim> void write_nodes(const std::filesystem::path& file, const Res
 template <int Dim>
 void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
 
-/// What went wrong with the analysis of this title (a NumericalError's text) and during which stage.
+/// What went wrong with the analysis of this title (a NumericalError's text), during which stage, and whose results lie
+/// beside this file: "none", "of this run" or "of an earlier run".
 void write_failure(const std::filesystem::path& file, const std::string& title, const std::string& reason,
-                   const std::string& stage);
+                   const std::string& stage, const std::string& results);
 
 }  // namespace efree

@@ -105,7 +105,10 @@ struct Cholesky::Impl {
   Index negative = 0;
 
   /// Threaded BLAS sums in an order that depends on the number of threads.
-  Impl() { openblas_set_num_threads(1); }
+  Impl() {
+    require_blas_memory();
+    openblas_set_num_threads(1);
+  }
   ~Impl() { cholmod_free_factor(&factor, common.get()); }
 
   /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
