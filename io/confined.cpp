@@ -292,6 +292,11 @@ std::string contents(int fd) {
   throw InputError(fmt::format("{}: {} failed: {}", confinement.subject, confinement.reader, what));
 }
 
+/// The message, beginning with its subject unless it names it anyhow.
+std::string about(const std::string& subject, std::string message) {
+  return message.find(subject) != std::string::npos ? message : fmt::format("{}: {}", subject, message);
+}
+
 std::string cause_of_death(int status) {
   if (!WIFSIGNALED(status)) return fmt::format("it left with status {}", WEXITSTATUS(status));
   switch (WTERMSIG(status)) {
@@ -337,7 +342,7 @@ std::string run_confined(const Confinement& confinement, const std::function<std
     case Outcome::done:
       return contents(*result);
     case Outcome::input_error:
-      throw InputError(contents(*result));
+      throw InputError(about(confinement.subject, contents(*result)));
     case Outcome::numerical_error:
       throw NumericalError(contents(*result));
     case Outcome::no_memory:
