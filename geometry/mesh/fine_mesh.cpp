@@ -176,6 +176,7 @@ template <int Dim> bool faces_back(const Cells<Dim>& cells, Index c, Index i, In
   Index opposite = 0;  // of the cell beyond: the vertex that is not on the facet
   while (std::ranges::find(facet, cells(opposite, beyond)) != facet.end()) ++opposite;
   const Key<Dim> back = facet_opposite<Dim>(cells, beyond, opposite);
+  if (Dim == 2) return back[0] == facet[1];
   const auto at = std::ranges::find(back, facet[0]) - back.begin();
   return back[(at + 1) % Dim] == facet[Dim - 1];
 }

@@ -192,7 +192,9 @@ class Reader {
 void require_harmless(const std::string& path) {
   Reader reader;
   reader.options_of(path);
-  if (path.ends_with(".geo")) return reader.script(path);
+  std::string ending = fs::path(path).extension().string();
+  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (ending == ".geo") return reader.script(path);
   std::ifstream stream(path, std::ios::binary);
   std::string begin(12, ' ');
   stream.read(begin.data(), static_cast<std::streamsize>(begin.size()));

@@ -2,6 +2,8 @@
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "meshes.hpp"
 
+#include <numbers>
+
 namespace efree {
 namespace {
 
@@ -89,6 +91,62 @@ TEST(FineMesh, RefusesMeshesThatAreNone) {
   data = grid(2);
   data.groups = {{"far", {{0, 8}}}};
   EXPECT_INPUT_ERROR(FineMesh<2>{data}, "group \"far\"");
+}
+
+TEST(FineMesh, RefusesMeshesThatFoldOverThemselvesWithThePlace) {
+  MeshData<2> data;
+  data.vertices.resize(2, 4);
+  data.vertices << 0, 1, 0, 0.2,  //
+      0, 0, 1, 0.2;
+  data.cells.resize(3, 2);
+  data.cells << 0, 1,  //
+      1, 2,            //
+      2, 3;
+  EXPECT_INPUT_ERROR(FineMesh<2>{data}, "folds over itself at (0.5, 0.5)");
+  data.vertices.col(3) << 1, 1;
+  EXPECT_NO_THROW(FineMesh<2>{data});
+
+  // A fan that goes around its middle twice.
+  constexpr int turns = 2, leaves = 12;
+  MeshData<2> fan;
+  fan.vertices.resize(2, 1 + leaves);
+  fan.vertices.col(0) << 3, 4;
+  fan.cells.resize(3, leaves);
+  for (int k = 0; k < leaves; ++k) {
+    const double angle = 2.0 * std::numbers::pi * turns * k / leaves;
+    fan.vertices.col(1 + k) << 3 + (1 + 0.01 * k) * std::cos(angle), 4 + (1 + 0.01 * k) * std::sin(angle);
+    fan.cells.col(k) << 0, 1 + k, 1 + (k + 1) % leaves;
+  }
+  EXPECT_INPUT_ERROR(FineMesh<2>{fan}, "folds over itself at (3, 4)");
+
+  MeshData<3> solid;
+  solid.vertices.resize(3, 5);
+  solid.vertices << 0, 1, 0, 0, 0.1,  //
+      0, 0, 1, 0, 0.1,                //
+      0, 0, 0, 1, 0.5;
+  solid.cells.resize(4, 2);
+  solid.cells << 0, 0,  //
+      1, 1,             //
+      2, 2,             //
+      3, 4;
+  EXPECT_INPUT_ERROR(FineMesh<3>{solid}, "folds over itself at (0.333333, 0.333333, 0)");
+  solid.vertices(2, 4) = -0.5;
+  EXPECT_NO_THROW(FineMesh<3>{solid});
+}
+
+TEST(FineMesh, RefusesBodiesThatDoublePrecisionCannotHold) {
+  const auto square = [](double scale, double height, double away) {
+    MeshData<2> data = grid(2);
+    data.vertices.row(1) *= height;
+    data.vertices = (scale * data.vertices).colwise() + Vec<2>::Constant(away);
+    return data;
+  };
+  EXPECT_NO_THROW(FineMesh<2>{square(1.0, 1e-4, 1e6)});
+  EXPECT_NO_THROW(FineMesh<2>{square(1e-29, 1.0, 0.0)});
+  EXPECT_INPUT_ERROR(FineMesh<2>{square(1e-31, 1.0, 0.0)}, "1e-31 large, expected 1e-30 to 1e+30");
+  EXPECT_INPUT_ERROR(FineMesh<2>{square(1e31, 1.0, 0.0)}, "1e+31 large, expected 1e-30 to 1e+30");
+  EXPECT_INPUT_ERROR(FineMesh<2>{square(1.0, 1.0, 1e9)}, "1 large and lies 1e+09 from the origin");
+  EXPECT_INPUT_ERROR(FineMesh<2>{square(1.0, 1e-7, 0.0)}, "1 long and 1e-07 thick");
 }
 
 TEST(CutOpen, TipsStayWholeAndBothSidesAreInTheGroup) {

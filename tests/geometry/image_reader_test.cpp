@@ -256,7 +256,15 @@ TEST_F(ReadImage, RefusesBadFilesWithOneClearMessage) {
                      "2 x 2 pixels of uint8 after a header of 0 bytes are 4 bytes, but the file has 3");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.raw", "abc"), {.raw = RawImage<2>{.size = {2, 2}, .type = "short"}}),
                      "values of type \"short\"");
-  EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, -2.0}}), "along y is -2, expected a positive length");
+  const auto nrrd = [&](const std::string& lengths) {
+    return put("a.nrrd", "NRRD0004\ntype: uint8\ndimension: 2\nsizes: 2 2\nencoding: raw\n" + lengths + "\n\n\1\1\1\1");
+  };
+  EXPECT_INPUT_ERROR(read_image<2>(nrrd("spacings: 0 1")), "a.nrrd: the spacing of its pixels along x is 0");
+  EXPECT_INPUT_ERROR(read_image<2>(nrrd("spacings: 1 nan")), "a.nrrd: the spacing of its pixels along y is nan");
+  EXPECT_INPUT_ERROR(read_image<2>(nrrd("space directions: (1,0) (0,0)")), "along y is 0");
+  EXPECT_EQ(read_image<2>(nrrd("spacings: 0 nan"), {.spacing = {2.0}}).spacing, Vec<2>(2, 2));
+  EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, -2.0}}),
+                     "along y is -2, expected a positive length");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.spacing = {1.0, 2.0, 3.0}}), "3 spacings given");
 }
 
