@@ -18,10 +18,19 @@ namespace {
 using internal::boundaries, internal::graded_regions, internal::located, internal::process_cpu_seconds,
     internal::said_at;
 
-/// Whether all probes lie in the body: better known before the analysis than after it.
-template <int Dim> void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+/// Whether all probes lie in the body: better known before the analysis than after it. Those beside a curved boundary,
+/// between it and its chords, are moved onto these, which is remarked.
+template <int Dim>
+void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std::vector<std::string>& remarks) {
   const Locator<Dim> locate_probe(mesh, settings.probes.size());
-  for (const auto& p : settings.probes) located(settings, p.where, [&] { return locate_probe(p.at); });
+  for (const auto& p : settings.probes) {
+    const Location<Dim> there = located(settings, p.where, [&] { return locate_probe(p.at); });
+    Vec<Dim> found = Vec<Dim>::Zero();
+    for (int i = 0; i <= Dim; ++i) found += there.at[i] * mesh.vertex(mesh.cells()(i, there.cell));
+    if (const double away = (found - p.at).norm(); away > 1e-6 * mesh.size())
+      remarks.push_back(fmt::format("probe \"{}\" lies {:.2g} outside the chords of the boundary: taken at ({:.6g})",
+                                    p.name, away, fmt::join(found, ", ")));
+  }
 }
 
 /// The material of each region.
@@ -189,7 +198,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   for (const auto& region : graded_regions(settings))
     located(settings, region.where, [&] { return result.mesh->region(region.name); });
   result.materials = region_materials(settings, *result.mesh);
-  check_probes(settings, *result.mesh);
+  check_probes(settings, *result.mesh, result.remarks);
   return result;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/internal/confined.hpp"
 
+#include "efree/core/internal/reading_bound.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 
@@ -110,7 +111,8 @@ void allow_no_more_than_reading() {
   const auto self = static_cast<scmp_datum_t>(getpid());
   deny("tgkill", {SCMP_A0(SCMP_CMP_NE, self)});
   deny("rt_tgsigqueueinfo", {SCMP_A0(SCMP_CMP_NE, self)});
-  deny("prlimit64", {SCMP_A2(SCMP_CMP_NE, 0)});
+  deny("prlimit64", {SCMP_A0(SCMP_CMP_NE, 0)});
+  deny("prlimit64", {SCMP_A1(SCMP_CMP_NE, RLIMIT_DATA), SCMP_A2(SCMP_CMP_NE, 0)});
   deny("setrlimit");
   // Files, but for reading them.
   constexpr scmp_datum_t writing[] = {O_WRONLY, O_RDWR, O_CREAT, O_TRUNC};
@@ -166,8 +168,9 @@ void limit_memory() {
   if (sanitized || !std::isfinite(available)) return;
   rlimit data{};
   getrlimit(RLIMIT_DATA, &data);
-  data.rlim_cur = std::min(data.rlim_max, static_cast<rlim_t>(data_memory() + available));
+  data.rlim_cur = data.rlim_max = std::min(data.rlim_max, static_cast<rlim_t>(data_memory() + available));
   setrlimit(RLIMIT_DATA, &data);
+  ReadingBound::own_process = true;
 }
 
 void put(int fd, const char* bytes, std::size_t n) {

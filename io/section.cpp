@@ -38,6 +38,7 @@ std::string kind_of(const toml::node& node) {
 
 std::string shown(const toml::node& node) {
   if (const toml::array* array = node.as_array()) return fmt::format("an array of {}", array->size());
+  if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
   if (!node.is_value()) return fmt::format("a {}", kind_of(node));
   std::ostringstream value;
   node.visit([&](const auto& v) {

@@ -2,6 +2,7 @@
 #include "efree/geometry/input/surface.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/reading_bound.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
 
@@ -94,6 +95,7 @@ SurfaceSoup read_surface(const std::string& path) {
   std::vector<std::vector<std::size_t>> polygons;
   bool is_read = false;
   try {
+    const internal::ReadingBound bound(path);
     // The name may be in capitals, so that the format is not left to CGAL to tell by it.
     if (extension == ".stl")
       is_read = CGAL::IO::read_STL(path, points, polygons);

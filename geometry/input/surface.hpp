@@ -60,7 +60,8 @@ struct SurfaceWrap {
 /// A closed surface around any triangles: holes, self-intersections, gaps, doubled sheets (CGAL Alpha_wrap_3;
 /// Portaneri, Rouxel-Labbe, Hemmer, Cohen-Steiner & Alliez 2022). The wrap lies outside; what cannot be reached from
 /// outside through openings wider than alpha is filled. Throws InputError for no triangle, a flat box with alpha 0
-/// given, or lengths that are not positive.
+/// given, lengths that are not positive, or a wrap that encloses nothing but the sheet itself, as thick as the offset
+/// makes it.
 SurfaceWrap wrap_surface(const SurfaceSoup& surface, const WrapOptions& options = {});
 
 }  // namespace efree

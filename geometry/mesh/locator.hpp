@@ -5,6 +5,7 @@
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <memory>
+#include <optional>
 
 namespace efree {
 
@@ -24,12 +25,14 @@ template <int Dim> class Locator {
   Locator(Locator&&) noexcept;
 
   /// Of several cells that hold the point the first; a point outside by rounding (1e-9 in barycentric coordinates)
-  /// belongs to the cell it is least outside of. Throws InputError (with the nearest vertex) if it lies outside the
-  /// body.
+  /// belongs to the cell it is least outside of. A point that lies outside by no more than facets of the boundary are
+  /// off the convex curve they are chords of (by the angles between them, of less than 30 degrees) is taken at the
+  /// nearest point of the boundary. Throws InputError (with the nearest vertex) if it lies outside the body.
   Location<Dim> operator()(const Vec<Dim>& x) const;
 
  private:
   struct Tree;
+  std::optional<Location<Dim>> beside_boundary(const Vec<Dim>& x) const;
   const FineMesh<Dim>* mesh_;
   std::unique_ptr<const Tree> tree_;  ///< none: cells are walked
 };

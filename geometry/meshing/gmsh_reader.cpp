@@ -2,6 +2,7 @@
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/reading_bound.hpp"
 #include "efree/geometry/meshing/internal/cad_import.hpp"
 #include "efree/geometry/meshing/internal/gmsh_script.hpp"
 #include "efree/geometry/meshing/internal/gmsh_session.hpp"
@@ -17,6 +18,7 @@
 #include <filesystem>
 #include <fstream>
 #include <new>
+#include <optional>
 #include <set>
 
 namespace efree {
@@ -242,7 +244,11 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
       return mesh;
     }
   }
-  session.open(path);
+  {
+    std::optional<internal::ReadingBound> bound;
+    if (format == Format::msh) bound.emplace(path);
+    session.open(path);
+  }
   set_parameters(session, path, options.parameters);
   check_slits(session, Dim, options.slits);
   if (format == Format::msh) return internal::gmsh_mesh<Dim>(session, 0.0, options.slits);
@@ -300,6 +306,8 @@ int gmsh_dimension(const std::string& path, bool trust) {
   if (format == Format::geo) check_last_line(path);
   if (!trust) internal::require_harmless(path);
   return in_session(path, [&](const GmshSession& session) {
+    std::optional<internal::ReadingBound> bound;
+    if (format == Format::msh) bound.emplace(path);
     session.open(path);
     return internal::all_entities(3).empty() ? 2 : 3;
   });

@@ -68,6 +68,12 @@ SurfaceWrap wrap_surface(const SurfaceSoup& soup, const WrapOptions& options) {
     wrap.mean_distance += part * distance((p + q + r) / 3.0);
   }
   wrap.mean_distance /= area;
+  // Around both sides of a sheet that the wrap could enter, through a hole or because it is open.
+  if (const double thickness = 2.0 * wrap.volume / area; thickness < 3.0 * wrap.offset)
+    throw InputError(fmt::format(
+        "wrap: it encloses no body but a skin {:.2g} thick around the triangles, which is what the offset {:g} "
+        "makes of an open sheet; close its holes, or wrap it with an alpha (now {:g}) wider than they are",
+        thickness, wrap.offset, wrap.alpha));
   return wrap;
 }
 
