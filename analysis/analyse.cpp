@@ -7,12 +7,46 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/solvers/reactions.hpp"
 
+#include <fmt/format.h>
 #include <optional>
 
 namespace efree {
 
 using namespace internal;
+
+namespace {
+
+/// What holds the body and what loads it, and whether both are in balance.
+template <int Dim> void balance(const Settings<Dim>& settings, Result<Dim>& result, bool of_elements) {
+  constexpr double rounding = 1e-8;
+  const FineSpace<Dim>& space = result.basis().space;
+  if (result.cells) {
+    if constexpr (Dim == 3) {
+      result.part_reactions = result.cells->finest().reactions;
+      result.applied = result.cells->applied;
+    }
+  } else {
+    if (result.elements || of_elements)
+      result.part_reactions = element_reactions(result.basis(), result.model, settings.supports, settings.loads,
+                                                result.solution.coefficients);
+    result.applied = applied_loads(space, settings.loads);
+  }
+  std::vector<Resultant<Dim>> all;
+  for (const auto& [part, of] : result.part_reactions) all.push_back(of);
+  for (const auto& load : result.applied) all.push_back(load.of);
+  const auto& vertices = result.mesh->vertices();
+  const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
+  result.imbalance = imbalance(all, length, space.axisymmetric());
+  if (!(result.imbalance <= rounding))
+    result.warnings.push_back(
+        fmt::format("reactions and loads are out of balance by {:.2g}, relative: the equations are not solved to "
+                    "rounding",
+                    result.imbalance));
+}
+
+}  // namespace
 
 template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& watching) {
@@ -37,6 +71,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 
   std::optional<Stage> stage(std::in_place, "output", monitor);
+  balance(settings, result, without_cloud);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
   const auto materials = materials_of(result.model, *mesh.mesh);

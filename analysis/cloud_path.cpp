@@ -125,6 +125,7 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   {
     const Stage stage("solve", monitor);
     result.solution = solver->solve(settings.loads);
+    result.part_reactions = solver->reactions(result.solution, settings.loads);
   }
   if (options.kind != BasisKind::mls) {
     result.fields = recover_fields(result.approximation, result.solution);

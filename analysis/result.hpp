@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/prepare.hpp"
+#include "efree/assembly/loads.hpp"
 #include "efree/solvers/cell_solver.hpp"
 
 #include <cmath>
@@ -35,6 +36,13 @@ template <int Dim> double relative_error(const Vec<Dim>& value, const Vec<Dim>& 
 template <int Dim> struct ReactionResult {
   std::string name;
   Vec<Dim> force, error;  ///< error: of each component, absolute
+};
+
+/// The largest and the smallest value of a field.
+template <int Dim> struct FieldRange {
+  std::string of;  ///< "displacement_x", "strain_xx", "stress_xx", ..., "principal_stress"
+  double most, least;
+  Vec<Dim> most_at, least_at;
 };
 
 /// The largest value of a field.
@@ -76,7 +84,12 @@ template <int Dim> struct Result {
   /// Absolute errors of the components of the probes' displacements, by name, where they are known.
   std::map<std::string, Vec<Dim>> probe_errors;
   std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
-  std::vector<Extreme<Dim>> extremes;          ///< that the settings ask for
+  std::vector<Extreme<Dim>> extremes;          ///< largest displacement and von Mises stress
+  /// By part with displacement conditions: the force and moment by which it holds the body, from the equilibrium of the
+  /// problem that the answer solves.
+  Resultants<Dim> part_reactions;
+  std::vector<AppliedLoad<Dim>> applied;  ///< the loads, each by itself
+  double imbalance = 0.0;  ///< of both together, relative (efree::imbalance); more than rounding is a fault
   /// By cell of the mesh: what recovered stresses are off those of the displacement, in the energy norm, relative to
   /// the mean energy density of the body. The root of its mean square over the volume is the error of the body in all.
   Vector error_density;
@@ -94,6 +107,16 @@ template <int Dim> struct Result {
   StageTimes times;
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };
+
+/// Range of every component of displacement, strain and stress, and of the principal stresses.
+template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const Result<Dim>& result);
+
+/// Names of the components of a strain or stress in Voigt order.
+template <int Dim> std::vector<const char*> component_names(bool axisymmetric) {
+  if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
+  if (axisymmetric) return {"rr", "zz", "tt", "rz"};
+  return {"xx", "yy", "zz", "xy"};
+}
 
 /// von Mises stress at the places of the space (FineSpace::num_places).
 template <int Dim> Vector von_mises_at_places(const Result<Dim>& result);

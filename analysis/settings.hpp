@@ -22,6 +22,7 @@ struct RegionMaterial {
   std::string region;
   SharedMaterial material;
   std::string where{};
+  Parameter density = 0.0;  ///< [mass / volume]; 0: not said
 };
 /// A point to report.
 template <int Dim> struct Probe {
@@ -60,13 +61,14 @@ template <int Dim> struct Settings {
   std::string where{};                                 ///< all of it: the case file
   ElasticModel model{};                                ///< but for `regions` and `open_interface`, which the mesh tells
   std::vector<RegionMaterial> materials{};             ///< one for each region; empty: model.material everywhere
+  Parameter density = 0.0;                             ///< of model.material [mass / volume]; 0: not said
   std::vector<NamedSelection<Dim>> selections{};       ///< parts of the boundary besides those the mesh has
   std::vector<DisplacementCondition<Dim>> supports{};  ///< displacements that are prescribed
-  Loads<Dim> loads{};                                  ///< forces
+  Loads<Dim> loads{};                                  ///< forces; but for their density, which the materials tell
   ExactSolution<Dim> exact{};                          ///< to compare with; both fields empty if there is none
   std::vector<Probe<Dim>> probes{};                    ///< points to report
   std::vector<Reaction> reactions{};                   ///< parts whose forces to report
-  bool largest_displacement = false, largest_stress = false;  ///< extremes to report
+  bool largest_displacement = false, largest_stress = false;  ///< extremes whose errors to report
   /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};

@@ -35,6 +35,11 @@ Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
 
 }  // namespace
 
+template <int Dim> bool asks_for_errors(const Settings<Dim>& settings) {
+  return !settings.probes.empty() || !settings.reactions.empty() || settings.largest_displacement ||
+         settings.largest_stress;
+}
+
 template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result) {
   result.probes.clear();
   result.extremes.clear();
@@ -47,8 +52,8 @@ template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& res
     const double value = values.maxCoeff(&place);
     result.extremes.push_back({of, value, space.points().col(space.dof_at(place)), place, std::nullopt});
   };
-  if (settings.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
-  if (settings.largest_stress) add("von_mises", von_mises_at_places(result));
+  add("displacement", result.fields.displacement.colwise().norm().transpose());
+  add("von_mises", von_mises_at_places(result));
 }
 
 template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
@@ -56,7 +61,7 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
   read_off(settings, result);
   result.probe_errors.clear();
   result.reactions.clear();
-  if (settings.probes.empty() && settings.reactions.empty() && result.extremes.empty()) return;
+  if (!asks_for_errors(settings)) return;
   const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
@@ -90,6 +95,7 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
     result.reactions.push_back({reaction.name, force, error});
   }
   for (auto& extreme : result.extremes) {
+    if (!(extreme.of == "displacement" ? settings.largest_displacement : settings.largest_stress)) continue;
     if (extreme.of != "displacement") {
       extreme.error = stress_error(result, extreme.place);
       continue;
@@ -122,12 +128,12 @@ void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
   }
   for (const auto& reaction : settings.reactions) {
     std::vector<Vec<3>> forces;
-    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on));
+    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on).force);
     result.reactions.push_back(
         {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
   }
   for (auto& extreme : result.extremes)
-    if (extreme.of == "displacement") {
+    if (extreme.of == "displacement" && settings.largest_displacement) {
       const Vec<3> along = result.fields.displacement.col(extreme.place) / std::max(extreme.value, 1e-300);
       extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
     }
@@ -160,6 +166,8 @@ template <int Dim> double missed_goals(const Settings<Dim>& settings, const Resu
   return std::sqrt(worst);
 }
 
+template bool asks_for_errors<2>(const Settings<2>&);
+template bool asks_for_errors<3>(const Settings<3>&);
 template double relative_error_of<2>(const Goal&, const Result<2>&);
 template void read_off<2>(const Settings<2>&, Result<2>&);
 template double relative_error_of<3>(const Goal&, const Result<3>&);

@@ -57,7 +57,11 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
-/// Probes, reactions and extremes with their errors, a line each.
+template <int Dim> std::string resultant_text(const Resultant<Dim>& of) {
+  return fmt::format("force ({:.6g}), moment ({:.6g})", fmt::join(of.force, ", "), fmt::join(of.moment, ", "));
+}
+
+/// Probes, loads, reactions and extremes, with their errors where they are known, a line each.
 template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& result) {
   std::vector<std::string> lines;
   const auto say = [&](const std::string& what, const Vec<Dim>& value, const Vec<Dim>* error) {
@@ -73,6 +77,12 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
   }
   for (const auto& reaction : result.reactions)
     say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
+  for (const auto& load : result.applied)
+    lines.push_back(fmt::format("load {}{}: {}", load.kind, load.on.empty() ? "" : fmt::format(" on \"{}\"", load.on),
+                                resultant_text<Dim>(load.of)));
+  for (const auto& [part, of] : result.part_reactions)
+    lines.push_back(fmt::format("reaction of \"{}\": {}", part, resultant_text<Dim>(of)));
+  lines.push_back(fmt::format("loads and reactions balance to {:.1g}, relative", result.imbalance));
   for (const auto& extreme : result.extremes)
     lines.push_back(fmt::format(
         "largest {} {:.6g} at ({:.6g}){}", extreme.of == "displacement" ? "displacement" : "von Mises stress",

@@ -81,12 +81,6 @@ template <> struct VtkCell<3> {
   static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
 };
 
-template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
-  if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
-  if (axisymmetric) return {"rr", "zz", "tt", "rz"};
-  return {"xx", "yy", "zz", "xy"};
-}
-
 /// 1 at places on the parts that the conditions are on, else 0.
 template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
   Matrix mark = Matrix::Zero(1, space.size());
@@ -108,6 +102,23 @@ void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
 
 template <class Values> ordered_json array(const Values& values) {
   return std::vector<double>(values.begin(), values.end());
+}
+
+template <int Dim> ordered_json json_of(const Resultant<Dim>& of) {
+  ordered_json json = {{"force", array(of.force)}};
+  if constexpr (Dim == 2)
+    json["moment"] = of.moment[0];
+  else
+    json["moment"] = array(of.moment);
+  return json;
+}
+
+/// The sums of loads and reactions, and what is left of both together.
+template <int Dim> ordered_json balance_json(const Result<Dim>& result) {
+  Resultant<Dim> loads, reactions;
+  for (const auto& load : result.applied) loads += load.of;
+  for (const auto& [part, of] : result.part_reactions) reactions += of;
+  return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", result.imbalance}};
 }
 
 ordered_json errors_json(const Errors& errors) {
@@ -142,12 +153,12 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
 
   const Fields<Dim>& fields = result.fields;
   add_array(grid, "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
-  add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
-  add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
+  add_array(grid, "strain", fields.strain, component_names<Dim>(space.axisymmetric()));
+  add_array(grid, "stress", fields.stress, component_names<Dim>(space.axisymmetric()));
   add_array(grid, "von_mises", von_mises_at_places(result).transpose(), {""});
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
-  grid->GetPointData()->AddArray(
-      array_of<vtkUnsignedCharArray>("loaded", marked(space, settings.loads.tractions), {""}));
+  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>(
+      "loaded", marked(space, settings.loads.tractions).cwiseMax(marked(space, settings.loads.resultants)), {""}));
   grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
   grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
@@ -217,16 +228,27 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
       json["probes"][name]["error"] = array(error->second);
       json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
     }
+  for (const auto& [part, of] : result.part_reactions) json["reactions"][part] = json_of<Dim>(of);
+  for (const auto& load : result.applied) {
+    ordered_json one = {{"kind", load.kind}};
+    if (!load.on.empty()) one["on"] = load.on;
+    one.update(json_of<Dim>(load.of));
+    json["loads"].push_back(one);
+  }
+  json["balance"] = balance_json(result);
   for (const auto& reaction : result.reactions) {
-    json["reactions"][reaction.name] = {{"force", array(reaction.force)}, {"error", array(reaction.error)}};
+    json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
     json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
   }
   for (const auto& extreme : result.extremes) {
-    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
+    json["extremes"][extreme.of].update({{"value", extreme.value}, {"at", array(extreme.at)}});
     if (!extreme.error) continue;
     json["extremes"][extreme.of]["error"] = *extreme.error;
     json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
   }
+  for (const auto& range : field_ranges(result))
+    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", array(range.most_at)}}},
+                                  {"min", {{"value", range.least}, {"at", array(range.least_at)}}}};
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
