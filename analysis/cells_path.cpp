@@ -21,7 +21,9 @@ namespace {
 /// Why an analysis cannot be solved on cells; empty if it can.
 template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {
   if (!mesh.image) return "the geometry is not an image in space on a lattice";
-  if (settings.loads.inside()) return "there is a force in the whole body";
+  if (!settings.cases.empty()) return "there are several load cases";
+  if (settings.loads.body_force) return "there is a body force";
+  if (settings.loads.inside()) return "there is an acceleration or a rotation";
   for (const auto& support : settings.supports)
     if (support.stiffness) return "there is an elastic support";
   if (settings.has_exact()) return "there is an exact solution to compare with";

@@ -16,7 +16,7 @@ template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const
   Corrected<Dim> result_of;
   result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, settings.supports, monitor);
   result_of.correction = result_of.corrector->correct(start, settings.loads, options, monitor);
-  if (!asks_for_errors(settings)) result_of.corrector.reset();
+  if (!asks_for_errors(settings) && settings.cases.size() < 2) result_of.corrector.reset();
   return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   result_of.elements =

@@ -47,7 +47,9 @@ std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, cons
 
 /// The density of each region, which forces per mass act on.
 template <int Dim> std::vector<Parameter> region_densities(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  if (settings.loads.mass_forces.empty()) return {};
+  const auto cases = loads_by_case(settings);
+  const auto asking = std::ranges::find_if(cases, [](const auto& loads) { return !loads.mass_forces.empty(); });
+  if (asking == cases.end()) return {};
   std::vector<Parameter> densities(mesh.num_regions(), settings.density);
   std::vector<std::string> where(mesh.num_regions(), settings.where);
   for (const auto& material : settings.materials) {
@@ -58,7 +60,7 @@ template <int Dim> std::vector<Parameter> region_densities(const Settings<Dim>& 
     if (densities[r].is_constant() && !(densities[r].at(Vec<3>::Zero()) > 0.0))
       throw InputError(said_at(
           where[r],
-          fmt::format("analysis.{} needs the density of the material{}", settings.loads.mass_forces.front().kind,
+          fmt::format("analysis.{} needs the density of the material{}", asking->mass_forces.front().kind,
                       mesh.num_regions() > 1 ? fmt::format(" of the region \"{}\"", mesh.region_names()[r]) : "")));
   return densities;
 }
@@ -121,7 +123,9 @@ template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, PreparedMesh
 template <int Dim>
 FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> mesh, PreparedMesh<Dim>& result) {
   for (const auto& group : boundaries(settings)) located(settings, group.where, [&] { mesh.group(group.name); });
-  if (mesh.num_components() == 1 || settings.loads.inside()) return mesh;
+  if (mesh.num_components() == 1) return mesh;
+  const auto cases = loads_by_case(settings);
+  if (std::ranges::any_of(cases, [](const auto& loads) { return loads.inside(); })) return mesh;
   const auto ties = tied_facets(mesh, result.open_interface);
   const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.model.plane == Plane::axisymmetric),
                                          restraints(settings.supports), ties);
@@ -131,8 +135,10 @@ FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> m
   const auto keep_loaded = [&](const std::string& part) {
     for (const Index f : mesh.group(part)) out[body_of(mesh.facet_cell(f))] = 0;
   };
-  for (const auto& load : settings.loads.tractions) keep_loaded(load.on);
-  for (const auto& load : settings.loads.resultants) keep_loaded(load.on);
+  for (const auto& loads : cases) {
+    for (const auto& load : loads.tractions) keep_loaded(load.on);
+    for (const auto& load : loads.resultants) keep_loaded(load.on);
+  }
   Index count = 0, largest = -1;
   double volume = 0.0;
   for (Index body = 0; body < bodies.size(); ++body) {
@@ -221,7 +227,7 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   const bool cloud = basis.kind == BasisKind::mls;
   model.regions = mesh.materials;
   model.open_interface = mesh.open_interface;
-  settings.loads.density = mesh.densities;
+  settings.loads.density = mesh.densities;  // of all cases
   if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
   if (cloud && model.essential == Essential::strong)
     for (const auto& support : settings.supports)

@@ -8,16 +8,14 @@
 
 namespace efree {
 
-template <int Dim> Vector von_mises_at_places(const Result<Dim>& result) {
-  const auto& stress = result.fields.stress;
+template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields) {
+  const auto& stress = fields.stress;
   Vector mises(stress.cols());
   for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises<Dim>(Voigt<Dim>(stress.col(p)));
   return mises;
 }
 
-template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const Result<Dim>& result) {
-  const FineSpace<Dim>& space = result.basis().space;
-  const Fields<Dim>& fields = result.fields;
+template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields) {
   std::vector<FieldRange<Dim>> ranges;
   const auto add = [&](const std::string& of, const auto& most_values, const auto& least_values) {
     Index most = 0, least = 0;
@@ -52,9 +50,9 @@ template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const Result<Dim>& 
   return ranges;
 }
 
-template std::vector<FieldRange<2>> field_ranges<2>(const Result<2>&);
-template std::vector<FieldRange<3>> field_ranges<3>(const Result<3>&);
-template Vector von_mises_at_places<2>(const Result<2>&);
-template Vector von_mises_at_places<3>(const Result<3>&);
+template std::vector<FieldRange<2>> field_ranges<2>(const FineSpace<2>&, const Fields<2>&);
+template std::vector<FieldRange<3>> field_ranges<3>(const FineSpace<3>&, const Fields<3>&);
+template Vector von_mises_at_places<2>(const Fields<2>&);
+template Vector von_mises_at_places<3>(const Fields<3>&);
 
 }  // namespace efree

@@ -13,9 +13,10 @@ template <int Dim> Resultant<Dim> resultant_of(const FineSpace<Dim>& space, cons
   return sum;
 }
 
-template <int Dim> double imbalance(const std::vector<Resultant<Dim>>& all, double length, bool axisymmetric) {
+template <int Dim>
+double imbalance(const std::vector<Resultant<Dim>>& all, double length, bool axisymmetric, double least) {
   Resultant<Dim> sum;
-  double forces = 0.0, moments = 0.0;
+  double forces = least, moments = 0.0;
   for (const Resultant<Dim>& one : all) {
     sum += one;
     forces += one.force.norm();
@@ -29,7 +30,7 @@ template <int Dim> double imbalance(const std::vector<Resultant<Dim>>& all, doub
 
 template Resultant<2> resultant_of<2>(const FineSpace<2>&, const Points<2>&);
 template Resultant<3> resultant_of<3>(const FineSpace<3>&, const Points<3>&);
-template double imbalance<2>(const std::vector<Resultant<2>>&, double, bool);
-template double imbalance<3>(const std::vector<Resultant<3>>&, double, bool);
+template double imbalance<2>(const std::vector<Resultant<2>>&, double, bool, double);
+template double imbalance<3>(const std::vector<Resultant<3>>&, double, bool, double);
 
 }  // namespace efree

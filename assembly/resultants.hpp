@@ -47,6 +47,8 @@ template <int Dim> Resultant<Dim> resultant_of(const FineSpace<Dim>& space, cons
 
 /// What is out of balance, relative: the largest component of the sum of all resultants over the sum of their sizes,
 /// and of moments over that or the sum of forces times `length` (the size of the body). Axisymmetric: along the axis.
-template <int Dim> double imbalance(const std::vector<Resultant<Dim>>& all, double length, bool axisymmetric = false);
+/// Forces below `least` are rounding: what is out of balance is over no less than that.
+template <int Dim>
+double imbalance(const std::vector<Resultant<Dim>>& all, double length, bool axisymmetric = false, double least = 0.0);
 
 }  // namespace efree

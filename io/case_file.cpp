@@ -291,7 +291,20 @@ template <int Dim> class BoundaryReader {
       read_support(entry, on, only_kind(entry));
       read_springs(entry, on, only_kind(entry));
     }
-    for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry));
+    for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry), result_.loads);
+  }
+  /// The loads of a case; what holds the body is read before, and the same for all.
+  void read_case(const std::vector<Section>& entries, Loads<Dim>& loads) {
+    for (const Section& entry : entries) {
+      const std::string on = places_.name(entry);
+      const std::string_view kind = only_kind(entry);
+      if (kind != "traction" && kind != "pressure" && kind != "force")
+        entry.fail(kind,
+                   fmt::format("{} in a [[case]]: what holds the body is the same for all load cases, which share "
+                               "one matrix; say it in a [[boundary]]",
+                               kind));
+      read_load(entry, on, kind, loads);
+    }
   }
 
  private:
@@ -350,7 +363,7 @@ template <int Dim> class BoundaryReader {
     }
   }
   /// Force and moment of a part, numbers.
-  void read_resultant(const Section& entry, const std::string& on) {
+  void read_resultant(const Section& entry, const std::string& on, Loads<Dim>& loads) {
     ResultantLoad<Dim> load{on};
     if (entry.has("force")) load.force = entry.template point<Dim>("force");
     if (entry.has("moment")) {
@@ -375,24 +388,23 @@ template <int Dim> class BoundaryReader {
         refuse_if_held(entry, key, on, normal);
         for (int i = 0; i < Dim; ++i) refuse_if_held(entry, key, on, component[i]);
       }
-    result_.loads.resultants.push_back(load);
+    loads.resultants.push_back(load);
   }
-  void read_load(const Section& entry, const std::string& on, std::string_view kind) {
+  void read_load(const Section& entry, const std::string& on, std::string_view kind, Loads<Dim>& loads) {
     if (kind == "force") {
-      read_resultant(entry, on);
+      read_resultant(entry, on, loads);
     } else if (kind == "traction") {
       const auto components = entry.template expressions<Dim>(kind);
       for (std::size_t i = 0; i < Dim; ++i)
         if (components[i] != "0" && components[i] != "-0") refuse_if_held(entry, kind, on, component[i]);
       const auto traction = expressions_.fields(components, entry.where(kind));
-      result_.loads.tractions.push_back({on, [traction](const Vec<Dim>& x, const Vec<Dim>&) { return traction(x); }});
+      loads.tractions.push_back({on, [traction](const Vec<Dim>& x, const Vec<Dim>&) { return traction(x); }});
     } else if (kind == "pressure") {
       refuse_if_held(entry, kind, on, normal);
       int held = 0;
       for (int i = 0; i < Dim; ++i) held += claimed_.contains({on, component[i]});
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
-      result_.loads.tractions.push_back(
-          pressure<Dim>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
+      loads.tractions.push_back(pressure<Dim>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
     }
   }
   static std::string_view only_kind(const Section& entry) {
@@ -429,6 +441,17 @@ template <int Dim> class BoundaryReader {
   Case<Dim>& result_;
   std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
 };
+
+template <int Dim> void read_load_cases(const std::vector<Section>& sections, const Section::Keys& keys,
+                                        BoundaryReader<Dim>& boundaries, Case<Dim>& result) {
+  std::set<std::string> names;
+  for (const Section& section : sections) {
+    LoadCase<Dim>& one = result.cases.emplace_back(section.text("name"));
+    if (!names.insert(one.name).second)
+      section.fail("name", fmt::format("there already is a case named \"{}\"", one.name));
+    boundaries.read_case(section.sections("boundary", keys), one.loads);
+  }
+}
 
 template <int Dim> void read_exact(const Section& section, const Expressions<Dim>& expressions, Case<Dim>& result) {
   if (section.has("displacement"))
@@ -576,9 +599,18 @@ Case<Dim> read(const std::filesystem::path& file, const Section& root, const Sec
                                     "largest_error", "extremes",  "acceleration", "rotation"};
   const Section analysis =
       Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
-  const auto boundaries =
-      root.sections("boundary", {"on", "displacement", "normal_displacement", "stiffness", "normal_stiffness",
-                                 "traction", "pressure", "force", "moment", "at"});
+  const Section::Keys boundary_keys{"on",
+                                    "displacement",
+                                    "normal_displacement",
+                                    "stiffness",
+                                    "normal_stiffness",
+                                    "traction",
+                                    "pressure",
+                                    "force",
+                                    "moment",
+                                    "at"};
+  const auto boundaries = root.sections("boundary", boundary_keys);
+  const auto cases = root.sections("case", {"name", "boundary"});
   const auto probes = root.sections("probe", {"name", "at"});
   const auto reactions = root.sections("reaction", {"name", "on"});
 
@@ -598,7 +630,9 @@ Case<Dim> read(const std::filesystem::path& file, const Section& root, const Sec
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
   PlaceReader<Dim> places(result);
-  BoundaryReader<Dim>(expressions, places, result).read(boundaries);
+  BoundaryReader<Dim> conditions(expressions, places, result);
+  conditions.read(boundaries);
+  read_load_cases(cases, boundary_keys, conditions, result);
   read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
   if (analysis.has("essential"))
@@ -621,7 +655,7 @@ AnyCase read_case(const std::filesystem::path& file, bool trust) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
-                      "boundary", "exact", "probe", "reaction", "accuracy"});
+                      "boundary", "case", "exact", "probe", "reaction", "accuracy"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, trust) == 2)

@@ -19,8 +19,8 @@ template <int Dim> struct Reference {
 /// Whether there are errors to be told by dual solutions.
 template <int Dim> bool asks_for_errors(const Settings<Dim>& settings);
 
-/// Probes, and the extremes, as the fields of the result have them.
-template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result);
+/// Probes, and the extremes, as the fields of the answer have them.
+template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<Dim>& space, Answer<Dim>& answer);
 
 /// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
 /// (stage "duals"). The displacements are those of result.fields.

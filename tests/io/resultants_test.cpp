@@ -3,7 +3,9 @@
 #include "efree/tests/io/workspace.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/io/case_file.hpp"
+#include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -183,13 +185,13 @@ Physical Surface("other") = {2};
 template <int Dim> void expect_balance(const Result<Dim>& result, const std::string& what) {
   Resultant<Dim> loads, reactions;
   double size = 0.0;
-  for (const auto& load : result.applied) loads += load.of, size += load.of.force.norm();
-  for (const auto& [part, of] : result.part_reactions) reactions += of, size += of.force.norm();
+  for (const auto& load : result.balance.loads) loads += load.of, size += load.of.force.norm();
+  for (const auto& [part, of] : result.balance.reactions) reactions += of, size += of.force.norm();
   EXPECT_GT(reactions.force.norm(), 0.01 * size) << what;
   for (int i = Dim == 2 && result.basis().space.axisymmetric() ? 1 : 0; i < Dim; ++i)
     EXPECT_NEAR(loads.force[i], -reactions.force[i], 1e-10 * size) << what;
   EXPECT_LT((loads.moment + reactions.moment).norm(), 1e-8 * (size + loads.moment.norm())) << what;
-  EXPECT_LT(result.imbalance, 1e-10) << what;
+  EXPECT_LT(result.balance.error, 1e-10) << what;
 }
 
 TEST(Reactions, BalanceTheLoadsOfAPlateHeldOnAnArcBySpringsAndBySides) {
@@ -197,8 +199,8 @@ TEST(Reactions, BalanceTheLoadsOfAPlateHeldOnAnArcBySpringsAndBySides) {
                                   with(plate, "essential = \"nitsche\"", "kind = \"p1\""),
                                   with(plate, "rotation = { speed = 0.1, through = [1, 2] }", "order = 2")}) {
     const auto result = solved(text);
-    EXPECT_EQ(result.part_reactions.size(), 4u);
-    EXPECT_EQ(result.part_reactions.at("left").force.y(), 0.0) << "it slides";
+    EXPECT_EQ(result.balance.reactions.size(), 4u);
+    EXPECT_EQ(result.balance.reactions.at("left").force.y(), 0.0) << "it slides";
     expect_balance(result, text);
   }
 }
@@ -215,9 +217,9 @@ TEST(Reactions, BalanceTheLoadsAlongTheAxisOfABodyOfRevolution) {
                                   with(cylinder, "essential = \"nitsche\"", "kind = \"p2\"")}) {
     const auto result = solved(text);
     expect_balance(result, text);
-    for (const auto& [part, of] : result.part_reactions) EXPECT_EQ(of.moment[0], 0.0) << part;
-    const Resultant<2>& force = result.applied[1].of;
-    EXPECT_EQ(result.applied[1].on, "top");
+    for (const auto& [part, of] : result.balance.reactions) EXPECT_EQ(of.moment[0], 0.0) << part;
+    const Resultant<2>& force = result.balance.loads[1].of;
+    EXPECT_EQ(result.balance.loads[1].on, "top");
     EXPECT_NEAR(force.force.y(), 2.0, 1e-12) << "of the whole turn";
   }
 }
@@ -244,17 +246,17 @@ TEST(Reactions, OfFiniteElementsAreThoseOfTheirDualSolutions) {
       cook + "[[reaction]]\nname = \"wall\"\non = \"left\"\n[[reaction]]\nname = \"foot\"\non = \"bottom\"\n";
   const auto result = solved(with(asked, "", "kind = \"p2\""));
   ASSERT_EQ(result.reactions.size(), 2u);
-  EXPECT_LT((result.reactions[0].force - result.part_reactions.at("left").force).norm(), 1e-9);
-  EXPECT_LT((result.reactions[1].force - result.part_reactions.at("bottom").force).norm(), 1e-9);
-  EXPECT_GT(result.part_reactions.at("bottom").force.norm(), 0.1);
+  EXPECT_LT((result.reactions[0].force - result.balance.reactions.at("left").force).norm(), 1e-9);
+  EXPECT_LT((result.reactions[1].force - result.balance.reactions.at("bottom").force).norm(), 1e-9);
+  EXPECT_GT(result.balance.reactions.at("bottom").force.norm(), 0.1);
 }
 
 /// Iterations that end at a per cent leave nothing out of balance, and reactions by as much as is said.
 TEST(Reactions, OfACorrectedAnswerAreNearThoseOfItsElements) {
   const auto exact = solved(with(plate, "correction = 60")), near = solved(plate);
   EXPECT_LT(near.estimates->corrections, 10);
-  for (const auto& [part, of] : exact.part_reactions)
-    EXPECT_LT((of.force - near.part_reactions.at(part).force).norm(), 0.02) << part;
+  for (const auto& [part, of] : exact.balance.reactions)
+    EXPECT_LT((of.force - near.balance.reactions.at(part).force).norm(), 0.02) << part;
 }
 
 /// The uniform stress of the patch test, whatever holds it.
@@ -278,11 +280,11 @@ displacement = ["x", "-0.25*y"]
   for (const std::string& text : {stretched, with(stretched, "correction = \"off\""),
                                   with(stretched, "essential = \"nitsche\"", "kind = \"p2\"")}) {
     const auto result = solved(text);
-    const Resultant<2>& right = result.part_reactions.at("right");
+    const Resultant<2>& right = result.balance.reactions.at("right");
     EXPECT_NEAR(right.force.x(), 2.0, 1e-10);
     EXPECT_NEAR(right.force.y(), 0.0, 1e-10);
     EXPECT_NEAR(right.moment[0], -1.0, 1e-10) << "2 at a height of 0.5";
-    EXPECT_NEAR(result.part_reactions.at("left").moment[0], 1.0, 1e-10);
+    EXPECT_NEAR(result.balance.reactions.at("left").moment[0], 1.0, 1e-10);
   }
 }
 
@@ -307,10 +309,10 @@ at = [0, 7, 0]
 )";
   for (const char* size : {"0.5", "0.17"}) {
     const auto result = solved<3>(replaced(cube, "mesh_size = 0.5", fmt::format("mesh_size = {}", size)));
-    ASSERT_EQ(result.applied.size(), 1u);
-    EXPECT_LT((result.applied[0].of.force - Vec<3>(0.1, 0.2, -0.3)).norm(), 1e-12);
+    ASSERT_EQ(result.balance.loads.size(), 1u);
+    EXPECT_LT((result.balance.loads[0].of.force - Vec<3>(0.1, 0.2, -0.3)).norm(), 1e-12);
     // (0, 7, 0) x (0.1, 0.2, -0.3) = (-2.1, 0, -0.7)
-    EXPECT_LT((result.applied[0].of.moment - Vec<3>(1.0 - 2.1, 2.0, 3.0 - 0.7)).norm(), 1e-12);
+    EXPECT_LT((result.balance.loads[0].of.moment - Vec<3>(1.0 - 2.1, 2.0, 3.0 - 0.7)).norm(), 1e-12);
   }
 }
 
@@ -408,7 +410,7 @@ kind = "p2"
   const double sinking = 4e-7 * 0.5 / (2.0 * 1.6666666666666667e-4);
   const auto result = solved(beam);
   EXPECT_NEAR(-result.probes[0].second.displacement.y(), sinking, 0.01 * sinking);
-  EXPECT_NEAR(result.part_reactions.at("bottom").force.y(), 2e-7, 1e-14);
+  EXPECT_NEAR(result.balance.reactions.at("bottom").force.y(), 2e-7, 1e-14);
 }
 
 TEST(Loads, SpringsThatAreVeryStiffHoldLikeSupports) {
@@ -417,9 +419,69 @@ TEST(Loads, SpringsThatAreVeryStiffHoldLikeSupports) {
   const auto held = solved(on_the_wall),
              springs = solved(replaced(on_the_wall, "displacement = [0, 0]", "stiffness = 1e6"));
   EXPECT_NEAR(springs.solution.strain_energy, held.solution.strain_energy, 0.002 * held.solution.strain_energy);
-  const Resultant<2>&wall = held.part_reactions.at("left"), &bed = springs.part_reactions.at("left");
+  const Resultant<2>&wall = held.balance.reactions.at("left"), &bed = springs.balance.reactions.at("left");
   EXPECT_LT((bed.force - wall.force).norm(), 1e-8);
   EXPECT_NEAR(bed.moment[0], wall.moment[0], 1e-6);
+}
+
+/// Each as if it were alone, and what is outside of the cases acts in all.
+TEST(LoadCases, AreSolvedWithOneMatrixEachByItself) {
+  const std::string common = plate.substr(0, plate.find("[[boundary]]\non = \"right\"")) +
+                             "[[boundary]]\non = \"top\"\nnormal_stiffness = 0.5\n[[boundary]]\non = \"hole\"\n"
+                             "traction = [0, 0.1]\n[[probe]]\nname = \"corner\"\nat = [4, 4]\n";
+  const auto without_arc = replaced(common, "[[boundary]]\non = \"hole\"\nnormal_displacement = \"0.01*x\"\n", "");
+  const std::vector<std::string> loads{"force = [1, 0]", "pressure = \"0.1*y\"", "traction = [0, 1]\n"};
+  for (const std::string& basis : {std::string(), std::string("kind = \"p2\""), std::string("order = 2")}) {
+    std::string text = with(without_arc, "", basis);
+    for (std::size_t k = 0; k < loads.size(); ++k)
+      text += fmt::format("[[case]]\nname = \"{}\"\n[[case.boundary]]\non = \"right\"\n{}\n", k, loads[k]);
+    const auto all = solved(text);
+    ASSERT_EQ(all.more.size(), 2u);
+    for (std::size_t k = 0; k < loads.size(); ++k) {
+      const auto alone = solved(with(without_arc, "", basis) + "[[boundary]]\non = \"right\"\n" + loads[k] + "\n");
+      const Answer<2>& answer = k == 0 ? static_cast<const Answer<2>&>(all) : all.more[k - 1];
+      const double close = basis == "kind = \"p2\"" ? 1e-9 : 0.01;  // iterations end at a per cent
+      const Vec<2> there = alone.probes[0].second.displacement;
+      EXPECT_LT((answer.probes[0].second.displacement - there).norm(), close * there.norm()) << basis << k;
+      EXPECT_NEAR(answer.extremes[1].value, alone.extremes[1].value, 3.0 * close * alone.extremes[1].value);
+      EXPECT_NEAR(answer.solution.strain_energy, alone.solution.strain_energy, close * alone.solution.strain_energy);
+      EXPECT_LT(answer.balance.error, 1e-10);
+      EXPECT_EQ(answer.balance.loads.size(), 2u);
+      EXPECT_EQ(answer.estimates.has_value(), alone.estimates.has_value());
+    }
+  }
+}
+
+TEST(LoadCases, AreInResultAndFieldsByTheirNames) {
+  const std::string two =
+      test::strip_case +
+      "[[case]]\nname = \"up\"\n[[case.boundary]]\non = \"top\"\ntraction = [0, 1]\n[[case]]\nname = "
+      "\"bare\"\n";
+  const Workspace work(two);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("case \"bare\":"));
+  const auto result = json(work / "out/result.json");
+  EXPECT_NEAR(result["cases"]["bare"]["probes"]["end"]["displacement"][0], 2.0, 1e-3);
+  EXPECT_NEAR(result["cases"]["up"]["probes"]["end"]["displacement"][0], 1.4, 1e-3);
+  EXPECT_NEAR(result["cases"]["up"]["reactions"]["bottom"]["force"][1], -2.0, 1e-9);
+  EXPECT_EQ(result["cases"]["up"]["loads"].size(), 2u);
+  EXPECT_EQ(result["strain_energy"], result["cases"]["up"]["strain_energy"]) << "the first";
+  EXPECT_THAT(test::content(work / "out/fields.vtu"), HasSubstr("bare: von_mises"));
+}
+
+TEST(Results, FieldsOfAnyoneAreWrittenWithoutACase) {
+  const Workspace work;
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.3});
+  const FineSpace<2> space(mesh, 2);
+  Fields<2> fields{space.points(), VoigtPoints<2>::Zero(4, space.num_places()),
+                   VoigtPoints<2>::Ones(4, space.num_places())};
+  write_fields(work / "own.vtu", space, fields);
+  const std::string written = test::content(work / "own.vtu");
+  for (const char* name : {"displacement", "strain", "stress", "von_mises", "region"})
+    EXPECT_THAT(written, HasSubstr(std::string("Name=\"") + name + "\""));
+  fields.stress.resize(4, 3);
+  EXPECT_THROW(write_fields(work / "own.vtu", space, fields), InputError);
 }
 
 TEST(Results, HaveExtremesOfAllFieldsReactionsLoadsAndTheirBalance) {
@@ -476,6 +538,14 @@ TEST(Loads, ThatMakeNoSenseAreRefusedWithTheirLine) {
   EXPECT_THAT(complaint(replaced(box, "axis = [1, 1, 0]", "axis = [0, 0, 0]")), HasSubstr("axis is zero"));
   EXPECT_THAT(complaint(replaced(box, "force = [0.1", "displacement = [0, 0, 0]\nforce = [0.1")),
               HasSubstr("displacement and force"));
+  const std::string one = "[[case]]\nname = \"one\"\n";
+  EXPECT_THAT(complaint(cook + one + "[[case.boundary]]\non = \"top\"\ndisplacement = [0, 0]\n"),
+              HasSubstr("what holds the body is the same for all load cases"));
+  EXPECT_THAT(complaint(cook + one + "[[case.boundary]]\non = \"left\"\ntraction = [1, 0]\n"),
+              HasSubstr("contradicts the displacement component x"));
+  EXPECT_THAT(complaint(cook + one + one), HasSubstr("there already is a case named \"one\""));
+  EXPECT_THAT(complaint(cook + one + "[[case.boundary]]\non = \"tip\"\ntraction = [1, 0]\n"), HasSubstr("\"tip\""));
+  EXPECT_THAT(complaint(cook + one + "[accuracy]\nenergy = 0.1\n"), HasSubstr("several load cases"));
 }
 
 }  // namespace
