@@ -16,6 +16,7 @@
 #include "efree/assembly/nitsche.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/assembly/operators.hpp"
+#include "efree/assembly/resultants.hpp"
 #include "efree/basis/fine_space.hpp"
 #include "efree/basis/mls.hpp"
 #include "efree/basis/shape_table.hpp"
@@ -70,4 +71,5 @@
 #include "efree/solvers/linear_solver.hpp"
 #include "efree/solvers/linear_step.hpp"
 #include "efree/solvers/locking.hpp"
+#include "efree/solvers/reactions.hpp"
 #include "efree/solvers/static_analysis.hpp"

@@ -8,7 +8,9 @@
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
+#include "efree/solvers/reactions.hpp"
 
+#include <fmt/format.h>
 #include <cmath>
 #include <optional>
 
@@ -16,9 +18,68 @@ namespace efree {
 
 using namespace internal;
 
+namespace {
+
+template <int Dim> void check_finite(const Answer<Dim>& answer) {
+  if (!(answer.fields.displacement.allFinite() && answer.fields.stress.allFinite() &&
+        std::isfinite(answer.solution.strain_energy)))
+    throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
+}
+
+/// A force that is rounding: a millionth of what displacements like those of the answer could ask for, so that a body
+/// that moves as a whole is in balance.
+template <int Dim> double rounding_force(const Result<Dim>& result, const Answer<Dim>& answer, double length) {
+  const auto materials = materials_of(result.model, *result.mesh);
+  const Index middle = result.mesh->num_cells() / 2;
+  const double modulus = materials.stiffness(result.mesh->region(middle), result.mesh->centroid(middle)).C(0, 0);
+  return 1e-6 * modulus * answer.fields.displacement.cwiseAbs().maxCoeff() * std::pow(length, Dim - 2);
+}
+
+/// What of an answer holds the body and loads it; `found` are the reactions of a solver, if it is one of a cloud.
+template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const Result<Dim>& result,
+                                           const Answer<Dim>& answer, const Loads<Dim>& loads, bool of_elements) {
+  const FineSpace<Dim>& space = result.basis().space;
+  Balance<Dim> balance{answer.balance.reactions, {}};
+  if (result.cells) {
+    if constexpr (Dim == 3) balance = {result.cells->finest().reactions, result.cells->applied};
+  } else {
+    if (of_elements)
+      balance.reactions =
+          element_reactions(result.basis(), result.model, settings.supports, loads, answer.solution.coefficients);
+    balance.loads = applied_loads(space, loads);
+  }
+  std::vector<Resultant<Dim>> all;
+  for (const auto& [part, of] : balance.reactions) all.push_back(of);
+  for (const auto& load : balance.loads) all.push_back(load.of);
+  const auto& vertices = result.mesh->vertices();
+  const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
+  balance.error = imbalance(all, length, space.axisymmetric(), rounding_force(result, answer, length));
+  return balance;
+}
+
+/// Says so if reactions and loads do not balance to rounding.
+template <int Dim> void check_balance(const Balance<Dim>& balance, const std::string& of, Result<Dim>& result) {
+  constexpr double rounding = 1e-8;
+  if (!(balance.error <= rounding))
+    result.warnings.push_back(
+        fmt::format("{}reactions and loads are out of balance by {:.2g}, relative: the equations are not solved to "
+                    "rounding",
+                    of, balance.error));
+}
+
+/// The settings with the loads of the first case in `loads`, and all that acts in each in `cases`.
+template <int Dim> Settings<Dim> with_cases(Settings<Dim> settings) {
+  auto loads = loads_by_case(settings);
+  settings.loads = loads.front();
+  for (std::size_t k = 0; k < settings.cases.size(); ++k) settings.cases[k].loads = std::move(loads[k]);
+  return settings;
+}
+
+}  // namespace
+
 template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& watching) {
-  const Settings<Dim> settings = with_defaults(given, mesh);
+  const Settings<Dim> settings = with_cases(with_defaults(given, mesh));
   StageTimes times;
   const Monitor monitor = watching.timing(times);
   Result<Dim> result;
@@ -41,12 +102,21 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   std::optional<Stage> stage(std::in_place, "output", monitor);
   const Approximation<Dim>& basis = result.basis();
   if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
-  if (!(result.fields.displacement.allFinite() && result.fields.stress.allFinite() &&
-        std::isfinite(result.solution.strain_energy)))
-    throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
+  check_finite<Dim>(result);
   const auto materials = materials_of(result.model, *mesh.mesh);
   if (settings.has_exact()) result.errors = errors_against(basis, result.fields, materials, settings.exact);
-  if (result.probes.empty() && result.extremes.empty()) read_off(settings, result);
+  if (result.probes.empty() && result.extremes.empty()) read_off<Dim>(settings, basis.space, result);
+  const bool of_elements = without_cloud || result.elements;
+  result.balance = balance_of<Dim>(settings, result, result, settings.loads, of_elements);
+  check_balance<Dim>(result.balance, "", result);
+  for (std::size_t k = 1; k < settings.cases.size(); ++k) {
+    Answer<Dim>& answer = result.more[k - 1];
+    if (answer.fields.displacement.size() == 0) answer.fields = recover_fields(basis, answer.solution);
+    check_finite<Dim>(answer);
+    read_off(settings, basis.space, answer);
+    answer.balance = balance_of<Dim>(settings, result, answer, settings.cases[k].loads, of_elements);
+    check_balance<Dim>(answer.balance, fmt::format("case \"{}\": ", settings.cases[k].name), result);
+  }
   if constexpr (Dim == 3)
     if (on_cells)
       result.error_density =

@@ -21,7 +21,11 @@ namespace {
 /// Why an analysis cannot be solved on cells; empty if it can.
 template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {
   if (!mesh.image) return "the geometry is not an image in space on a lattice";
+  if (!settings.cases.empty()) return "there are several load cases";
   if (settings.loads.body_force) return "there is a body force";
+  if (settings.loads.inside()) return "there is an acceleration or a rotation";
+  for (const auto& support : settings.supports)
+    if (support.stiffness) return "there is an elastic support";
   if (settings.has_exact()) return "there is an exact solution to compare with";
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
   std::vector<char> seen(mesh.materials.size(), 0);

@@ -23,6 +23,24 @@ template <int Dim> Matrix at_midpoints_too(const FineSpace<Dim>& quadratic, cons
   return result;
 }
 
+/// The answers to the load cases after the first, which the cloud has, corrected as that one was.
+template <int Dim> void correct_more(const Settings<Dim>& settings, const Corrected<Dim>& best,
+                                     const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
+  const Approximation<Dim>& elements = result.basis();
+  for (std::size_t k = 0; k < result.more.size(); ++k) {
+    Answer<Dim>& answer = result.more[k];
+    const Points<Dim> start = interpolate(result.approximation.shape, answer.solution.coefficients);
+    const Correction<Dim> correction = best.corrector->correct(start, settings.cases[k + 1].loads, options, monitor);
+    answer.solution = evaluate(elements, result.model, correction.displacement);
+    answer.fields = recover_fields(elements, answer.solution);
+    const auto mesh = recovery_error(elements, answer.fields, materials_of(result.model, *result.mesh));
+    answer.estimates = {.cloud = correction.error,
+                        .uncorrected = correction.start_error,
+                        .mesh = mesh.relative,
+                        .corrections = correction.iterations};
+  }
+}
+
 /// The answer of the finite elements of the fine mesh, as near as it is wanted, and how far that of the cloud is
 /// from it. Where linear cells are too coarse, and their degree is left open, quadratic ones take over; where
 /// dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). None, and a warning, if
@@ -90,7 +108,7 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   if (finer && estimates.total() <= bearable) {
     if (!settings.goals.empty()) tell(options.tolerance);
     finer = missed_goals(settings, result) > 1.0;
-    if (!finer && !settings.goals.empty()) return estimates;
+    if (!finer && !settings.goals.empty()) return estimates;  // no cases where there are goals
   }
   std::optional<Approximation<Dim>> quadratic;
   if (finer) {
@@ -106,6 +124,10 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
     estimates.mesh = best.mesh_error.relative;
     estimates.corrections += best.correction.iterations;
     hand_out();
+  }
+  if (!result.more.empty()) {
+    if (!stage) stage.emplace("correction", monitor);
+    correct_more(settings, best, options, result, stage->within());
   }
   tell(options.tolerance);
   return estimates;
@@ -125,6 +147,12 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   {
     const Stage stage("solve", monitor);
     result.solution = solver->solve(settings.loads);
+    result.balance.reactions = solver->reactions(result.solution, settings.loads);
+    for (std::size_t k = 1; k < settings.cases.size(); ++k) {
+      Answer<Dim>& answer = result.more.emplace_back();
+      answer.solution = solver->solve(settings.cases[k].loads);
+      answer.balance.reactions = solver->reactions(answer.solution, settings.cases[k].loads);
+    }
   }
   if (options.kind != BasisKind::mls) {
     result.fields = recover_fields(result.approximation, result.solution);

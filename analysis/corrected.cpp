@@ -9,15 +9,6 @@
 #include <algorithm>
 
 namespace efree::internal {
-namespace {
-
-/// Whether there are errors to be told by dual solutions.
-template <int Dim> bool names_numbers(const Settings<Dim>& settings) {
-  return !settings.probes.empty() || !settings.reactions.empty() || settings.largest_displacement ||
-         settings.largest_stress;
-}
-
-}  // namespace
 
 template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const Result<Dim>& result,
                                             const Approximation<Dim>& functions, const Points<Dim>& start,
@@ -25,7 +16,7 @@ template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const
   Corrected<Dim> result_of;
   result_of.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, settings.supports, monitor);
   result_of.correction = result_of.corrector->correct(start, settings.loads, options, monitor);
-  if (!names_numbers(settings)) result_of.corrector.reset();
+  if (!asks_for_errors(settings) && settings.cases.size() < 2) result_of.corrector.reset();
   return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   result_of.elements =

@@ -64,7 +64,24 @@ template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim
   return std::max(energy, missed_goals(settings, result));
 }
 
+/// Of the load cases after the first: they have its mesh and its matrix, but not its error.
+template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& result) {
+  for (std::size_t k = 0; k < result.more.size(); ++k) {
+    if (!result.more[k].estimates) continue;
+    const double error = result.more[k].estimates->total();
+    if (error < std::min(bearable_error(settings), settings.largest_error)) continue;
+    const std::string what =
+        fmt::format("the case \"{}\" has an error of about {:.2g} % in the energy norm: use a smaller mesh_size",
+                    settings.cases[k + 1].name, 100.0 * error);
+    if (error < settings.largest_error)
+      result.warnings.push_back(what);
+    else if (result.refusal.empty())
+      result.refusal = fmt::format("{}; to accept it say analysis.largest_error = {:.2g}", what, 1.1 * error);
+  }
+}
+
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
+  judge_more(settings, result);
   if (!result.estimates) return;
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;

@@ -15,7 +15,10 @@ void mention(std::vector<Mention>& all, const std::string& name) {
 template <int Dim> std::vector<Mention> boundaries(const Settings<Dim>& settings) {
   std::vector<Mention> all = settings.groups;
   for (const auto& support : settings.supports) mention(all, support.on);
-  for (const auto& load : settings.loads.tractions) mention(all, load.on);
+  for (const auto& loads : loads_by_case(settings)) {
+    for (const auto& load : loads.tractions) mention(all, load.on);
+    for (const auto& load : loads.resultants) mention(all, load.on);
+  }
   for (const auto& reaction : settings.reactions) mention(all, reaction.on);
   for (const auto& graded : settings.approximation.grading.boundaries) mention(all, graded.boundary);
   return all;

@@ -54,6 +54,26 @@ std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, cons
   return materials;
 }
 
+/// The density of each region, which forces per mass act on.
+template <int Dim> std::vector<Parameter> region_densities(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+  const auto cases = loads_by_case(settings);
+  const auto asking = std::ranges::find_if(cases, [](const auto& loads) { return !loads.mass_forces.empty(); });
+  if (asking == cases.end()) return {};
+  std::vector<Parameter> densities(mesh.num_regions(), settings.density);
+  std::vector<std::string> where(mesh.num_regions(), settings.where);
+  for (const auto& material : settings.materials) {
+    densities[mesh.region(material.region)] = material.density;
+    where[mesh.region(material.region)] = material.where;
+  }
+  for (Index r = 0; r < mesh.num_regions(); ++r)
+    if (densities[r].is_constant() && !(densities[r].at(Vec<3>::Zero()) > 0.0))
+      throw InputError(said_at(
+          where[r],
+          fmt::format("analysis.{} needs the density of the material{}", asking->mass_forces.front().kind,
+                      mesh.num_regions() > 1 ? fmt::format(" of the region \"{}\"", mesh.region_names()[r]) : "")));
+  return densities;
+}
+
 /// The parts of the boundary that have names and do not tie regions to each other, those that the settings select, and
 /// one of all slits if there is more than one region.
 template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const Settings<Dim>& settings,
@@ -112,15 +132,22 @@ template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, PreparedMesh
 template <int Dim>
 FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> mesh, PreparedMesh<Dim>& result) {
   for (const auto& group : boundaries(settings)) located(settings, group.where, [&] { mesh.group(group.name); });
-  if (mesh.num_components() == 1 || settings.loads.body_force) return mesh;
+  if (mesh.num_components() == 1) return mesh;
+  const auto cases = loads_by_case(settings);
+  if (std::ranges::any_of(cases, [](const auto& loads) { return loads.inside(); })) return mesh;
   const auto ties = tied_facets(mesh, result.open_interface);
   const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.model.plane == Plane::axisymmetric),
                                          restraints(settings.supports), ties);
   const auto body_of = [&](Index cell) { return bodies.of_component[mesh.component()[mesh.cells()(0, cell)]]; };
   std::vector<char> out(bodies.size());
   for (Index body = 0; body < bodies.size(); ++body) out[body] = bodies.is_free(body);
-  for (const auto& load : settings.loads.tractions)
-    for (const Index f : mesh.group(load.on)) out[body_of(mesh.facet_cell(f))] = 0;
+  const auto keep_loaded = [&](const std::string& part) {
+    for (const Index f : mesh.group(part)) out[body_of(mesh.facet_cell(f))] = 0;
+  };
+  for (const auto& loads : cases) {
+    for (const auto& load : loads.tractions) keep_loaded(load.on);
+    for (const auto& load : loads.resultants) keep_loaded(load.on);
+  }
   Index count = 0, largest = -1;
   double volume = 0.0;
   for (Index body = 0; body < bodies.size(); ++body) {
@@ -198,6 +225,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   for (const auto& region : graded_regions(settings))
     located(settings, region.where, [&] { return result.mesh->region(region.name); });
   result.materials = region_materials(settings, *result.mesh);
+  result.densities = region_densities(settings, *result.mesh);
   check_probes(settings, *result.mesh, result.remarks);
   return result;
 }
@@ -208,10 +236,11 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   const bool cloud = basis.kind == BasisKind::mls;
   model.regions = mesh.materials;
   model.open_interface = mesh.open_interface;
+  settings.loads.density = mesh.densities;  // of all cases
   if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
   if (cloud && model.essential == Essential::strong)
     for (const auto& support : settings.supports)
-      if (std::ranges::find(basis.vanish_on, support.on) == basis.vanish_on.end())
+      if (!support.stiffness && std::ranges::find(basis.vanish_on, support.on) == basis.vanish_on.end())
         basis.vanish_on.push_back(support.on);
   basis.axisymmetric = model.plane == Plane::axisymmetric;
   basis.fine = basis.fine || model.stabilisation > 0.0;

@@ -26,6 +26,7 @@ template <int Dim> struct PreparedMesh {
   double size = 0.0;                      ///< edges it was made with; the longest of a file with sizes of its own
   bool size_is_said = false;              ///< and no other may be taken
   std::vector<SharedMaterial> materials;  ///< by region of the mesh
+  std::vector<Parameter> densities;       ///< likewise; empty if nothing asks for them
   std::shared_ptr<const LabelImage<Dim>> image;  ///< whose lattice the mesh was cut out of; else none
   std::map<Label, std::string> region_of_label;  ///< of the image: names of regions
   std::string open_interface;       ///< part along which regions are not tied; empty: tied wherever they touch
@@ -46,10 +47,10 @@ template <int Dim>
 PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor = {});
 
 /// The settings with everything decided that they leave open and the mesh and its materials tell: model.regions,
-/// model.open_interface; conditions strong for finite elements, else by Nitsche, and where they are strong functions
-/// that vanish on the supports of others; an axisymmetric basis and full integration where the model needs them;
-/// dilatations averaged where functions would lock (bearable_incompressibility), but for linear elements, which that
-/// does not help.
+/// model.open_interface, loads.density; conditions strong for finite elements, else by Nitsche, and where they are
+/// strong functions that vanish on the supports of others; an axisymmetric basis and full integration where the model
+/// needs them; dilatations averaged where functions would lock (bearable_incompressibility), but for linear elements,
+/// which that does not help.
 template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh);
 
 }  // namespace efree

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/prepare.hpp"
+#include "efree/assembly/loads.hpp"
 #include "efree/solvers/cell_solver.hpp"
 
 #include <cmath>
@@ -37,6 +38,13 @@ template <int Dim> struct ReactionResult {
   Vec<Dim> force, error;  ///< error: of each component, absolute
 };
 
+/// The largest and the smallest value of a field.
+template <int Dim> struct FieldRange {
+  std::string of;  ///< "displacement_x", "strain_xx", "stress_xx", ..., "principal_stress"
+  double most, least;
+  Vec<Dim> most_at, least_at;
+};
+
 /// The largest value of a field.
 template <int Dim> struct Extreme {
   std::string of;  ///< "displacement" or "von_mises"
@@ -56,27 +64,42 @@ struct Estimates {
   double total() const { return std::hypot(cloud, mesh); }
 };
 
-/// What an analysis found.
-template <int Dim> struct Result {
+/// What holds a body and what loads it.
+template <int Dim> struct Balance {
+  /// By part with displacement conditions: the force and moment by which it holds the body, from the equilibrium of the
+  /// problem that the answer solves.
+  Resultants<Dim> reactions;
+  std::vector<AppliedLoad<Dim>> loads;  ///< each by itself
+  double error = 0.0;                   ///< of both together, relative (imbalance); more than rounding is a fault
+};
+
+/// What was found for one load case.
+template <int Dim> struct Answer {
+  Solution<Dim> solution;  ///< on cells the strain energy only
+  /// None for finite elements, nor where averaged dilatations lack memory for them.
+  std::optional<Estimates> estimates;
+  Fields<Dim> fields;                                            ///< displacements, recovered strains and stresses
+  std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the settings
+  std::vector<Extreme<Dim>> extremes;                            ///< largest displacement and von Mises stress
+  Balance<Dim> balance;
+};
+
+/// What an analysis found; of several load cases it is the answer to the first.
+template <int Dim> struct Result : Answer<Dim> {
   std::shared_ptr<const FineMesh<Dim>> mesh;  ///< the fine mesh, without what was left out
   ElasticModel model;                         ///< with the materials of all regions
   Approximation<Dim> approximation;           ///< shares the mesh
   /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
   std::optional<Approximation<Dim>> elements;
-  Solution<Dim> solution;             ///< on cells the strain energy only
   std::optional<CellSolution> cells;  ///< if it was solved on cells; then `approximation` is a space only
-  /// None for finite elements, nor where averaged dilatations lack memory for them.
-  std::optional<Estimates> estimates;
-  Fields<Dim> fields;  ///< displacements, recovered strains and stresses
   /// What `solution` and `fields` belong to.
   const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
 
-  std::optional<Errors> errors;                                  ///< if an exact solution is known
-  std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the settings
+  std::optional<Errors> errors;  ///< if an exact solution is known
   /// Absolute errors of the components of the probes' displacements, by name, where they are known.
   std::map<std::string, Vec<Dim>> probe_errors;
+  std::vector<Answer<Dim>> more;               ///< answers to the load cases after the first, in their order
   std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
-  std::vector<Extreme<Dim>> extremes;          ///< that the settings ask for
   /// By cell of the mesh: what recovered stresses are off those of the displacement, in the energy norm, relative to
   /// the mean energy density of the body. The root of its mean square over the volume is the error of the body in all.
   Vector error_density;
@@ -95,7 +118,17 @@ template <int Dim> struct Result {
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };
 
+/// Range of every component of displacement, strain and stress, and of the principal stresses.
+template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields);
+
+/// Names of the components of a strain or stress in Voigt order.
+template <int Dim> std::vector<const char*> component_names(bool axisymmetric) {
+  if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
+  if (axisymmetric) return {"rr", "zz", "tt", "rz"};
+  return {"xx", "yy", "zz", "xy"};
+}
+
 /// von Mises stress at the places of the space (FineSpace::num_places).
-template <int Dim> Vector von_mises_at_places(const Result<Dim>& result);
+template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields);
 
 }  // namespace efree

@@ -6,7 +6,28 @@
 
 namespace efree {
 
+template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings) {
+  if (settings.cases.empty()) return {settings.loads};
+  std::vector<Loads<Dim>> all;
+  for (const auto& one : settings.cases) {
+    Loads<Dim>& loads = all.emplace_back(settings.loads);
+    const auto append = [](auto& to, const auto& more) { to.insert(to.end(), more.begin(), more.end()); };
+    append(loads.tractions, one.loads.tractions);
+    append(loads.resultants, one.loads.resultants);
+    append(loads.mass_forces, one.loads.mass_forces);
+    if (one.loads.body_force)
+      loads.body_force = [common = settings.loads.body_force, own = one.loads.body_force](const Vec<Dim>& x) {
+        return common ? Vec<Dim>(common(x) + own(x)) : own(x);
+      };
+  }
+  return all;
+}
+
 template <int Dim> void require_estimates(const Settings<Dim>& settings) {
+  if (!settings.cases.empty())
+    throw InputError(internal::said_at(settings.where,
+                                       "an accuracy cannot be asked for several load cases: ask for it "
+                                       "in one of them, and give the others its mesh_size"));
   if (settings.approximation.kind == BasisKind::mls && settings.corrected) return;
   throw InputError(internal::said_at(
       settings.where,
@@ -14,6 +35,8 @@ template <int Dim> void require_estimates(const Settings<Dim>& settings) {
       "\"mls\" or \"cells\" and analysis.correction = \"auto\""));
 }
 
+template std::vector<Loads<2>> loads_by_case<2>(const Settings<2>&);
+template std::vector<Loads<3>> loads_by_case<3>(const Settings<3>&);
 template void require_estimates<2>(const Settings<2>&);
 template void require_estimates<3>(const Settings<3>&);
 

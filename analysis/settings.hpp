@@ -22,6 +22,7 @@ struct RegionMaterial {
   std::string region;
   SharedMaterial material;
   std::string where{};
+  Parameter density = 0.0;  ///< [mass / volume]; 0: not said
 };
 /// A point to report.
 template <int Dim> struct Probe {
@@ -38,6 +39,11 @@ template <int Dim> struct NamedSelection {
   std::string name;
   Selection<Dim> how;
   std::string where{};
+};
+/// Loads that act together, by themselves: a case.
+template <int Dim> struct LoadCase {
+  std::string name;
+  Loads<Dim> loads{};
 };
 /// A probe or a reaction and the error it may have, relative to its size.
 struct Goal {
@@ -60,13 +66,16 @@ template <int Dim> struct Settings {
   std::string where{};                                 ///< all of it: the case file
   ElasticModel model{};                                ///< but for `regions` and `open_interface`, which the mesh tells
   std::vector<RegionMaterial> materials{};             ///< one for each region; empty: model.material everywhere
+  Parameter density = 0.0;                             ///< of model.material [mass / volume]; 0: not said
   std::vector<NamedSelection<Dim>> selections{};       ///< parts of the boundary besides those the mesh has
   std::vector<DisplacementCondition<Dim>> supports{};  ///< displacements that are prescribed
-  Loads<Dim> loads{};                                  ///< forces
-  ExactSolution<Dim> exact{};                          ///< to compare with; both fields empty if there is none
-  std::vector<Probe<Dim>> probes{};                    ///< points to report
-  std::vector<Reaction> reactions{};                   ///< parts whose forces to report
-  bool largest_displacement = false, largest_stress = false;  ///< extremes to report
+  Loads<Dim> loads{};                                  ///< forces; but for their density, which the materials tell
+  /// Load cases, each besides `loads`: solved with one matrix, each by itself. Empty: `loads` alone.
+  std::vector<LoadCase<Dim>> cases{};
+  ExactSolution<Dim> exact{};                                 ///< to compare with; both fields empty if there is none
+  std::vector<Probe<Dim>> probes{};                           ///< points to report
+  std::vector<Reaction> reactions{};                          ///< parts whose forces to report
+  bool largest_displacement = false, largest_stress = false;  ///< extremes whose errors to report
   /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};
@@ -84,6 +93,9 @@ template <int Dim> struct Settings {
   bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
   bool has_exact() const { return exact.displacement || exact.stress; }
 };
+
+/// What acts in each case, one after the other; without cases settings.loads alone.
+template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings);
 
 /// Throws InputError if the analysis has no error estimates, so that no accuracy can be asked for.
 template <int Dim> void require_estimates(const Settings<Dim>& settings);

@@ -35,28 +35,32 @@ Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
 
 }  // namespace
 
-template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result) {
-  result.probes.clear();
-  result.extremes.clear();
-  const Locator<Dim> locate_probe(result.basis().space.mesh(), settings.probes.size());
+template <int Dim> bool asks_for_errors(const Settings<Dim>& settings) {
+  return !settings.probes.empty() || !settings.reactions.empty() || settings.largest_displacement ||
+         settings.largest_stress;
+}
+
+template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<Dim>& space, Answer<Dim>& answer) {
+  answer.probes.clear();
+  answer.extremes.clear();
+  const Locator<Dim> locate_probe(space.mesh(), settings.probes.size());
   for (const auto& p : settings.probes)
-    result.probes.emplace_back(p.name, probe(result.basis().space, result.fields, locate_probe(p.at)));
+    answer.probes.emplace_back(p.name, probe(space, answer.fields, locate_probe(p.at)));
   const auto add = [&](const char* of, const Vector& values) {
-    const FineSpace<Dim>& space = result.basis().space;
     Index place = 0;
     const double value = values.maxCoeff(&place);
-    result.extremes.push_back({of, value, space.points().col(space.dof_at(place)), place, std::nullopt});
+    answer.extremes.push_back({of, value, space.points().col(space.dof_at(place)), place, std::nullopt});
   };
-  if (settings.largest_displacement) add("displacement", result.fields.displacement.colwise().norm().transpose());
-  if (settings.largest_stress) add("von_mises", von_mises_at_places(result));
+  add("displacement", answer.fields.displacement.colwise().norm().transpose());
+  add("von_mises", von_mises_at_places(answer.fields));
 }
 
 template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
                                     const Monitor& monitor) {
-  read_off(settings, result);
+  read_off<Dim>(settings, result.basis().space, result);
   result.probe_errors.clear();
   result.reactions.clear();
-  if (settings.probes.empty() && settings.reactions.empty() && result.extremes.empty()) return;
+  if (!asks_for_errors(settings)) return;
   const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
@@ -90,6 +94,7 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
     result.reactions.push_back({reaction.name, force, error});
   }
   for (auto& extreme : result.extremes) {
+    if (!(extreme.of == "displacement" ? settings.largest_displacement : settings.largest_stress)) continue;
     if (extreme.of != "displacement") {
       extreme.error = stress_error(result, extreme.place);
       continue;
@@ -104,7 +109,7 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
 }
 
 void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
-  read_off(settings, result);
+  read_off<3>(settings, result.basis().space, result);
   result.probe_errors.clear();
   result.reactions.clear();
   const CellSolution& cells = *result.cells;
@@ -122,12 +127,12 @@ void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
   }
   for (const auto& reaction : settings.reactions) {
     std::vector<Vec<3>> forces;
-    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on));
+    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on).force);
     result.reactions.push_back(
         {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
   }
   for (auto& extreme : result.extremes)
-    if (extreme.of == "displacement") {
+    if (extreme.of == "displacement" && settings.largest_displacement) {
       const Vec<3> along = result.fields.displacement.col(extreme.place) / std::max(extreme.value, 1e-300);
       extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
     }
@@ -160,10 +165,12 @@ template <int Dim> double missed_goals(const Settings<Dim>& settings, const Resu
   return std::sqrt(worst);
 }
 
+template bool asks_for_errors<2>(const Settings<2>&);
+template bool asks_for_errors<3>(const Settings<3>&);
 template double relative_error_of<2>(const Goal&, const Result<2>&);
-template void read_off<2>(const Settings<2>&, Result<2>&);
+template void read_off<2>(const Settings<2>&, const FineSpace<2>&, Answer<2>&);
 template double relative_error_of<3>(const Goal&, const Result<3>&);
-template void read_off<3>(const Settings<3>&, Result<3>&);
+template void read_off<3>(const Settings<3>&, const FineSpace<3>&, Answer<3>&);
 template void tell_errors<2>(const Settings<2>&, const Reference<2>&, Result<2>&, const Monitor&);
 template void tell_errors<3>(const Settings<3>&, const Reference<3>&, Result<3>&, const Monitor&);
 template Vector error_density<2>(const Result<2>&, const Vector&);

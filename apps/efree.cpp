@@ -57,8 +57,13 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
-/// Probes, reactions and extremes with their errors, a line each.
-template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& result) {
+template <int Dim> std::string resultant_text(const Resultant<Dim>& of) {
+  return fmt::format("force ({:.6g}), moment ({:.6g})", fmt::join(of.force, ", "), fmt::join(of.moment, ", "));
+}
+
+/// Probes, loads, reactions and extremes, with their errors where they are known, a line each.
+template <int Dim>
+std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vector<LoadCase<Dim>>& cases) {
   std::vector<std::string> lines;
   const auto say = [&](const std::string& what, const Vec<Dim>& value, const Vec<Dim>* error) {
     lines.push_back(fmt::format("{} ({:.6g})", what, fmt::join(value, ", ")));
@@ -73,10 +78,31 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
   }
   for (const auto& reaction : result.reactions)
     say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
-  for (const auto& extreme : result.extremes)
-    lines.push_back(fmt::format(
-        "largest {} {:.6g} at ({:.6g}){}", extreme.of == "displacement" ? "displacement" : "von Mises stress",
-        extreme.value, fmt::join(extreme.at, ", "), extreme.error ? fmt::format(" +- {:.2g}", *extreme.error) : ""));
+  const auto say_balance = [&](const Balance<Dim>& balance) {
+    for (const auto& load : balance.loads)
+      lines.push_back(fmt::format("load {}{}: {}", load.kind, load.on.empty() ? "" : fmt::format(" on \"{}\"", load.on),
+                                  resultant_text<Dim>(load.of)));
+    for (const auto& [part, of] : balance.reactions)
+      lines.push_back(fmt::format("reaction of \"{}\": {}", part, resultant_text<Dim>(of)));
+    lines.push_back(fmt::format("loads and reactions balance to {:.1g}, relative", balance.error));
+  };
+  const auto say_extremes = [&](const std::vector<Extreme<Dim>>& extremes) {
+    for (const auto& extreme : extremes)
+      lines.push_back(fmt::format(
+          "largest {} {:.6g} at ({:.6g}){}", extreme.of == "displacement" ? "displacement" : "von Mises stress",
+          extreme.value, fmt::join(extreme.at, ", "), extreme.error ? fmt::format(" +- {:.2g}", *extreme.error) : ""));
+  };
+  if (!cases.empty()) lines.push_back(fmt::format("case \"{}\":", cases.front().name));
+  say_balance(result.balance);
+  say_extremes(result.extremes);
+  for (std::size_t k = 1; k < cases.size(); ++k) {
+    const Answer<Dim>& answer = result.more[k - 1];
+    lines.push_back(fmt::format("case \"{}\":", cases[k].name));
+    for (const auto& [name, values] : answer.probes)
+      say(fmt::format("probe \"{}\": displacement", name), values.displacement, nullptr);
+    say_balance(answer.balance);
+    say_extremes(answer.extremes);
+  }
   return lines;
 }
 
@@ -103,7 +129,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
                           .say = say};
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
-    for (const std::string& line : numbers_text(result)) say(line);
+    for (const std::string& line : numbers_text(result, analysis.cases)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", monitor.timing(result.times));

@@ -12,11 +12,11 @@ template <int Dim> std::vector<Restraint<Dim>> restraints(const std::vector<Disp
   for (const auto& condition : conditions) {
     const std::size_t before = list.size();
     for (int i = 0; i < Dim; ++i)
-      if (condition.components[i]) list.push_back({condition.on, i, condition.components[i]});
+      if (condition.components[i]) list.push_back({condition.on, i, condition.components[i], condition.stiffness});
     if (condition.normal && list.size() > before)
       throw InputError(
           fmt::format("displacement on \"{}\": give components or the normal one, not both", condition.on));
-    if (condition.normal) list.push_back({condition.on, -1, condition.normal});
+    if (condition.normal) list.push_back({condition.on, -1, condition.normal, condition.stiffness});
     if (list.size() == before) throw InputError(fmt::format("displacement on \"{}\" prescribes nothing", condition.on));
   }
   return list;

@@ -4,7 +4,9 @@
 #include "efree/assembly/internal/boundary_points.hpp"
 #include "efree/assembly/internal/gather.hpp"
 
+#include <Eigen/QR>
 #include <array>
+#include <map>
 
 namespace efree {
 namespace {
@@ -369,14 +371,11 @@ SymmetricMatrix consistency(const ShapeTable<Dim>& shape, const std::vector<Stif
   });
 }
 
-/// int beta [u].[v] along the directions held.
-template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                  const std::vector<StiffnessTerm<Dim>>& terms,
-                                                  const std::vector<std::vector<double>>& penalty,
-                                                  const Constraints<Dim>& constraints, Points<Dim>& rhs) {
-  const auto beta_at = [&](const Constraint<Dim>& constraint) {
-    return constraint.weight() * shares(terms, penalty, constraint).beta;
-  };
+/// int beta [u].[v] along the directions held, with beta(constraint).
+template <int Dim, class Beta> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                              const Constraints<Dim>& constraints, const Beta& beta,
+                                                              Points<Dim>& rhs) {
+  const auto beta_at = [&](const Constraint<Dim>& constraint) { return constraint.weight() * beta(constraint); };
   const auto fine = summed<std::pair<Index, Index>, Mat<Dim>>(constraints, [&](const auto& constraint, auto& sums) {
     const double factor = beta_at(constraint);
     for (const auto& [at, sign] : constraint.sides)
@@ -426,6 +425,20 @@ template <int Dim> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, c
   });
 }
 
+/// Rigid restraints and elastic ones.
+template <int Dim> std::array<std::vector<Restraint<Dim>>, 2> by_kind(const std::vector<Restraint<Dim>>& restraints) {
+  std::array<std::vector<Restraint<Dim>>, 2> kinds;
+  for (const auto& restraint : restraints) kinds[restraint.is_elastic()].push_back(restraint);
+  return kinds;
+}
+template <int Dim> double stiffness_at(const Restraint<Dim>& spring, const Vec<Dim>& x) {
+  const double k = spring.stiffness(x);
+  if (!(k >= 0.0 && std::isfinite(k)))
+    throw InputError(fmt::format("stiffness on \"{}\" is {} at {}, expected a finite number >= 0", spring.on, k,
+                                 place_text<Dim>(x)));
+  return k;
+}
+
 }  // namespace
 
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
@@ -433,19 +446,120 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
                                               const std::vector<Restraint<Dim>>& restraints,
                                               const std::vector<TiedFacets>& ties) {
   Points<Dim> rhs = Points<Dim>::Zero(Dim, shape.num_nodes());
-  const Constraints<Dim> constraints(space, restraints, ties);
+  const auto [rigid, elastic] = by_kind(restraints);
+  const Constraints<Dim> constraints(space, rigid, ties);
   std::vector<std::vector<double>> penalty;
   for (const auto& term : terms) penalty.push_back(penalties(term, constraints));
+  const auto beta = [&](const Constraint<Dim>& constraint) { return shares(terms, penalty, constraint).beta; };
   NitscheSystem<Dim> system;
-  system.matrix = penalty_matrix(space, shape, terms, penalty, constraints, rhs);
+  system.matrix = penalty_matrix(space, shape, constraints, beta, rhs);
   for (const auto& term : terms) system.matrix += consistency(shape, terms, penalty, constraints, term, rhs);
+  for (const auto& spring : elastic) {
+    const auto k = [&](const Constraint<Dim>& at) { return stiffness_at<Dim>(spring, at.sides.front().point.x); };
+    system.matrix += penalty_matrix(space, shape, Constraints<Dim>(space, {spring}, {}), k, rhs);
+  }
   system.rhs = rhs.reshaped();
   return system;
+}
+
+namespace {
+
+/// The part of what is held on a facet that each part of the boundary holds: a matrix that takes it out of a traction.
+template <int Dim>
+std::vector<std::pair<std::string, Mat<Dim>>> shares_of_parts(const std::vector<const Restraint<Dim>*>& restraints,
+                                                              const Vec<Dim>& n) {
+  std::map<std::string, Mat<Dim>> own;
+  Mat<Dim> all = Mat<Dim>::Zero();
+  for (const Restraint<Dim>* restraint : restraints) {
+    const Vec<Dim> d = restraint->direction(n);
+    own.try_emplace(restraint->on, Mat<Dim>::Zero()).first->second += d * d.transpose();
+    all += d * d.transpose();
+  }
+  const Mat<Dim> inverse = Eigen::CompleteOrthogonalDecomposition<Mat<Dim>>(all).pseudoInverse();
+  std::vector<std::pair<std::string, Mat<Dim>>> shares;
+  for (const auto& [part, held] : own) shares.emplace_back(part, held * inverse);
+  return shares;
+}
+
+}  // namespace
+
+template <int Dim> Resultants<Dim> nitsche_reactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                     const std::vector<StiffnessTerm<Dim>>& terms,
+                                                     const std::vector<Restraint<Dim>>& restraints,
+                                                     const std::vector<TiedFacets>& ties, const Points<Dim>& U,
+                                                     double factor) {
+  const auto [rigid, elastic] = by_kind(restraints);
+  const Constraints<Dim> constraints(space, rigid, ties);
+  std::vector<std::vector<double>> penalty;
+  for (const auto& term : terms) penalty.push_back(penalties(term, constraints));
+  const Points<Dim> u = interpolate(shape, U);
+  // What is held at a constraint, less what is prescribed.
+  const auto gap = [&](const Constraint<Dim>& constraint) {
+    Vec<Dim> jump = Vec<Dim>::Zero();
+    for (const auto& [point, sign] : constraint.sides)
+      for (std::size_t i = 0; i < point.dofs.size(); ++i) jump += sign * point.N[i] * u.col(point.dofs[i]);
+    return Vec<Dim>(constraint.directions * jump - factor * constraint.value);
+  };
+  std::vector<Gradients<Dim>> fluxes;  // by term and point: stress, with what holds the volume that crosses
+  const Gradient<Dim> trace = trace_direction<Dim>();
+  for (const auto& term : terms) {
+    const auto& points = *term.discretization;
+    Gradients<Dim>& flux = fluxes.emplace_back(gradient(points, U));
+    for (Index K = 0; K < points.size(); ++K) flux.col(K) = term.tangents[K] * Gradient<Dim>(flux.col(K));
+    if (!term.pressure) continue;
+    constraints.for_each([&](const Constraint<Dim>& constraint) {
+      const Shares share = shares(terms, penalty, constraint);
+      const double crossing = constraint.weight() * gap(constraint).dot(constraint.n);
+      for (std::size_t s = 0; s < constraint.sides.size(); ++s)
+        for (SparseRows::InnerIterator phi(points.on_facets, constraint.sides[s].point.row); phi; ++phi) {
+          const auto K = static_cast<Index>(phi.col());
+          flux.col(K) -=
+              4.0 * term.tangents[K](0, 0) / points.weights[K] * share.flux[s] * phi.value() * crossing * trace;
+        }
+    });
+  }
+  const auto pairs = by_facet(space.mesh(), rigid);
+  std::vector<std::pair<std::string, Mat<Dim>>> parts;
+  Index facet = -1;
+  Resultants<Dim> reactions;
+  constraints.for_each([&](const Constraint<Dim>& constraint) {
+    if (constraint.sides.size() > 1) return;  // ties are within the body
+    const BoundaryPoint<Dim>& point = constraint.sides.front().point;
+    Vec<Dim> traction = -penalty_at(terms, penalty, point) * gap(constraint);
+    for (std::size_t t = 0; t < terms.size(); ++t)
+      for (SparseRows::InnerIterator phi(terms[t].discretization->on_facets, point.row); phi; ++phi)
+        traction += phi.value() * (constraint.directions *
+                                   NodalGradient<Dim>{point.n}.force(fluxes[t].col(static_cast<Index>(phi.col()))));
+    if (std::exchange(facet, point.facet) != point.facet) {
+      std::vector<const Restraint<Dim>*> on_facet;
+      for (auto pair = std::ranges::lower_bound(pairs, std::pair(point.facet, std::size_t{0}));
+           pair != pairs.end() && pair->first == point.facet; ++pair)
+        on_facet.push_back(&rigid[pair->second]);
+      parts = shares_of_parts(on_facet, point.n);
+    }
+    for (const auto& [part, share] : parts) reactions[part].add(point.x, point.weight * (share * traction));
+  });
+  for (const auto& spring : elastic) {
+    Resultant<Dim>& reaction = reactions[spring.on];
+    Constraints<Dim>(space, {spring}, {}).for_each([&](const Constraint<Dim>& constraint) {
+      const BoundaryPoint<Dim>& point = constraint.sides.front().point;
+      reaction.add(point.x, -point.weight * stiffness_at<Dim>(spring, point.x) * gap(constraint));
+    });
+  }
+  if (space.axisymmetric())
+    for (auto& [part, of] : reactions) of.moment.setZero();
+  return reactions;
 }
 
 template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, const std::vector<StiffnessTerm<2>>&,
                                      const std::vector<Restraint<2>>&, const std::vector<TiedFacets>&);
 template NitscheSystem<3> nitsche<3>(const FineSpace<3>&, const ShapeTable<3>&, const std::vector<StiffnessTerm<3>>&,
                                      const std::vector<Restraint<3>>&, const std::vector<TiedFacets>&);
+template Resultants<2> nitsche_reactions<2>(const FineSpace<2>&, const ShapeTable<2>&,
+                                            const std::vector<StiffnessTerm<2>>&, const std::vector<Restraint<2>>&,
+                                            const std::vector<TiedFacets>&, const Points<2>&, double);
+template Resultants<3> nitsche_reactions<3>(const FineSpace<3>&, const ShapeTable<3>&,
+                                            const std::vector<StiffnessTerm<3>>&, const std::vector<Restraint<3>>&,
+                                            const std::vector<TiedFacets>&, const Points<3>&, double);
 
 }  // namespace efree

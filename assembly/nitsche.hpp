@@ -4,6 +4,7 @@
 
 #include "efree/assembly/conditions.hpp"
 #include "efree/assembly/operators.hpp"
+#include "efree/assembly/resultants.hpp"
 
 #include <vector>
 
@@ -31,10 +32,21 @@ template <int Dim> struct NitscheSystem {
 /// largest stiffness along the normal, which keeps half of the coercivity whatever the shape of the cells; nothing to
 /// choose. For terms that are pressure 4 kappa / w_K acts on the square of the volume int Phi_K u.n that crosses the
 /// boundary, not on u: that does not lock as materials become incompressible. Where parts overlap a direction that
-/// several restraints prescribe counts once; throws InputError naming them if they contradict each other.
+/// several restraints prescribe counts once; throws InputError naming them if they contradict each other. Elastic
+/// restraints are int k (d.u - g) d.v and no more (Winkler 1867); they add up, and must not be negative.
 template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                               const std::vector<StiffnessTerm<Dim>>& terms,
                                               const std::vector<Restraint<Dim>>& restraints,
                                               const std::vector<TiedFacets>& ties = {});
+
+/// By part: what the system's terms of that part hold a body with whose coefficients are U (Dim x N), under `factor`
+/// times what is prescribed. The tractions are those that the terms do work with on rigid motions: sigma n as the terms
+/// see it, less what the penalties push back. So the sum over all parts balances the loads as far as U solves the
+/// equations. What several parts hold on a facet they share.
+template <int Dim> Resultants<Dim> nitsche_reactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                     const std::vector<StiffnessTerm<Dim>>& terms,
+                                                     const std::vector<Restraint<Dim>>& restraints,
+                                                     const std::vector<TiedFacets>& ties, const Points<Dim>& U,
+                                                     double factor = 1.0);
 
 }  // namespace efree

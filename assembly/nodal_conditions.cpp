@@ -36,6 +36,7 @@ template <int Dim> std::optional<Index> curved_at(const std::vector<std::pair<In
 }  // namespace
 
 template <int Dim> bool can_be_nodal(const FineSpace<Dim>& space, const Restraint<Dim>& restraint) {
+  if (restraint.is_elastic()) return false;
   return restraint.component >= 0 || !curved_at<Dim>(normals_on(space, restraint.on)).has_value();
 }
 

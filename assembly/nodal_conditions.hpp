@@ -22,7 +22,7 @@ template <int Dim> struct NodalConditions {
 /// each other (naming the parts).
 template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
                                                          const std::vector<Restraint<Dim>>& restraints);
-/// Whether values at nodes can hold the restraint: all but normal displacements on a part that is curved.
+/// Whether values at nodes can hold the restraint: all but normal displacements on a part that is curved, and springs.
 template <int Dim> bool can_be_nodal(const FineSpace<Dim>& space, const Restraint<Dim>& restraint);
 /// Throws InputError if functions of nodes off a restrained part do not vanish on it, if normal conditions are asked
 /// for on a part that is not flat around a node, or if conditions on one node contradict each other (naming the parts).

@@ -173,12 +173,20 @@ template <int Dim> class MaterialReader {
 
   void read(const Section& root, Settings<Dim>& result) const {
     if (!root.has("material") || root.is_table("material"))
-      result.model.material = read(root.required_section("material", keys));
+      read_one(root.required_section("material", keys), result);
     else
       result.materials = read_regions(root);
   }
 
  private:
+  void read_one(const Section& section, Settings<Dim>& result) const {
+    result.model.material = read(section);
+    result.density = density(section);
+  }
+  /// 0 if nothing is said.
+  Parameter density(const Section& section) const {
+    return section.has("density") ? parameter(section, "density", positive) : Parameter(0.0);
+  }
   std::vector<RegionMaterial> read_regions(const Section& root) const {
     Section::Keys with_region = keys;
     with_region.push_back("region");
@@ -189,14 +197,14 @@ template <int Dim> class MaterialReader {
         if (earlier.region == region)
           section.fail("region",
                        fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-      materials.push_back({region, read(section), section.where("region")});
+      materials.push_back({region, read(section), section.where("region"), density(section)});
     }
     if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
     return materials;
   }
 
   enum class Model { linear_elastic, orthotropic };
-  static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor"};
+  static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor", "density"};
 
   SharedMaterial read(const Section& section) const {
     const auto model =
@@ -281,8 +289,22 @@ template <int Dim> class BoundaryReader {
     for (const Section& entry : entries) {
       const std::string on = places_.name(entry);
       read_support(entry, on, only_kind(entry));
+      read_springs(entry, on, only_kind(entry));
     }
-    for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry));
+    for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry), result_.loads);
+  }
+  /// The loads of a case; what holds the body is read before, and the same for all.
+  void read_case(const std::vector<Section>& entries, Loads<Dim>& loads) {
+    for (const Section& entry : entries) {
+      const std::string on = places_.name(entry);
+      const std::string_view kind = only_kind(entry);
+      if (kind != "traction" && kind != "pressure" && kind != "force")
+        entry.fail(kind,
+                   fmt::format("{} in a [[case]]: what holds the body is the same for all load cases, which share "
+                               "one matrix; say it in a [[boundary]]",
+                               kind));
+      read_load(entry, on, kind, loads);
+    }
   }
 
  private:
@@ -309,33 +331,98 @@ template <int Dim> class BoundaryReader {
       result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
     }
   }
-  void read_load(const Section& entry, const std::string& on, std::string_view kind) {
-    if (kind == "traction") {
+  /// An elastic support: one number for all directions, or one for each; or along the normal.
+  void read_springs(const Section& entry, const std::string& on, std::string_view kind) {
+    const auto nothing = [](const Vec<Dim>&) { return 0.0; };
+    const auto stiffness = [&](const std::string& text) -> ScalarField<Dim> {
+      const auto field = expressions_.field(text, entry.where(kind));
+      if (!expressions_.varies(text, entry.where(kind)) && !(field(Vec<Dim>::Zero()) >= 0.0))
+        entry.fail(kind, fmt::format("{} is {:.6g}, expected a number >= 0", kind, field(Vec<Dim>::Zero())));
+      return field;
+    };
+    if (kind == "normal_stiffness") {
+      for (int i = 0; i < Dim; ++i) refuse_if_held(entry, kind, on, component[i]);
+      claim(entry, kind, on, normal);
+      result_.supports.push_back({on, {}, nothing, stiffness(entry.expression(kind))});
+    } else if (kind == "stiffness") {
+      refuse_if_held(entry, kind, on, normal);
+      std::array<std::string, Dim> along;
+      if (entry.table().get(kind)->is_array())
+        along = entry.template expressions<Dim>(kind);
+      else
+        along.fill(entry.expression(kind));
+      if (std::ranges::count(along, "0") == Dim)
+        entry.fail(kind, "stiffness is zero along every direction, expected one that is not");
+      for (std::size_t i = 0; i < Dim; ++i) {
+        if (along[i] == "0") continue;
+        claim(entry, kind, on, component[i]);
+        DisplacementCondition<Dim> springs{on, {}, {}, stiffness(along[i])};
+        springs.components[i] = nothing;
+        result_.supports.push_back(std::move(springs));
+      }
+    }
+  }
+  /// Force and moment of a part, numbers.
+  void read_resultant(const Section& entry, const std::string& on, Loads<Dim>& loads) {
+    ResultantLoad<Dim> load{on};
+    if (entry.has("force")) load.force = entry.template point<Dim>("force");
+    if (entry.has("moment")) {
+      if constexpr (Dim == 2)
+        load.moment[0] = entry.number("moment", any_number);
+      else
+        load.moment = entry.template point<3>("moment");
+    }
+    if (entry.has("at")) load.at = entry.template point<Dim>("at");
+    if (load.at && !entry.has("force")) entry.fail("at", "at is where a force acts, and there is no force");
+    if (result_.model.plane == Plane::axisymmetric && Dim == 2) {
+      if (load.force[0] != 0.0)
+        entry.fail("force", "around an axis of revolution radial forces have no resultant: expected [0, F]");
+      for (const char* key : {"moment", "at"})
+        if (entry.has(key))
+          entry.fail(key, fmt::format("{} means nothing around an axis of revolution: forces act along it", key));
+    }
+    for (int i = 0; i < Dim; ++i)
+      if (load.force[i] != 0.0) refuse_if_held(entry, "force", on, component[i]);
+    for (const char* key : {"moment", "at"})
+      if (entry.has(key)) {
+        refuse_if_held(entry, key, on, normal);
+        for (int i = 0; i < Dim; ++i) refuse_if_held(entry, key, on, component[i]);
+      }
+    loads.resultants.push_back(load);
+  }
+  void read_load(const Section& entry, const std::string& on, std::string_view kind, Loads<Dim>& loads) {
+    if (kind == "force") {
+      read_resultant(entry, on, loads);
+    } else if (kind == "traction") {
       const auto components = entry.template expressions<Dim>(kind);
       for (std::size_t i = 0; i < Dim; ++i)
         if (components[i] != "0" && components[i] != "-0") refuse_if_held(entry, kind, on, component[i]);
       const auto traction = expressions_.fields(components, entry.where(kind));
-      result_.loads.tractions.push_back({on, [traction](const Vec<Dim>& x, const Vec<Dim>&) { return traction(x); }});
+      loads.tractions.push_back({on, [traction](const Vec<Dim>& x, const Vec<Dim>&) { return traction(x); }});
     } else if (kind == "pressure") {
       refuse_if_held(entry, kind, on, normal);
       int held = 0;
       for (int i = 0; i < Dim; ++i) held += claimed_.contains({on, component[i]});
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
-      result_.loads.tractions.push_back(
-          pressure<Dim>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
+      loads.tractions.push_back(pressure<Dim>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
     }
   }
   static std::string_view only_kind(const Section& entry) {
     std::vector<std::string_view> found;
-    for (const std::string_view kind : {"displacement", "normal_displacement", "traction", "pressure"})
+    for (const std::string_view kind :
+         {"displacement", "normal_displacement", "stiffness", "normal_stiffness", "traction", "pressure", "force"})
       if (entry.has(kind)) found.push_back(kind);
+    if (!entry.has("force") && entry.has("moment")) found.push_back("force");
+    if (entry.has("at") && std::ranges::find(found, "force") == found.end())
+      entry.fail("at", "at is where a force acts, and there is no force");
     if (found.size() != 1)
       entry.fail(
           "on",
-          fmt::format(
-              "a [[boundary]] entry prescribes exactly one of displacement, normal_displacement, traction, pressure; "
-              "this one has {}. Several entries may name the same boundary",
-              found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
+          fmt::format("a [[boundary]] entry prescribes exactly one of displacement, normal_displacement, stiffness, "
+                      "normal_stiffness, traction, pressure, force (with moment); this one has {}. Several entries may "
+                      "name the "
+                      "same boundary",
+                      found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
     return found.front();
   }
   void claim(const Section& entry, std::string_view key, const std::string& on, const std::string& what) {
@@ -354,6 +441,17 @@ template <int Dim> class BoundaryReader {
   Case<Dim>& result_;
   std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
 };
+
+template <int Dim> void read_load_cases(const std::vector<Section>& sections, const Section::Keys& keys,
+                                        BoundaryReader<Dim>& boundaries, Case<Dim>& result) {
+  std::set<std::string> names;
+  for (const Section& section : sections) {
+    LoadCase<Dim>& one = result.cases.emplace_back(section.text("name"));
+    if (!names.insert(one.name).second)
+      section.fail("name", fmt::format("there already is a case named \"{}\"", one.name));
+    boundaries.read_case(section.sections("boundary", keys), one.loads);
+  }
+}
 
 template <int Dim> void read_exact(const Section& section, const Expressions<Dim>& expressions, Case<Dim>& result) {
   if (section.has("displacement"))
@@ -392,6 +490,28 @@ void read_reactions(const std::vector<Section>& sections, PlaceReader<Dim>& plac
       section.fail("on", fmt::format("no displacement is prescribed on \"{}\": it has no reaction", on));
     result.reactions.push_back({name, on, section.where("on")});
   }
+}
+
+/// Forces per mass: an acceleration, and a rotation about an axis.
+template <int Dim>
+void read_mass_forces(const Section& analysis, const Expressions<Dim>& expressions, Settings<Dim>& result) {
+  if (analysis.has("acceleration"))
+    result.loads.mass_forces.push_back(
+        {expressions.fields(analysis.expressions<Dim>("acceleration"), analysis.where("acceleration")),
+         "acceleration"});
+  if (!analysis.has("rotation")) return;
+  const Section turning = analysis.required_section("rotation", {"speed", "axis", "through"});
+  const bool axisymmetric = Dim == 2 && result.model.plane == Plane::axisymmetric;
+  if (Dim == 2 && turning.has("axis"))
+    turning.fail("axis", axisymmetric ? "an axisymmetric body turns about its own axis, y: leave axis out"
+                                      : "a planar body turns about an axis across its plane: leave axis out");
+  if (axisymmetric && turning.has("through"))
+    turning.fail("through", "an axisymmetric body turns about its own axis, y: leave through out");
+  Vec<3> axis = axisymmetric ? Vec<3>::UnitY() : Vec<3>::UnitZ();
+  if (Dim == 3) axis = turning.point<3>("axis");
+  if (!(axis.norm() > 0.0)) turning.fail("axis", "axis is zero, expected a direction");
+  const Vec<Dim> through = turning.has("through") ? turning.point<Dim>("through") : Vec<Dim>(Vec<Dim>::Zero());
+  result.loads.mass_forces.push_back(rotation<Dim>(turning.number("speed", any_number), axis, through));
 }
 
 /// The largest of what is to be reported.
@@ -475,11 +595,22 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
                                                "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
-  const Section::Keys analysis_keys{"plane", "essential", "body_force", "correction", "largest_error", "extremes"};
+  const Section::Keys analysis_keys{"plane",         "essential", "body_force",   "correction",
+                                    "largest_error", "extremes",  "acceleration", "rotation"};
   const Section analysis =
       Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
-  const auto boundaries =
-      root.sections("boundary", {"on", "displacement", "normal_displacement", "traction", "pressure"});
+  const Section::Keys boundary_keys{"on",
+                                    "displacement",
+                                    "normal_displacement",
+                                    "stiffness",
+                                    "normal_stiffness",
+                                    "traction",
+                                    "pressure",
+                                    "force",
+                                    "moment",
+                                    "at"};
+  const auto boundaries = root.sections("boundary", boundary_keys);
+  const auto cases = root.sections("case", {"name", "boundary"});
   const auto probes = root.sections("probe", {"name", "at"});
   const auto reactions = root.sections("reaction", {"name", "on"});
 
@@ -493,12 +624,15 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   result.model.plane = read_plane<Dim>(analysis);
   if (analysis.has("body_force"))
     result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
+  read_mass_forces(analysis, expressions, result);
   MaterialReader<Dim>(expressions).read(root, result);
 
   if (boundaries.empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
   PlaceReader<Dim> places(result);
-  BoundaryReader<Dim>(expressions, places, result).read(boundaries);
+  BoundaryReader<Dim> conditions(expressions, places, result);
+  conditions.read(boundaries);
+  read_load_cases(cases, boundary_keys, conditions, result);
   read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
   if (analysis.has("essential"))
@@ -521,7 +655,7 @@ AnyCase read_case(const std::filesystem::path& file, const Reading& reading) {
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
-                      "boundary", "exact", "probe", "reaction", "accuracy"});
+                      "boundary", "case", "exact", "probe", "reaction", "accuracy"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading) == 2)

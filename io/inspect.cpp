@@ -49,6 +49,40 @@ std::optional<typename Inspection<Dim>::Feature> smallest_feature(const FineMesh
   return {};
 }
 
+/// Where the sorted values have passed none, 5 % and half of the weights.
+std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
+  std::ranges::sort(weighted);
+  double total = 0.0, passed = 0.0;
+  for (const auto& [value, weight] : weighted) total += weight;
+  std::array<double, 3> out{};
+  constexpr std::array wanted{0.0, 0.05, 0.5};
+  std::size_t next = 0;
+  for (const auto& [value, weight] : weighted) {
+    passed += weight;
+    while (next < wanted.size() && passed >= wanted[next] * total) out[next++] = value;
+  }
+  return out;
+}
+
+/// Sizes for a body whose walls are no thinner than that.
+template <int Dim> typename Inspection<Dim>::Suggestion suggestion(const Inspection<Dim>& in, double thickness) {
+  const double diagonal = in.box.diagonal().norm();
+  const double h = std::clamp(0.5 * thickness, diagonal / 200.0, diagonal / 20.0);
+  const double cells =
+      in.volume / (Dim == 2 ? std::sqrt(3.0) / 4.0 * h * h : std::pow(h, 3.0) / (6.0 * std::sqrt(2.0)));
+  const double vertices = cells / (Dim == 2 ? 2.0 : 5.5);
+  const double nodes = std::clamp(vertices / (Dim == 2 ? 30.0 : 60.0), 1.0, 1e4);  // see default_spacing
+  return {h, cells, std::max(1.5 * h, std::pow(in.volume / nodes, 1.0 / Dim))};
+}
+template <int Dim>
+std::optional<typename Inspection<Dim>::Suggestion> suggestion(const Inspection<Dim>& in, const FineMesh<Dim>& mesh) {
+  const Vector thickness = wall_thickness(mesh);
+  std::vector<std::pair<double, double>> faced;
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    if (std::isfinite(thickness[f])) faced.emplace_back(thickness[f], mesh.facet_measure(f));
+  return suggestion(in, faced.empty() ? in.box.diagonal().norm() : shares(std::move(faced))[1]);
+}
+
 template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out) {
   GeometrySummary<Dim> summary = summarize(data);
   const FineMesh<Dim> mesh(data);
@@ -64,6 +98,7 @@ template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out
                {"shortest_edge", summary.smallest_edge},
                {"longest_edge", summary.largest_edge},
                {"smallest_angle_degrees", summary.smallest_angle}};
+  out.suggestion = suggestion(out, mesh);
 
   std::vector<Index> group_of(mesh.num_facets(), -1);
   for (Index g = static_cast<Index>(out.groups.size()) - 1; g >= 0; --g)  // of several names the first is drawn
@@ -89,21 +124,6 @@ template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::st
   add_mesh(read_gmsh<Dim>(path, {.trust = trust}), out);
   if (out.groups.empty())
     out.remarks.emplace_back("no part of the boundary has a name: select by place, e.g. on = { box = [...] }");
-  return out;
-}
-
-/// Where the sorted values have passed none, 5 % and half of the weights.
-std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
-  std::ranges::sort(weighted);
-  double total = 0.0, passed = 0.0;
-  for (const auto& [value, weight] : weighted) total += weight;
-  std::array<double, 3> out{};
-  constexpr std::array wanted{0.0, 0.05, 0.5};
-  std::size_t next = 0;
-  for (const auto& [value, weight] : weighted) {
-    passed += weight;
-    while (next < wanted.size() && passed >= wanted[next] * total) out[next++] = value;
-  }
   return out;
 }
 
@@ -311,6 +331,8 @@ Inspection<3> inspect_surface(const std::string& path) {
                {"crossing_pairs_of_triangles", check.crossings},
                {"shortest_edge", check.shortest_edge},
                {"longest_edge", check.longest_edge}};
+  if (check.fault.empty())
+    out.suggestion = suggestion(out, check.thinnest ? check.thinnest->thickness : check.box.diagonal().norm());
   if (!check.fault.empty())
     out.remarks.push_back(
         fmt::format("no closed surface as it is ({}); [geometry.surface] wrap = true puts one around it", check.fault));
@@ -424,15 +446,26 @@ template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
   }
   if (!in.groups.empty()) {
     std::vector<std::vector<std::string>> rows{{"name", "facets", area, "mean normal", "", "box"}};
+    // Of many parts those that are next to nothing are told together.
     constexpr std::size_t most = 40;
+    constexpr double little = 0.01;
+    std::size_t small = 0;
+    double small_facets = 0.0, small_measure = 0.0;
     for (const auto& group : in.groups) {
-      if (rows.size() > most) break;
+      if (in.groups.size() > most && group.measure < little * in.boundary) {
+        ++small;
+        small_facets += group.num_facets;
+        small_measure += group.measure;
+        continue;
+      }
       rows.push_back({fmt::format("\"{}\"", group.name), fmt::format("{}", group.num_facets),
                       fmt::format("{:.6g}", group.measure), direction<Dim>(group.mean_normal),
                       group.normal ? "flat" : "curved", range<Dim>(group.box, scale)});
     }
     out += fmt::format("\nnamed parts of the boundary: {}\n{}", in.groups.size(), table(rows));
-    if (in.groups.size() > most) out += fmt::format("  and {} more (--json has all)\n", in.groups.size() - most);
+    if (small > 0)
+      out += fmt::format("  and {} of less than {:g} % of the boundary each (--json has all): {:g} facets, {} {:.6g}\n",
+                         small, 100.0 * little, small_facets, area, small_measure);
   }
   out += "\n";
   if (in.smallest)
@@ -452,6 +485,11 @@ template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
           fmt::format("; spacing {:.4g}; edges of the fine mesh across {}", in.walls->spacing, list(in.walls->edges));
     out += fmt::format("); the thinnest at {}\n", tuple<Dim>(in.walls->at, scale));
   }
+  if (in.suggestion)
+    out += fmt::format(
+        "to begin with: mesh_size = {:.2g} (two edges across the walls but the thinnest 5 % of the boundary), about "
+        "{:.2g} cells; the cloud then has a spacing of about {:.2g}\n",
+        in.suggestion->mesh_size, in.suggestion->cells, in.suggestion->spacing);
   std::vector<std::vector<std::string>> rows;
   for (auto [name, value] : in.facts) {
     std::ranges::replace(name, '_', ' ');
@@ -469,6 +507,10 @@ template <int Dim> std::string inspection_json(const Inspection<Dim>& in) {
   json["regions"] = ordered_json::array();
   for (const auto& body : in.bodies)
     json["regions"].push_back({{"name", body.name}, {"volume", body.volume}, {"box", json_of<Dim>(body.box)}});
+  json["suggestion"] = nullptr;
+  if (in.suggestion)
+    json["suggestion"] = {
+        {"mesh_size", in.suggestion->mesh_size}, {"cells", in.suggestion->cells}, {"spacing", in.suggestion->spacing}};
   json["parts"] = ordered_json::array();
   for (const auto& group : in.groups)
     json["parts"].push_back({{"name", group.name},

@@ -43,6 +43,12 @@ template <int Dim> struct Inspection {
     double share = 0.0;                 ///< of the boundary that has an opposite side
   };
   std::optional<Walls> walls{};
+  /// Sizes to begin with: two edges of the fine mesh across the walls but for the thinnest 5 % of the boundary, no
+  /// coarser than a twentieth and no finer than a two hundredth of the box. Cells and spacing are about what follows.
+  struct Suggestion {
+    double mesh_size, cells, spacing;
+  };
+  std::optional<Suggestion> suggestion{};
   /// Counts and measures of quality, named as in JSON ("open_edges").
   std::vector<std::pair<std::string, double>> facts{};
   std::vector<std::string> remarks{};  ///< what stands in the way of an analysis, and what can be done about it

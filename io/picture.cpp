@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <numeric>
@@ -577,7 +578,7 @@ template <int Dim> Vector means_at_places(const FineSpace<Dim>& space, const Vec
 
 template <int Dim>
 void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
-  paint(file, settings, result, von_mises_at_places(result), "von Mises stress", "stress");
+  paint(file, settings, result, von_mises_at_places(result.fields), "von Mises stress", "stress");
 }
 
 template <int Dim>
@@ -609,6 +610,45 @@ template <class Part> void legend(Canvas& canvas, const std::string& title, cons
              size);
     else
       canvas.text(fmt::format("and {} more", parts.size() - shown), at_x, at_y, size);
+  }
+}
+
+/// The names of the parts that show most, each on the piece in the middle of what shows of it.
+template <int Dim>
+void draw_names(Canvas& canvas, const Projection& at, const Inspection<Dim>& in, const Points<3>& points, bool solid) {
+  constexpr std::size_t most = 12;
+  constexpr int size = 26;
+  struct Shown {
+    double weight = 0.0;
+    Vec3 middle = Vec3::Zero();
+    std::vector<Vec3> pieces;
+  };
+  std::vector<Shown> parts(in.groups.size());
+  for (const auto& piece : in.pieces) {
+    if (piece.group < 0 || (piece.corners[2] >= 0) != solid) continue;
+    std::vector<Vec3> corners;
+    for (const Index c : piece.corners)
+      if (c >= 0) corners.push_back(at(points.col(c)));
+    const Vec3 a = corners[1] - corners[0], b = corners.back() - corners[0];
+    const double weight = solid ? 0.5 * (a.x() * b.y() - a.y() * b.x()) : a.norm();  // what faces the viewer
+    if (!(weight > 0.0)) continue;
+    Vec3 middle = Vec3::Zero();
+    for (const Vec3& corner : corners) middle += corner / static_cast<double>(corners.size());
+    Shown& part = parts[piece.group];
+    part.weight += weight;
+    part.middle += weight * middle;
+    part.pieces.push_back(middle);
+  }
+  std::vector<std::size_t> order(parts.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::greater<>{}, [&](std::size_t g) { return parts[g].weight; });
+  for (std::size_t k = 0; k < std::min(most, order.size()); ++k) {
+    const Shown& part = parts[order[k]];
+    const std::string& name = in.groups[order[k]].name;
+    if (part.pieces.empty() || name.size() > 24) continue;
+    const Vec3 middle = part.middle / part.weight;
+    const Vec3 there = *std::ranges::min_element(part.pieces, {}, [&](const Vec3& x) { return (x - middle).norm(); });
+    canvas.text(name, there.x() - 0.26 * size * static_cast<double>(name.size()), there.y() - 0.5 * size, size);
   }
 }
 
@@ -665,6 +705,7 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
         if (const auto& c = piece.corners; c[1] >= 0 && c[2] < 0)
           draw_lines(canvas, at, surface.points, {{c[0], c[1]}}, 7.0,
                      piece.group < 0 ? no_group : distinct(piece.group));
+    if (!solid || !panels[i].regions) draw_names(canvas, at, in, surface.points, solid);
     const std::string title = panels[i].regions ? "regions" : "boundary";
     const double right = left + panel - 30.0 - (i + 1 == panels.size() ? 0.13 * width : 0.0);
     if (solid || in.bodies.size() > 1) {

@@ -52,9 +52,9 @@ template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name,
   }
   return array;
 }
-void add_array(vtkUnstructuredGrid* grid, const char* name, const Eigen::Ref<const Matrix>& values,
+void add_array(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,
                const std::vector<const char*>& components) {
-  grid->GetPointData()->AddArray(array_of(name, values, components));
+  grid->GetPointData()->AddArray(array_of(name.c_str(), values, components));
 }
 
 template <int Dim> vtkNew<vtkUnstructuredGrid> grid_on(const Points<Dim>& points) {
@@ -80,12 +80,6 @@ template <> struct VtkCell<3> {
   static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
 };
 
-template <int Dim> std::vector<const char*> voigt_names(bool axisymmetric) {
-  if (Dim == 3) return {"xx", "yy", "zz", "yz", "xz", "xy"};
-  if (axisymmetric) return {"rr", "zz", "tt", "rz"};
-  return {"xx", "yy", "zz", "xy"};
-}
-
 /// 1 at places on the parts that the conditions are on, else 0.
 template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
   Matrix mark = Matrix::Zero(1, space.size());
@@ -109,6 +103,53 @@ template <class Values> ordered_json array(const Values& values) {
   return std::vector<double>(values.begin(), values.end());
 }
 
+template <int Dim> ordered_json json_of(const Resultant<Dim>& of) {
+  ordered_json json = {{"force", array(of.force)}};
+  if constexpr (Dim == 2)
+    json["moment"] = of.moment[0];
+  else
+    json["moment"] = array(of.moment);
+  return json;
+}
+
+/// The sums of loads and reactions, and what is left of both together.
+template <int Dim> ordered_json balance_json(const Balance<Dim>& balance) {
+  Resultant<Dim> loads, reactions;
+  for (const auto& load : balance.loads) loads += load.of;
+  for (const auto& [part, of] : balance.reactions) reactions += of;
+  return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
+}
+
+/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes.
+template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim>& answer, ordered_json& json) {
+  json["strain_energy"] = answer.solution.strain_energy;
+  if (answer.estimates)
+    json["estimates"]["energy"] = {{"cloud", answer.estimates->cloud},
+                                   {"uncorrected", answer.estimates->uncorrected},
+                                   {"mesh", answer.estimates->mesh},
+                                   {"total", answer.estimates->total()}};
+  json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
+  json["probes"] = ordered_json::object();
+  for (const auto& [name, values] : answer.probes)
+    json["probes"][name] = {{"displacement", array(values.displacement)},
+                            {"strain", array(values.strain)},
+                            {"stress", array(values.stress)}};
+  for (const auto& [part, of] : answer.balance.reactions) json["reactions"][part] = json_of<Dim>(of);
+  json["loads"] = ordered_json::array();
+  for (const auto& load : answer.balance.loads) {
+    ordered_json one = {{"kind", load.kind}};
+    if (!load.on.empty()) one["on"] = load.on;
+    one.update(json_of<Dim>(load.of));
+    json["loads"].push_back(one);
+  }
+  json["balance"] = balance_json(answer.balance);
+  for (const auto& extreme : answer.extremes)
+    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
+  for (const auto& range : field_ranges(space, answer.fields))
+    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", array(range.most_at)}}},
+                                  {"min", {{"value", range.least}, {"at", array(range.least_at)}}}};
+}
+
 ordered_json errors_json(const Errors& errors) {
   ordered_json json = ordered_json::object();
   if (errors.l2_displacement) json["l2_displacement"] = *errors.l2_displacement;
@@ -123,11 +164,12 @@ std::string version() {
   return EFREE_VERSION;
 }
 
-template <int Dim>
-void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+namespace {
+
+/// The cells of a space with their regions, at its places.
+template <int Dim> vtkNew<vtkUnstructuredGrid> grid_of(const FineSpace<Dim>& space) {
   using Cell = VtkCell<Dim>;
-  const FineSpace<Dim>& space = result.basis().space;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.at_places(space.points()));
+  vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.at_places(space.points()));
   const std::size_t size = space.degree() == 1 ? Dim + 1 : Cell::order.size();
   vtkNew<vtkCellArray> cells;
   Matrix region(1, space.mesh().num_cells());
@@ -138,16 +180,43 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
     region(0, c) = space.mesh().region(c);
   }
   grid->SetCells(space.degree() == 1 ? Cell::linear : Cell::quadratic, cells);
-
-  const Fields<Dim>& fields = result.fields;
-  add_array(grid, "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
-  add_array(grid, "strain", fields.strain, voigt_names<Dim>(space.axisymmetric()));
-  add_array(grid, "stress", fields.stress, voigt_names<Dim>(space.axisymmetric()));
-  add_array(grid, "von_mises", von_mises_at_places(result).transpose(), {""});
-  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
-  grid->GetPointData()->AddArray(
-      array_of<vtkUnsignedCharArray>("loaded", marked(space, settings.loads.tractions), {""}));
   grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
+  return grid;
+}
+
+template <int Dim> void add_fields(vtkUnstructuredGrid* grid, const FineSpace<Dim>& space, const Fields<Dim>& fields,
+                                   const std::string& of = "") {
+  add_array(grid, of + "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
+  add_array(grid, of + "strain", fields.strain, component_names<Dim>(space.axisymmetric()));
+  add_array(grid, of + "stress", fields.stress, component_names<Dim>(space.axisymmetric()));
+  add_array(grid, of + "von_mises", von_mises_at_places(fields).transpose(), {""});
+}
+
+}  // namespace
+
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space, const Fields<Dim>& fields) {
+  require(fields.displacement.cols() == space.size() && fields.strain.cols() == space.num_places() &&
+              fields.stress.cols() == space.num_places(),
+          "write_fields: displacements at the degrees of freedom of the space, strains and stresses at its places "
+          "expected");
+  const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
+  add_fields(grid, space, fields);
+  write_grid(file, grid);
+}
+
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  const FineSpace<Dim>& space = result.basis().space;
+  const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
+  add_fields<Dim>(grid, space, result.fields);
+  for (std::size_t k = 0; k < result.more.size(); ++k)
+    add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
+  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
+  Matrix loaded = Matrix::Zero(1, space.num_places());
+  for (const auto& loads : loads_by_case(settings))
+    loaded = loaded.cwiseMax(marked(space, loads.tractions)).cwiseMax(marked(space, loads.resultants));
+  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
   grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
 }
@@ -184,7 +253,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   for (const auto& part : result.parts)
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
   if (result.errors) json["errors"] = errors_json(*result.errors);
-  json["strain_energy"] = result.solution.strain_energy;
+  add_answer<Dim>(result.basis().space, result, json);
   if (result.cells) {
     json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
     for (const CellLevel& level : result.cells->levels)
@@ -193,11 +262,6 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                                {"iterations", level.iterations},
                                {"strain_energy", level.strain_energy}});
   }
-  if (result.estimates)
-    json["estimates"]["energy"] = {{"cloud", result.estimates->cloud},
-                                   {"uncorrected", result.estimates->uncorrected},
-                                   {"mesh", result.estimates->mesh},
-                                   {"total", result.estimates->total()}};
   if (result.cells) json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
   for (const Attempt& attempt : result.attempts)
     json["attempts"].push_back({{"mesh_size", attempt.size},
@@ -205,26 +269,23 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                                 {"degree", attempt.degree},
                                 {"error", attempt.error},
                                 {"seconds", attempt.seconds}});
-  json["corrections"] = result.estimates ? result.estimates->corrections : 0;
-  json["probes"] = ordered_json::object();
-  for (const auto& [name, values] : result.probes)
-    json["probes"][name] = {{"displacement", array(values.displacement)},
-                            {"strain", array(values.strain)},
-                            {"stress", array(values.stress)}};
   for (const auto& [name, values] : result.probes)
     if (const auto error = result.probe_errors.find(name); error != result.probe_errors.end()) {
       json["probes"][name]["error"] = array(error->second);
       json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
     }
   for (const auto& reaction : result.reactions) {
-    json["reactions"][reaction.name] = {{"force", array(reaction.force)}, {"error", array(reaction.error)}};
+    json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
     json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
   }
   for (const auto& extreme : result.extremes) {
-    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
     if (!extreme.error) continue;
     json["extremes"][extreme.of]["error"] = *extreme.error;
     json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
+  }
+  for (std::size_t k = 0; k < settings.cases.size(); ++k) {
+    const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
+    add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);
   }
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
@@ -262,9 +323,11 @@ void write_failure(const std::filesystem::path& file, const std::string& title, 
 }
 
 template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void write_fields<2>(const std::filesystem::path&, const FineSpace<2>&, const Fields<2>&);
 template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
 template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
 template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template void write_fields<3>(const std::filesystem::path&, const FineSpace<3>&, const Fields<3>&);
 template void write_nodes<3>(const std::filesystem::path&, const Result<3>&);
 template void write_result<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
 

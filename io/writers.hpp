@@ -14,12 +14,17 @@ std::string version();
 
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
-/// (1 on parts of the boundary with displacement conditions and tractions, else 0); cell data region (counted from 0)
-/// and error (Result::error_density). The points are the places of the space: those on interfaces are there once
-/// for each region, with its stress. Quadratic spaces become quadratic cells. Throws InputError if the file cannot
-/// be written, as all writers do.
+/// (1 on parts of the boundary with displacement conditions and loads, else 0); cell data region (counted from 0)
+/// and error (Result::error_density). Of load cases after the first "NAME: displacement" and so on. The points are the
+/// places of the space: those on interfaces are there once for each region, with its stress. Quadratic spaces become
+/// quadratic cells. Throws InputError if the file cannot be written, as all writers do.
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+
+/// Fields of anyone's, on the space they are of: the same but for restrained, loaded and error. Throws InputError for
+/// fields of another size than the space.
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space, const Fields<Dim>& fields);
 
 /// The cloud of nodes with the displacement at each.
 template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result);

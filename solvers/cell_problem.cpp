@@ -73,6 +73,7 @@ std::string text(const Vec<3>& x) {
 std::vector<HeldSide> held_sides(const std::vector<DisplacementCondition<3>>& conditions) {
   std::vector<HeldSide> held;
   for (const auto& condition : conditions) {
+    if (condition.stiffness) throw InputError("on cells there are no elastic supports");
     const Side side = side_named(condition.on);
     for (int c = 0; c < 3; ++c)
       if (condition.components[c]) held.push_back({condition.on, side, c, condition.components[c]});
@@ -261,13 +262,11 @@ std::vector<char> reached_nodes(const CellProblem& problem, const Side& side, co
   return reached;
 }
 
-/// Adds the work-equivalent forces of a traction, unscaled.
-void add_traction(CellProblem& problem, const Side& side, const TractionCondition<3>& traction,
-                  const std::vector<float>& parts) {
+/// Calls f(i, j, centre, area of material) for the rectangles of a side that have some.
+template <class F>
+void for_parts(const CellProblem& problem, const Side& side, const std::vector<float>& parts, const F& f) {
   const int first = side.first(), second = side.second();
   const Triple& n = problem.grid.cells;
-  const double area = 0.25 * problem.edges[first] * problem.edges[second];
-  const Vec<3> normal = (side.upper ? 1.0 : -1.0) * Vec<3>::Unit(side.axis);
   Triple node{};
   node[side.axis] = side.upper ? n[side.axis] : 0;
   for (Index b = 0; b < 2 * n[second]; ++b)
@@ -277,18 +276,33 @@ void add_traction(CellProblem& problem, const Side& side, const TractionConditio
       Vec<3> at = problem.place(node);
       at[first] = problem.origin[first] + 0.5 * (a + 0.5) * problem.edges[first];
       at[second] = problem.origin[second] + 0.5 * (b + 0.5) * problem.edges[second];
-      const Vec<3> t = traction.traction(at, normal);
-      if (!t.allFinite())
-        throw InputError(
-            fmt::format("traction on \"{}\" is {} at {}, expected finite numbers", traction.on, text(t), text(at)));
-      for (int corner = 0; corner < 4; ++corner) {
-        Triple to = node;
-        to[first] = a / 2 + (corner & 1);
-        to[second] = b / 2 + (corner >> 1);
-        const double weight = ((corner & 1) == (a & 1) ? 0.75 : 0.25) * ((corner >> 1) == (b & 1) ? 0.75 : 0.25);
-        for (int c = 0; c < 3; ++c) problem.load[problem.dof(c, to)] += weight * area * share * t[c];
-      }
+      f(a, b, at, 0.25 * problem.edges[first] * problem.edges[second] * share);
     }
+}
+
+/// Adds the work-equivalent forces of a traction, unscaled. Returns what they are together.
+Resultant<3> add_traction(CellProblem& problem, const Side& side, const TractionCondition<3>& traction,
+                          const std::vector<float>& parts) {
+  Resultant<3> sum;
+  const Vec<3> normal = (side.upper ? 1.0 : -1.0) * Vec<3>::Unit(side.axis);
+  Triple node{};
+  node[side.axis] = side.upper ? problem.grid.cells[side.axis] : 0;
+  for_parts(problem, side, parts, [&](Index a, Index b, const Vec<3>& at, double area) {
+    const Vec<3> t = traction.traction(at, normal);
+    if (!t.allFinite())
+      throw InputError(fmt::format("{} on \"{}\" is {} at {}, expected finite numbers", traction.kind, traction.on,
+                                   text(t), text(at)));
+    for (int corner = 0; corner < 4; ++corner) {
+      Triple to = node;
+      to[side.first()] = a / 2 + (corner & 1);
+      to[side.second()] = b / 2 + (corner >> 1);
+      const double weight = ((corner & 1) == (a & 1) ? 0.75 : 0.25) * ((corner >> 1) == (b & 1) ? 0.75 : 0.25);
+      const Vec<3> force = weight * area * t;
+      for (int c = 0; c < 3; ++c) problem.load[problem.dof(c, to)] += force[c];
+      sum.add(problem.place(to), force);
+    }
+  });
+  return sum;
 }
 
 /// Throws InputError if two sides ask for different displacements of a node they share.
@@ -394,6 +408,41 @@ void CellProblem::set_held(Field& u) const {
   }
 }
 
+Resultants<3> CellProblem::reactions(const Field& out_of_balance) const {
+  std::array<std::vector<const HeldSide*>, 3> holding;
+  for (const HeldSide& one : *held) holding[one.component].push_back(&one);
+  Resultants<3> sums;
+  for (int c = 0; c < 3; ++c) {
+    const auto count = holding[c].size();
+    if (count == 0) continue;
+    std::vector<std::vector<Resultant<3>>> layers(grid.cells[2] + 1, std::vector<Resultant<3>>(count));
+    parallel_chunks(grid.cells[2] + 1, 4, [&](Index begin, Index end) {
+      std::vector<double> shares(count, 1.0);
+      for (Index k = begin; k < end; ++k)
+        for (Index j = 0; j <= grid.cells[1]; ++j)
+          for (Index i = 0; i <= grid.cells[0]; ++i) {
+            const Triple node{i, j, k};
+            const double force = out_of_balance[dof(c, node)];
+            if (force == 0.0) continue;
+            if (count > 1) {
+              double sum = 0.0;
+              for (std::size_t s = 0; s < count; ++s) {
+                const Side& side = holding[c][s]->side;
+                const Index steps = side.upper ? grid.cells[side.axis] - node[side.axis] : node[side.axis];
+                shares[s] = steps == 0 ? 1e30 : 1.0 / (steps * edges[side.axis]);
+                sum += shares[s];
+              }
+              for (double& share : shares) share /= sum;
+            }
+            for (std::size_t s = 0; s < count; ++s) layers[k][s].add(place(node), shares[s] * force * Vec<3>::Unit(c));
+          }
+    });
+    for (const auto& layer : layers)
+      for (std::size_t s = 0; s < count; ++s) sums[holding[c][s]->on] += layer[s];
+  }
+  return sums;
+}
+
 Index CellProblem::num_cells() const {
   std::vector<Index> of_layer(grid.cells[2], 0);
   parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
@@ -413,7 +462,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
                                 const CellOptions& options) {
   check_image(image);
   if (!(options.size >= 0.0)) throw InputError(fmt::format("the size of cells is {}, expected > 0", options.size));
-  if (loads.body_force) throw InputError("on cells there are no body forces");
+  if (loads.inside()) throw InputError("on cells there are no body forces");
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<Triple> cells =
@@ -421,7 +470,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   LabelStiffness stiffness(image, materials);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
-  CellProblems problems{held_sides(conditions), {}, stiffness.unit * unit_length, {}};
+  CellProblems problems{held_sides(conditions), {}, stiffness.unit * unit_length, {}, {}};
   Parts parts = parts_of(image, stiffness, cells[0], 0.0);
   if (!stiffness.varying.empty()) stiffness.widen_ratios(parts);
   CellEigenvalues eigenvalues{};
@@ -467,17 +516,26 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       problem.for_held(condition, [&](const Triple& node) {
         problem.inverse_diagonal[problem.dof(problems.held[condition].component, node)] = 0.0F;
       });
-    if (!loads.tractions.empty()) {
+    if (!loads.tractions.empty() || !loads.resultants.empty()) {
       problem.load = zeros<double>(problem.grid.size());
-      for (const auto& traction : loads.tractions) {
+      const auto apply = [&](const TractionCondition<3>& traction) {
         const Side side = side_named(traction.on);
-        add_traction(problem, side, traction, on_side(side));
+        const Resultant<3> of = add_traction(problem, side, traction, on_side(side));
+        if (l == 0) problems.applied.push_back({traction.on, traction.kind, of});
+      };
+      for (const auto& traction : loads.tractions) apply(traction);
+      for (const auto& load : loads.resultants) {
+        const Side side = side_named(load.on);
+        AreaMoments<3> part;
+        for_parts(problem, side, on_side(side),
+                  [&](Index, Index, const Vec<3>& at, double area) { part.add(at, area); });
+        apply(part.traction(load));
       }
       for_all(problem.load.size(), [&](std::size_t i) { problem.load[i] /= problems.unit; });
     }
     if (l > 0) continue;
     require_agreement(problem);
-    if (!loads.tractions.empty()) require_held_where_loaded(problem);
+    if (!problem.load.empty()) require_held_where_loaded(problem);
   }
   return problems;
 }

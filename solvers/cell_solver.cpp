@@ -67,16 +67,8 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
     if (loaded) energy = energy_of();  // loads make it grow on the way
   }
   energy = energy_of();
-  for (std::size_t condition = 0; condition < problem.held->size(); ++condition) {
-    const HeldSide& one = (*problem.held)[condition];
-    const int c = one.component;
-    double force = 0.0;
-    problem.for_held(condition, [&](const std::array<Index, 3>& node) {
-      const std::size_t i = problem.dof(c, node);
-      force += (Ap[i] - (loaded ? problem.load[i] : 0.0)) / problem.sharing(c, node);
-    });
-    found.reactions.try_emplace(one.on, Vec<3>::Zero()).first->second[c] += force;
-  }
+  if (loaded) for_all(dofs, [&](std::size_t i) { Ap[i] -= problem.load[i]; });
+  found.reactions = problem.reactions(Ap);
   if (!std::isfinite(energy)) throw NumericalError("the strain energy on cells is not finite");
   found.strain_energy = energy > nothing() ? 0.5 * energy : 0.0;
   found.potential = found.strain_energy - (loaded ? dot(u, problem.load) : 0.0);
@@ -138,13 +130,14 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Shared
     }
     found.strain_energy *= problems.unit;
     found.potential *= problems.unit;
-    for (auto& [side, force] : found.reactions) force *= problems.unit;
+    for (auto& [side, reaction] : found.reactions) reaction = reaction * problems.unit;
     if (l == 1 || l == 2) found.displacement = at_points(problem, u);
     solution.levels.insert(solution.levels.begin(), found);
     stage.tick(std::pow(8.0, -static_cast<double>(l)));
   }
   tell_error(solution);
   const CellProblem& finest = *problems.grids.front();
+  solution.applied = problems.applied;
   solution.grid = {image.origin, finest.edges, finest.grid.cells};
   solution.displacement = at_points(finest, u);
   return solution;

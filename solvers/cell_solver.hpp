@@ -2,13 +2,13 @@
 /// Linear elasticity of images on a regular grid, without a mesh and without a matrix.
 #pragma once
 
+#include "efree/assembly/loads.hpp"
 #include "efree/core/monitor.hpp"
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/materials/material.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
-#include <map>
 #include <string>
 #include <vector>
 
@@ -40,9 +40,10 @@ struct CellLevel {
   double strain_energy = 0.0;    ///< [force * length]
   double potential = 0.0;        ///< strain energy less the work of the loads
   double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
-  /// By side on which something is prescribed: the force by which that holds the body. Where sides meet each has a like
-  /// share of what both prescribe.
-  std::map<std::string, Vec<3>> reactions{};
+  /// By side on which something is prescribed: the force and moment by which that holds the body. Where sides meet each
+  /// has a like share of what both prescribe; what iterations leave out of balance goes to the sides that hold its
+  /// direction, so that reactions balance the loads to rounding.
+  Resultants<3> reactions{};
   /// Of the second and third grid: 3 x points, as CellSolution::displacement.
   Points<3> displacement{};
 };
@@ -52,6 +53,7 @@ struct CellSolution {
   Lattice grid;
   Points<3> displacement;         ///< 3 x points of the grid; continued to points of void next to the body, 0 beyond
   std::vector<CellLevel> levels;  ///< ascending edges: the answer's own grid first
+  std::vector<AppliedLoad<3>> applied;  ///< the loads, as the finest grid has them
   /// Relative error in the energy norm that the grid leaves, from the potentials of three grids.
   double grid_error = 0.0;
   /// Strain energy extrapolated to cells without size from the last two grids at the rate of the last three, between

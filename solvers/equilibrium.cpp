@@ -8,10 +8,12 @@
 #include "efree/core/error.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
+#include "efree/solvers/reactions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <tuple>
 
 namespace efree {
 
@@ -89,10 +91,20 @@ template <int Dim> Gradients<Dim> times(const PointTangents<Dim>& A, Gradients<D
 
 }  // namespace
 
+template <int Dim> Points<Dim> forces_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U) {
+  Points<Dim> forces = Points<Dim>::Zero(Dim, U.cols());
+  for (const auto& term : terms)
+    forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
+  return forces;
+}
+
 template <int Dim> struct Equilibrium<Dim>::Data {
   const Approximation<Dim>& approximation;
   Materials<Dim> materials;
   bool linear;
+  bool weakly;  ///< rigid restraints are set by Nitsche
+  std::vector<Restraint<Dim>> rigid, elastic;
+  std::vector<TiedFacets> ties;
   std::vector<StiffnessTerm<Dim>> initial;  ///< the stiffness where nothing has happened yet
   std::vector<WorkTerm<Dim>> work;
   SymmetricMatrix weak;         ///< what holds the boundary weakly, and ties regions; empty if nothing does
@@ -176,10 +188,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   /// The tangent where nothing has happened yet, of all coefficients, times U.
   Points<Dim> initial_forces(const Points<Dim>& U) const {
     if (U.isZero(0.0)) return Points<Dim>::Zero(Dim, U.cols());
-    Points<Dim> forces = weak_forces(U);
-    for (const auto& term : initial)
-      forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
-    return forces;
+    return weak_forces(U) + forces_of(initial, U);
   }
 
   Points<Dim> internal_forces(const State& state) const {
@@ -278,25 +287,27 @@ template <int Dim> Equilibrium<Dim>::Equilibrium(const Approximation<Dim>& appro
   auto materials = materials_of(model, approximation.space.mesh());
   auto initial = efree::stiffness_terms(approximation, materials, model.stabilisation);
   const auto restrained = restraints(conditions);
+  std::vector<Restraint<Dim>> rigid, elastic;
+  for (const auto& restraint : restrained) (restraint.is_elastic() ? elastic : rigid).push_back(restraint);
   const auto ties = tied_facets(approximation.space.mesh(), model.open_interface);
   require_restrained(approximation.space, restrained, ties);
   const bool weakly = model.essential.value_or(Essential::nitsche) == Essential::nitsche;
   NitscheSystem<Dim> weak;
-  if (weakly || !ties.empty())
-    weak = nitsche(approximation.space, approximation.shape, initial,
-                   weakly ? restrained : std::vector<Restraint<Dim>>{}, ties);
+  if (weakly || !elastic.empty() || !ties.empty())
+    weak = nitsche(approximation.space, approximation.shape, initial, weakly ? restrained : elastic, ties);
   const Points<Dim> prescribed =
-      weakly ? Points<Dim>(weak.rhs.reshaped(Dim, nodes)) : Points<Dim>(Points<Dim>::Zero(Dim, nodes));
+      weak.rhs.size() > 0 ? Points<Dim>(weak.rhs.reshaped(Dim, nodes)) : Points<Dim>(Points<Dim>::Zero(Dim, nodes));
   Unknowns<Dim> unknowns(
       nodes, weakly ? NodalConditions<Dim>{}
-                    : nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, restrained));
+                    : nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, rigid));
   std::vector<const ShapeTable<Dim>*> tables;
   for (const auto& term : initial) tables.push_back(&term.discretization->shape);
   MatrixPattern<Dim> pattern(nodes, tables, weak.matrix);
   const bool linear = materials.linear();
-  data_ = std::make_shared<const Data>(Data{approximation, std::move(materials), linear, std::move(initial),
-                                            work_terms(approximation, model.stabilisation), std::move(weak.matrix),
-                                            prescribed, std::move(unknowns), std::move(pattern)});
+  data_ =
+      std::make_shared<const Data>(Data{approximation, std::move(materials), linear, weakly, rigid, elastic, ties,
+                                        std::move(initial), work_terms(approximation, model.stabilisation),
+                                        std::move(weak.matrix), prescribed, std::move(unknowns), std::move(pattern)});
 }
 
 template <int Dim> Equilibrium<Dim> Equilibrium<Dim>::with(const Loads<Dim>& loads) const {
@@ -382,6 +393,20 @@ template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
   return energy;
 }
 
+template <int Dim> Resultants<Dim> Equilibrium<Dim>::reactions(const State& state) const {
+  const auto& [space, shape, nodes] = std::tie(approximation().space, approximation().shape, approximation().node_dofs);
+  std::vector<Restraint<Dim>> weak = data_->elastic;
+  if (data_->weakly) weak.insert(weak.end(), data_->rigid.begin(), data_->rigid.end());
+  Resultants<Dim> reactions = nitsche_reactions<Dim>(space, shape, data_->initial, weak, data_->ties,
+                                                     data_->displacements(state), state.factor);
+  if (data_->weakly) return reactions;
+  std::vector<Index> node_at(space.size(), -1);
+  for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
+  Points<Dim> forces = data_->internal_forces(state) - state.factor * (forces_ + data_->weak_prescribed);
+  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, data_->rigid, weak, forces)) reactions[part] += of;
+  return reactions;
+}
+
 template <int Dim> const Approximation<Dim>& Equilibrium<Dim>::approximation() const {
   return data_->approximation;
 }
@@ -409,6 +434,8 @@ template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
 template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
 template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double);
 template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double);
+template Points<2> forces_of<2>(const std::vector<StiffnessTerm<2>>&, const Points<2>&);
+template Points<3> forces_of<3>(const std::vector<StiffnessTerm<3>>&, const Points<3>&);
 template class Equilibrium<2>;
 template class Equilibrium<3>;
 

@@ -69,6 +69,10 @@ template <int Dim> class Equilibrium final : public Equations {
   /// Free energy of the materials [force * length], in the plane per thickness.
   double energy(const State& state) const;
 
+  /// By part with displacement conditions: the force and moment by which it holds the body in a state, so that with the
+  /// loads they balance as far as the state solves the equations.
+  Resultants<Dim> reactions(const State& state) const;
+
   const Approximation<Dim>& approximation() const;
   const Materials<Dim>& materials() const;
   /// Stresses, by part of the stiffness, where nothing has happened yet.

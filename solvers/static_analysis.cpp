@@ -156,6 +156,14 @@ template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loa
   return solution;
 }
 
+template <int Dim>
+Resultants<Dim> ElasticSolver<Dim>::reactions(const Solution<Dim>& solution, const Loads<Dim>& loads) const {
+  State state = impl_->equations.rest();
+  state.u = solution.coefficients.reshaped();
+  state.factor = 1.0;
+  return impl_->equations.with(loads).reactions(state);
+}
+
 template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Dim>& functional, const Solution<Dim>& u,
                                                              const Loads<Dim>& loads) const {
   const Equilibrium<Dim>& problem = impl_->equations;

@@ -41,6 +41,8 @@ template <int Dim> class ElasticSolver {
   /// Of finite elements: the dual solution of a functional, by the same factor, and what it says of the answer `u`
   /// under these loads. Throws InputError on other bases.
   Response<Dim> respond(const Functional<Dim>& functional, const Solution<Dim>& u, const Loads<Dim>& loads) const;
+  /// By part with displacement conditions: the force and moment by which it holds the body (Equilibrium::reactions).
+  Resultants<Dim> reactions(const Solution<Dim>& solution, const Loads<Dim>& loads) const;
   Index num_unknowns() const;
 
  private:

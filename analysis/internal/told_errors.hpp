@@ -16,8 +16,11 @@ template <int Dim> struct Reference {
   std::function<Response<Dim>(const Functional<Dim>&, const Monitor&)> respond;  ///< of that solution
 };
 
-/// Probes, and the extremes that the settings ask for, as the fields of the result have them.
-template <int Dim> void read_off(const Settings<Dim>& settings, Result<Dim>& result);
+/// Whether there are errors to be told by dual solutions.
+template <int Dim> bool asks_for_errors(const Settings<Dim>& settings);
+
+/// Probes, and the extremes, as the fields of the answer have them.
+template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<Dim>& space, Answer<Dim>& answer);
 
 /// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
 /// (stage "duals"). The displacements are those of result.fields.

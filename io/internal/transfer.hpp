@@ -15,32 +15,39 @@
 
 namespace efree::internal {
 
-// What aggregates are made of.
+// What aggregates are made of. By structured bindings, so that a member that is added and not listed does not compile.
 template <class T>
 concept IsMeshGroup = requires(T group) {
   group.name;
   group.facets.front().front();
 };
 auto fields(IsMeshGroup auto& group) {
-  return std::tie(group.name, group.facets);
+  auto& [name, facets] = group;
+  return std::tie(name, facets);
 }
-template <int Dim> auto fields(MeshData<Dim>& m) {
-  return std::tie(m.vertices, m.cells, m.groups, m.regions, m.region_names);
+template <int Dim> auto fields(MeshData<Dim>& mesh) {
+  auto& [vertices, cells, groups, regions, region_names] = mesh;
+  return std::tie(vertices, cells, groups, regions, region_names);
 }
-template <int Dim> auto fields(LabelImage<Dim>& i) {
-  return std::tie(i.size, i.spacing, i.origin, i.labels, i.grey);
+template <int Dim> auto fields(LabelImage<Dim>& image) {
+  auto& [size, spacing, origin, labels, grey] = image;
+  return std::tie(size, spacing, origin, labels, grey);
 }
-template <int Dim> auto fields(GreyImage<Dim>& i) {
-  return std::tie(i.size, i.spacing, i.origin, i.values);
+template <int Dim> auto fields(GreyImage<Dim>& image) {
+  auto& [size, spacing, origin, values] = image;
+  return std::tie(size, spacing, origin, values);
 }
-template <int Dim> auto fields(MadeMesh<Dim>& m) {
-  return std::tie(m.mesh, m.reports, m.remarks, m.size, m.image, m.region_of_label);
+template <int Dim> auto fields(MadeMesh<Dim>& made) {
+  auto& [mesh, reports, remarks, size, image, region_of_label] = made;
+  return std::tie(mesh, reports, remarks, size, image, region_of_label);
 }
-template <int Dim> auto fields(BodySummary<Dim>& b) {
-  return std::tie(b.name, b.num_cells, b.volume, b.box);
+template <int Dim> auto fields(BodySummary<Dim>& body) {
+  auto& [name, num_cells, volume, box] = body;
+  return std::tie(name, num_cells, volume, box);
 }
-template <int Dim> auto fields(GroupSummary<Dim>& g) {
-  return std::tie(g.name, g.num_facets, g.measure, g.normal, g.box, g.mean_normal);
+template <int Dim> auto fields(GroupSummary<Dim>& group) {
+  auto& [name, num_facets, measure, normal, box, mean_normal] = group;
+  return std::tie(name, num_facets, measure, normal, box, mean_normal);
 }
 template <class T>
 concept IsFeature = requires(T feature) {
@@ -49,28 +56,41 @@ concept IsFeature = requires(T feature) {
   feature.at;
 };
 auto fields(IsFeature auto& feature) {
-  return std::tie(feature.what, feature.size, feature.at);
+  auto& [what, size, at] = feature;
+  return std::tie(what, size, at);
 }
 template <class T>
 concept IsWalls = requires(T walls) {
   walls.thickness;
   walls.share;
 };
-auto fields(IsWalls auto& w) {
-  return std::tie(w.thickness, w.nodes, w.edges, w.spacing, w.at, w.share);
+auto fields(IsWalls auto& walls) {
+  auto& [thickness, nodes, edges, spacing, at, share] = walls;
+  return std::tie(thickness, nodes, edges, spacing, at, share);
+}
+template <class T>
+concept IsSuggestion = requires(T suggestion) {
+  suggestion.mesh_size;
+  suggestion.cells;
+};
+auto fields(IsSuggestion auto& suggestion) {
+  auto& [mesh_size, cells, spacing] = suggestion;
+  return std::tie(mesh_size, cells, spacing);
 }
 template <class T>
 concept IsPiece = requires(T piece) {
   piece.corners;
   piece.region;
-  piece.group;
 };
 auto fields(IsPiece auto& piece) {
-  return std::tie(piece.corners, piece.region, piece.group);
+  auto& [corners, region, group] = piece;
+  return std::tie(corners, region, group);
 }
-template <int Dim> auto fields(Inspection<Dim>& i) {
-  return std::tie(i.file, i.kind, i.box, i.volume, i.boundary, i.bodies, i.groups, i.smallest, i.walls, i.facts,
-                  i.remarks, i.points, i.pieces);
+template <int Dim> auto fields(Inspection<Dim>& inspection) {
+  auto& [file, kind, box, volume, boundary, bodies, groups, smallest, walls, suggestion, facts, remarks, points,
+         pieces] = inspection;
+  return std::tie(file, kind, box, volume, boundary, bodies, groups, smallest, walls, suggestion, facts, remarks,
+                  points, pieces);
 }
 
 /// Numbers that any bytes stand for, and arrays of them.

@@ -56,14 +56,10 @@ struct CellProblem {
       for (node[first] = 0; node[first] <= grid.cells[first]; ++node[first])
         if (reached[condition][k++]) f(node);
   }
-  /// Number of conditions that prescribe a component at a node.
-  int sharing(int component, const std::array<Index, 3>& node) const {
-    int count = 0;
-    for (const HeldSide& one : *held)
-      if (const Side& side = one.side; one.component == component)
-        count += node[side.axis] == (side.upper ? grid.cells[side.axis] : 0);
-    return count;
-  }
+  /// By side: the force and moment of what is out of balance (K u less the load), scaled like these. A component at a
+  /// node belongs to the sides that prescribe it, in inverse proportion to how far they are: at their nodes it is what
+  /// they hold, and what iterations leave elsewhere is lost to none.
+  Resultants<3> reactions(const Field& out_of_balance) const;
   /// Sets what is prescribed. Throws InputError for values that are not finite.
   void set_held(Field& u) const;
   /// That are not void.
@@ -73,8 +69,9 @@ struct CellProblem {
 struct CellProblems {
   std::vector<HeldSide> held;
   std::vector<std::unique_ptr<CellProblem>> grids;  ///< from fine to coarse
-  double unit = 1.0;               ///< force over displacement: true forces and energies are this times the scaled ones
-  std::optional<CellGrid> shrunk;  ///< the second grid with half a voxel less of material, if asked for
+  double unit = 1.0;  ///< force over displacement: true forces and energies are this times the scaled ones
+  std::vector<AppliedLoad<3>> applied;  ///< as the finest grid has them, unscaled
+  std::optional<CellGrid> shrunk;       ///< the second grid with half a voxel less of material, if asked for
 };
 
 /// Throws as solve_on_cells says, but for NumericalError.

@@ -14,6 +14,9 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
                                                                    const Materials<Dim>& materials,
                                                                    double stabilisation = 0.0);
 
+/// Forces by which these terms answer coefficients U (Dim x N).
+template <int Dim> Points<Dim> forces_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U);
+
 /// Whether a stabilisation makes a difference. Throws InputError if it lacks full integration.
 template <int Dim> bool is_stabilised(const Approximation<Dim>& approximation, double stabilisation);
 

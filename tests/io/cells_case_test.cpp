@@ -57,6 +57,23 @@ double energy_of_quadratic_elements(Case<3> analysis) {
   return analyse(analysis).solution.strain_energy;
 }
 
+/// What iterations leave goes to the sides that hold its direction.
+TEST(CellsCase, ReactionsBalanceLoadsThatAreSpreadOverWhatTheImageHasOfASide) {
+  const std::string loaded =
+      replaced(ball_case, "displacement = [\"free\", \"free\", 0.24]", "force = [0, 0, 50]\nat = [10, 11, 24]") +
+      "[[boundary]]\non = \"right\"\ndisplacement = [0.1, \"free\", \"free\"]\n[[boundary]]\non = "
+      "\"back\"\ntraction = [0, \"0.01*z\", 0]\n";
+  const auto result = analyse(Ball(loaded).read());
+  ASSERT_TRUE(result.cells.has_value());
+  ASSERT_EQ(result.balance.loads.size(), 2u);
+  EXPECT_LT((result.balance.loads[1].of.force - Vec<3>(0, 0, 50)).norm(), 1e-9);
+  EXPECT_LT((result.balance.loads[1].of.moment - Vec<3>(550, -500, 0)).norm(), 1e-7) << "(10, 11, 24) x (0, 0, 50)";
+  EXPECT_LT(result.balance.error, 1e-10);
+  EXPECT_EQ(result.balance.reactions.size(), 4u);
+  EXPECT_NEAR(result.balance.reactions.at("bottom").force.z(), -50.0, 1e-9);
+  EXPECT_GT(result.balance.reactions.at("right").force.x(), 10.0);
+}
+
 TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
   const Ball work(ball_case);
   const auto run = work.efree({"solve", "case.toml", "--out", "out"});

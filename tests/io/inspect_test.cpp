@@ -6,6 +6,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "workspace.hpp"
 
+#include <gmock/gmock.h>
 #include <cmath>
 #include <numbers>
 #include <regex>
@@ -62,6 +63,42 @@ TEST(Inspect, AClosedSurfaceHasAVolumeSidesThatFaceOutwardsAndAThinnestWall) {
   EXPECT_NEAR(box.smallest->size, 0.5, 1e-12);
   EXPECT_EQ(fact(box, "open_edges"), 0.0);
   EXPECT_TRUE(box.remarks.empty());
+}
+
+/// A sheet of 0.5: two edges across it. Its smallest features are told together where there are many.
+TEST(Inspect, SuggestsSizesAndTellsSmallPartsTogether) {
+  const Workspace work;
+  work.write("box.off", box_off(3, 2, 0.5));
+  const auto box = std::get<Inspection<3>>(inspect(work / "box.off"));
+  ASSERT_TRUE(box.suggestion.has_value());
+  const double diagonal = std::sqrt(9 + 4 + 0.25);
+  EXPECT_NEAR(box.suggestion->mesh_size, std::min(0.25, diagonal / 20.0), 1e-12);
+  EXPECT_GT(box.suggestion->spacing, box.suggestion->mesh_size);
+  EXPECT_THAT(inspection_text(box), ::testing::HasSubstr("to begin with: mesh_size = 0.18"));
+
+  // A square of 1 with 59 parts along 0.59 of a side, each 0.01 of 4 long; and one of the rest.
+  std::string comb = "Point(1) = {0, 0, 0};\nPoint(2) = {1, 0, 0};\nPoint(3) = {1, 1, 0};\nPoint(4) = {0, 1, 0};\n";
+  std::string loop;
+  for (int k = 0; k < 60; ++k) {
+    comb += "Point(" + std::to_string(10 + k) + ") = {" + std::to_string(0.01 * (k + 1)) + ", 0, 0};\n";
+    comb += "Line(" + std::to_string(10 + k) + ") = {" + std::to_string(k == 0 ? 1 : 9 + k) + ", " +
+            std::to_string(10 + k) + "};\nPhysical Curve(\"tooth " + std::to_string(k) + "\") = {" +
+            std::to_string(10 + k) + "};\n";
+    loop += std::to_string(10 + k) + ", ";
+  }
+  comb += "Line(1) = {69, 2};\nLine(2) = {2, 3};\nLine(3) = {3, 4};\nLine(4) = {4, 1};\nCurve Loop(1) = {" + loop +
+          "1, 2, 3, 4};\nPlane Surface(1) = {1};\nPhysical Curve(\"rest\") = {1, 2, 3, 4};\nPhysical Surface(\"comb\") "
+          "= {1};\n";
+  work.write("comb.geo", comb);
+  const auto inspection = std::get<Inspection<2>>(inspect(work / "comb.geo"));
+  const std::string text = inspection_text(inspection);
+  EXPECT_THAT(text, ::testing::HasSubstr("\"rest\""));
+  EXPECT_THAT(text, ::testing::Not(::testing::HasSubstr("\"tooth 7\"")));
+  EXPECT_THAT(text, ::testing::ContainsRegex(
+                        "and 60 of less than 1 % of the boundary each \\(--json has all\\): [0-9]+ facets, "
+                        "length 0.6\n"));
+  EXPECT_EQ(nlohmann::json::parse(inspection_json(inspection))["parts"].size(), 61u);
+  EXPECT_TRUE(nlohmann::json::parse(inspection_json(inspection))["suggestion"]["mesh_size"].is_number());
 }
 
 TEST(Inspect, SaysWhatKeepsASurfaceFromBeingClosed) {

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What it costs that geometries are read and meshed in a process of their own: bench_reading CASE.toml [RUNS]. Seconds
+/// of reading and meshing there and in this process, and of the whole analysis; medians.
+#include "efree/io/internal/confined.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <efree/efree.hpp>
+
+using namespace efree;
+
+namespace {
+
+class Clock {
+ public:
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+template <int Dim> void measure(const Case<Dim>& analysis, int runs) {
+  const MeshSize size{.length = analysis.geometry.size};
+  std::vector<double> apart, here, whole;
+  for (int run = 0; run < runs; ++run) {
+    Clock clock;
+    const auto made = analysis.geometry.mesh(size);
+    apart.push_back(clock.seconds());
+    // Work in such a process that asks for one is simply done there.
+    here.push_back(internal::confined({.subject = "the case", .reader = "the mesher"}, [&] {
+      const Clock inner;
+      analysis.geometry.mesh(size);
+      return inner.seconds();
+    }));
+    clock = {};
+    analyse(analysis);
+    whole.push_back(clock.seconds());
+  }
+  const double cost = median(apart) - median(here);
+  std::printf("mesh in a process of its own %.3f s, without %.3f s: %.3f s more, %.2f %% of the analysis's %.2f s\n",
+              median(apart), median(here), cost, 100.0 * cost / median(whole), median(whole));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  if (argc < 2) return std::fprintf(stderr, "usage: bench_reading CASE.toml [RUNS]\n"), 2;
+  const int runs = argc > 2 ? std::atoi(argv[2]) : 5;
+  std::visit([&](const auto& analysis) { measure(analysis, runs); }, read_case(argv[1]));
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// By which forces and moments the parts of the boundary hold a body, from the equilibrium of the discrete problem.
+#pragma once
+
+#include "efree/assembly/resultants.hpp"
+#include "efree/solvers/equilibrium.hpp"
+
+namespace efree {
+
+/// By part on which nodal values hold displacements (all, or those of the restraints that are not `weak`), from forces
+/// at nodes that are internal less external (Dim x nodes). `node_at`: by degree of freedom of the space, -1 where there
+/// is none; several may share one. Where parts meet each has what its own directions hold, of what several hold a like
+/// share. What iterations left out of balance at free nodes goes to the parts that hold its direction, the nearer (in
+/// steps through the mesh) the more: so reactions and loads balance to rounding, and where one part alone holds a
+/// direction its reaction is exact. That of weak restraints is in the result as far as it comes from there.
+template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
+                                                   const std::vector<Restraint<Dim>>& nodal,
+                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces);
+
+/// By part with displacement conditions: what holds the finite elements that a Corrector leads to at a displacement u
+/// (Dim x space.size()) under these loads; conditions set as it sets them.
+template <int Dim> Resultants<Dim> element_reactions(const Approximation<Dim>& elements, const ElasticModel& model,
+                                                     const std::vector<DisplacementCondition<Dim>>& conditions,
+                                                     const Loads<Dim>& loads, const Points<Dim>& u);
+
+}  // namespace efree
