@@ -146,12 +146,14 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
                                            monitor);
   {
     const Stage stage("solve", monitor);
-    result.solution = solver->solve(settings.loads);
-    result.balance.reactions = solver->reactions(result.solution, settings.loads);
-    for (std::size_t k = 1; k < settings.cases.size(); ++k) {
-      Answer<Dim>& answer = result.more.emplace_back();
-      answer.solution = solver->solve(settings.cases[k].loads);
-      answer.balance.reactions = solver->reactions(answer.solution, settings.cases[k].loads);
+    std::vector<Loads<Dim>> all{settings.loads};
+    for (std::size_t k = 1; k < settings.cases.size(); ++k) all.push_back(settings.cases[k].loads);
+    auto solutions = solver->solve_all(all);
+    result.more.resize(all.size() - 1);
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      Answer<Dim>& answer = k == 0 ? static_cast<Answer<Dim>&>(result) : result.more[k - 1];
+      answer.solution = std::move(solutions[k]);
+      answer.balance.reactions = solver->reactions(answer.solution, all[k]);
     }
   }
   if (options.kind != BasisKind::mls) {

@@ -42,7 +42,8 @@ template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim
       sigma << s[0], s[3], 0.0, s[3], s[1], 0.0, 0.0, 0.0, s[2];
     else
       sigma << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
-    const Vec<3> principal = Eigen::SelfAdjointEigenSolver<Mat<3>>(sigma, Eigen::EigenvaluesOnly).eigenvalues();
+    const Vec<3> principal =
+        Eigen::SelfAdjointEigenSolver<Mat<3>>().computeDirect(sigma, Eigen::EigenvaluesOnly).eigenvalues();
     first[p] = principal[2];
     third[p] = principal[0];
   });

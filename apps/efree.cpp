@@ -57,8 +57,15 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
-template <int Dim> std::string resultant_text(const Resultant<Dim>& of) {
-  return fmt::format("force ({:.6g}), moment ({:.6g})", fmt::join(of.force, ", "), fmt::join(of.moment, ", "));
+/// The components with those that are rounding, measured by `scale`, as 0.
+template <class Values> Values rounded(Values values, double scale) {
+  for (double& value : values)
+    if (std::abs(value) <= 1e-10 * scale) value = 0.0;
+  return values;
+}
+template <int Dim> std::string resultant_text(const Resultant<Dim>& of, const Resultant<Dim>& scale) {
+  return fmt::format("force ({:.6g}), moment ({:.6g})", fmt::join(rounded(of.force, scale.force.norm()), ", "),
+                     fmt::join(rounded(of.moment, scale.moment.norm()), ", "));
 }
 
 /// Probes, loads, reactions and extremes, with their errors where they are known, a line each.
@@ -79,11 +86,15 @@ std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vect
   for (const auto& reaction : result.reactions)
     say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
   const auto say_balance = [&](const Balance<Dim>& balance) {
+    Resultant<Dim> scale;
+    const auto add = [&](const Resultant<Dim>& of) { scale += {of.force.cwiseAbs(), of.moment.cwiseAbs()}; };
+    for (const auto& load : balance.loads) add(load.of);
+    for (const auto& [part, of] : balance.reactions) add(of);
     for (const auto& load : balance.loads)
       lines.push_back(fmt::format("load {}{}: {}", load.kind, load.on.empty() ? "" : fmt::format(" on \"{}\"", load.on),
-                                  resultant_text<Dim>(load.of)));
+                                  resultant_text<Dim>(load.of, scale)));
     for (const auto& [part, of] : balance.reactions)
-      lines.push_back(fmt::format("reaction of \"{}\": {}", part, resultant_text<Dim>(of)));
+      lines.push_back(fmt::format("reaction of \"{}\": {}", part, resultant_text<Dim>(of, scale)));
     lines.push_back(fmt::format("loads and reactions balance to {:.1g}, relative", balance.error));
   };
   const auto say_extremes = [&](const std::vector<Extreme<Dim>>& extremes) {

@@ -43,8 +43,8 @@ void add_inside(const FineSpace<Dim>& space, const std::string& kind, const Forc
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const Vec<Dim> x = space.position(c, rule.points.col(q)), b = force(space.mesh().region(c), x);
       if (!b.allFinite())
-        throw InputError(fmt::format("the force per volume of the {} is {} at {}, expected finite numbers", kind,
-                                     place_text<Dim>(b), place_text<Dim>(x)));
+        throw InputError(
+            fmt::format("{} is {} at {}, expected finite numbers", kind, place_text<Dim>(b), place_text<Dim>(x)));
       const auto N = space.values(rule.points.col(q));
       const auto dofs = space.cell(c);
       for (std::size_t i = 0; i < dofs.size(); ++i)
@@ -62,7 +62,7 @@ void for_each_load(const FineSpace<Dim>& space, const Loads<Dim>& loads, const V
   if (loads.body_force)
     visit("", std::string("body_force"), [&](Points<Dim>& forces) {
       add_inside(
-          space, "body_force", [&](Index, const Vec<Dim>& x) { return loads.body_force(x); }, forces);
+          space, "body force", [&](Index, const Vec<Dim>& x) { return loads.body_force(x); }, forces);
     });
   if (loads.mass_forces.empty()) return;
   require(static_cast<Index>(loads.density.size()) == space.mesh().num_regions(),
@@ -70,7 +70,7 @@ void for_each_load(const FineSpace<Dim>& space, const Loads<Dim>& loads, const V
   for (const auto& load : loads.mass_forces)
     visit("", load.kind, [&](Points<Dim>& forces) {
       add_inside(
-          space, load.kind,
+          space, "the force by the " + load.kind,
           [&](Index region, const Vec<Dim>& x) {
             Vec<3> place = Vec<3>::Zero();
             place.head<Dim>() = x;

@@ -66,13 +66,12 @@ std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
 
 /// Sizes for a body whose walls are no thinner than that.
 template <int Dim> typename Inspection<Dim>::Suggestion suggestion(const Inspection<Dim>& in, double thickness) {
-  const double diagonal = in.box.diagonal().norm();
-  const double h = std::clamp(0.5 * thickness, diagonal / 200.0, diagonal / 20.0);
-  const double cells =
-      in.volume / (Dim == 2 ? std::sqrt(3.0) / 4.0 * h * h : std::pow(h, 3.0) / (6.0 * std::sqrt(2.0)));
-  const double vertices = cells / (Dim == 2 ? 2.0 : 5.5);
+  constexpr double most = 2e6, regular = Dim == 2 ? 0.433 : 0.118;  // cells; the volume of one with edges of 1
+  const double wanted = std::min(0.5 * thickness, in.box.diagonal().norm() / 20.0);
+  const double h = std::max(wanted, std::pow(in.volume / (most * regular), 1.0 / Dim));
+  const double cells = in.volume / (regular * std::pow(h, Dim)), vertices = cells / (Dim == 2 ? 2.0 : 5.5);
   const double nodes = std::clamp(vertices / (Dim == 2 ? 30.0 : 60.0), 1.0, 1e4);  // see default_spacing
-  return {h, cells, std::max(1.5 * h, std::pow(in.volume / nodes, 1.0 / Dim))};
+  return {h, cells, std::max(1.5 * h, std::pow(in.volume / nodes, 1.0 / Dim)), h > wanted};
 }
 template <int Dim>
 std::optional<typename Inspection<Dim>::Suggestion> suggestion(const Inspection<Dim>& in, const FineMesh<Dim>& mesh) {
@@ -487,9 +486,11 @@ template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
   }
   if (in.suggestion)
     out += fmt::format(
-        "to begin with: mesh_size = {:.2g} (two edges across the walls but the thinnest 5 % of the boundary), about "
-        "{:.2g} cells; the cloud then has a spacing of about {:.2g}\n",
-        in.suggestion->mesh_size, in.suggestion->cells, in.suggestion->spacing);
+        "to begin with: mesh_size = {:.2g} ({}), about {:.2g} cells; the cloud then has a spacing of about {:.2g}\n",
+        in.suggestion->mesh_size,
+        in.suggestion->limited ? "two edges across the thin walls would take too many cells"
+                               : "two edges across the walls but the thinnest 5 % of the boundary",
+        in.suggestion->cells, in.suggestion->spacing);
   std::vector<std::vector<std::string>> rows;
   for (auto [name, value] : in.facts) {
     std::ranges::replace(name, '_', ' ');

@@ -44,9 +44,10 @@ template <int Dim> struct Inspection {
   };
   std::optional<Walls> walls{};
   /// Sizes to begin with: two edges of the fine mesh across the walls but for the thinnest 5 % of the boundary, no
-  /// coarser than a twentieth and no finer than a two hundredth of the box. Cells and spacing are about what follows.
+  /// coarser than a twentieth of the box and no finer than two million cells. Cells and spacing are about what follows.
   struct Suggestion {
     double mesh_size, cells, spacing;
+    bool limited;  ///< by the number of cells
   };
   std::optional<Suggestion> suggestion{};
   /// Counts and measures of quality, named as in JSON ("open_edges").

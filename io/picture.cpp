@@ -618,6 +618,7 @@ template <int Dim>
 void draw_names(Canvas& canvas, const Projection& at, const Inspection<Dim>& in, const Points<3>& points, bool solid) {
   constexpr std::size_t most = 12;
   constexpr int size = 26;
+  constexpr double slack = 10.0;  // pixels: lines are drawn a little in front
   struct Shown {
     double weight = 0.0;
     Vec3 middle = Vec3::Zero();
@@ -631,9 +632,9 @@ void draw_names(Canvas& canvas, const Projection& at, const Inspection<Dim>& in,
       if (c >= 0) corners.push_back(at(points.col(c)));
     const Vec3 a = corners[1] - corners[0], b = corners.back() - corners[0];
     const double weight = solid ? 0.5 * (a.x() * b.y() - a.y() * b.x()) : a.norm();  // what faces the viewer
-    if (!(weight > 0.0)) continue;
     Vec3 middle = Vec3::Zero();
     for (const Vec3& corner : corners) middle += corner / static_cast<double>(corners.size());
+    if (!(weight > 0.0) || (solid && !canvas.shows(middle, slack))) continue;
     Shown& part = parts[piece.group];
     part.weight += weight;
     part.middle += weight * middle;

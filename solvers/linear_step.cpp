@@ -8,19 +8,34 @@
 namespace efree {
 
 State linear_step(const Equations& equations, const LinearSolver& tangent, State from, double factor) {
-  State state = equations.under(factor, std::move(from));
-  const Vector change = tangent.solve(-equations.residual(state));
-  if (!change.allFinite()) throw NumericalError("the solution is not finite");
-  state = equations.moved(std::move(state), change);
-  if (equations.linear()) return state;
+  return std::move(linear_steps({&equations}, tangent, from, factor).front());
+}
+
+std::vector<State> linear_steps(const std::vector<const Equations*>& equations, const LinearSolver& tangent,
+                                const State& from, double factor) {
   constexpr double largest = 1e-6;
-  const double left = equations.residual(state).lpNorm<Eigen::Infinity>(), scale = equations.force_scale(state);
-  if (!(left <= largest * scale))
-    throw NumericalError(
-        fmt::format("one linear step leaves forces of {:.2g} out of balance where {:.2g} act: the materials are not "
-                    "linear at these strains",
-                    left, scale));
-  return state;
+  std::vector<State> states;
+  Matrix forces;
+  for (std::size_t k = 0; k < equations.size(); ++k) {
+    states.push_back(equations[k]->under(factor, from));
+    const Vector residual = equations[k]->residual(states.back());
+    if (k == 0) forces.resize(residual.size(), static_cast<Index>(equations.size()));
+    forces.col(static_cast<Index>(k)) = -residual;
+  }
+  const Matrix changes = tangent.solve(forces);
+  if (!changes.allFinite()) throw NumericalError("the solution is not finite");
+  for (std::size_t k = 0; k < equations.size(); ++k) {
+    states[k] = equations[k]->moved(std::move(states[k]), changes.col(static_cast<Index>(k)));
+    if (equations[k]->linear()) continue;
+    const double left = equations[k]->residual(states[k]).lpNorm<Eigen::Infinity>();
+    const double scale = equations[k]->force_scale(states[k]);
+    if (!(left <= largest * scale))
+      throw NumericalError(
+          fmt::format("one linear step leaves forces of {:.2g} out of balance where {:.2g} act: the materials are not "
+                      "linear at these strains",
+                      left, scale));
+  }
+  return states;
 }
 
 }  // namespace efree

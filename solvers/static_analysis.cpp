@@ -147,13 +147,23 @@ Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticMod
 }
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {
-  const Equilibrium<Dim> equations = impl_->equations.with(loads);
-  const auto& approximation = equations.approximation();
-  const State state = linear_step(equations, *impl_->factor, equations.rest());
-  Solution<Dim> solution = derived(approximation, equations.materials(), equations.stiffness_terms(),
-                                   Points<Dim>(state.u.reshaped(Dim, approximation.shape.num_nodes())));
-  require_stable<Dim>(approximation, solution.coefficients, solution.strain);
-  return solution;
+  return std::move(solve_all({loads}).front());
+}
+
+template <int Dim>
+std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads<Dim>>& cases) const {
+  std::vector<Equilibrium<Dim>> equations;
+  for (const Loads<Dim>& loads : cases) equations.push_back(impl_->equations.with(loads));
+  std::vector<const Equations*> all;
+  for (const auto& one : equations) all.push_back(&one);
+  const auto& approximation = impl_->equations.approximation();
+  std::vector<Solution<Dim>> solutions;
+  for (const State& state : linear_steps(all, *impl_->factor, impl_->equations.rest())) {
+    solutions.push_back(derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(),
+                                Points<Dim>(state.u.reshaped(Dim, approximation.shape.num_nodes()))));
+    require_stable<Dim>(approximation, solutions.back().coefficients, solutions.back().strain);
+  }
+  return solutions;
 }
 
 template <int Dim>

@@ -8,6 +8,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace efree {
 
@@ -38,6 +39,8 @@ template <int Dim> class ElasticSolver {
   /// One load case with the prescribed displacements. Throws NumericalError if the solution lives on deformations that
   /// the quadrature does not see (too few points per node), or if the materials are not linear at its strains.
   Solution<Dim> solve(const Loads<Dim>& loads) const;
+  /// Any number of them, which take less time together than one by one. Throws likewise.
+  std::vector<Solution<Dim>> solve_all(const std::vector<Loads<Dim>>& cases) const;
   /// Of finite elements: the dual solution of a functional, by the same factor, and what it says of the answer `u`
   /// under these loads. Throws InputError on other bases.
   Response<Dim> respond(const Functional<Dim>& functional, const Solution<Dim>& u, const Loads<Dim>& loads) const;

@@ -42,6 +42,12 @@ class Canvas {
   void line(const Position& from, const Position& to, double line_width, const Colour& colour, double lift = 0.0);
   /// A rectangle parallel to the sides of the picture.
   void rectangle(double left, double bottom, double right, double top, const Colour& colour);
+  /// Whether nothing that is drawn hides a place by more than so much in depth.
+  bool shows(const Position& at, double slack) const {
+    const auto row = static_cast<int>(at.y() * rows_per_pixel), column = static_cast<int>(at.x());
+    return row >= 0 && row < rows && column >= 0 && column < width &&
+           depth(at.z() + slack) >= depths_[sample(row, column)];
+  }
   /// In black in front of everything; x, y is the lower left corner of its first line's box, `size` its height.
   void text(std::string words, double x, double y, int size);
 

@@ -76,6 +76,15 @@ TEST(KirschSolution, LoadsAreItsStresses) {
             traction<2>(plate.exact.stress(top), Vec<2>::UnitY()));
 }
 
+TEST(Examples, OfLoadsAreWithinAPercentOfTheirClosedForms) {
+  for (const char* name : {"rotating_disc", "bedding", "remote_force"}) {
+    const auto result = analyse(std::get<Case<2>>(read_case(examples + "/loads/" + name + ".toml")));
+    EXPECT_LT(*result.errors->l2_displacement, 0.001) << name;
+    EXPECT_LT(*result.errors->energy_norm_recovered, 0.015) << name;
+    EXPECT_LT(result.balance.error, 1e-12) << name;
+  }
+}
+
 TEST(Examples, ThickCylinderIsWithinAPercentWithEightNodesThroughTheWall) {
   const auto result = analyse(std::get<Case<2>>(read_case(examples + "/thick_cylinder/axisymmetric.toml")));
   EXPECT_LE(*result.errors->l2_displacement, 0.01);

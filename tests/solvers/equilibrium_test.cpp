@@ -336,5 +336,30 @@ TEST_F(StateFile, DamagedOnesAreRefusedWithTheirName) {
               ThrowsMessage<InputError>(HasSubstr("cannot be written")));
 }
 
+/// First Piola-Kirchhoff stress times the area before: a bar stretched by a half between walls that slide. S_xx =
+/// (lambda + 2 mu) E_xx, E_xx = (1.5^2 - 1) / 2, P_xx = 1.5 S_xx.
+TEST(Reactions, OfALargeStretchAreThoseOfItsMaterial) {
+  const auto mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.4});
+  const auto elements = approximate<2>(mesh, {.kind = BasisKind::p1});
+  DisplacementCondition<2> pulled = clamp<2>("right");
+  pulled.components[0] = [](const Vec<2>&) { return 1.0; };
+  const ElasticModel model{
+      .material = SaintVenantKirchhoff(1.0, 1.0), .plane = Plane::strain, .essential = Essential::strong};
+  const Equilibrium<2> equations(elements, model,
+                                 {clamp<2>("left"), pulled, symmetry_plane<2>("bottom"), symmetry_plane<2>("top")});
+  State state = equations.under(1.0, equations.rest());
+  Points<2> u = Points<2>::Zero(2, elements.space.size());
+  u.row(0) = 0.5 * elements.space.points().row(0);
+  state.u = u.reshaped();
+  ASSERT_LT(equations.residual(state).norm(), 1e-12);
+  const auto reactions = equations.reactions(state);
+  EXPECT_NEAR(reactions.at("right").force.x(), 1.5 * 3.0 * 0.625, 1e-12);
+  EXPECT_NEAR(reactions.at("left").force.x(), -1.5 * 3.0 * 0.625, 1e-12);
+  EXPECT_NEAR(reactions.at("top").force.y() + reactions.at("bottom").force.y(), 0.0, 1e-12);
+  EXPECT_NEAR(reactions.at("right").moment[0] + reactions.at("left").moment[0] + reactions.at("top").moment[0] +
+                  reactions.at("bottom").moment[0],
+              0.0, 1e-12);
+}
+
 }  // namespace
 }  // namespace efree
