@@ -183,7 +183,8 @@ template <int Dim> class Constraints {
     });
   }
   template <class Visit> void for_each_tie(std::span<const TiedFacets> ties, const Visit& visit) const {
-    for (const auto& [f, other] : ties) {
+    for (const TiedFacets& tie : ties) {
+      const Index f = tie.first, other = tie.second;
       const auto twins = points_on_twin(space_, f, other);
       const Index per_facet = static_cast<Index>(twins.size());
       const Index c = space_.mesh().facet_cell(other);

@@ -294,7 +294,8 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                      {"own_functions", approximation.mls.own_functions},
                      {"quadrature_points_dropped", approximation.dropped_points},
                      {"interpolation", result.basis().space.degree()}};
-  const ApproximationOptions& asked = settings.approximation;
+  ApproximationOptions asked = settings.approximation;
+  asked.dilatation = approximation.averaged ? Dilatation::averaged : Dilatation::pointwise;
   if (!result.cells && asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
     json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;

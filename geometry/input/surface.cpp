@@ -47,7 +47,10 @@ void add_triangles(const std::vector<Kernel::Point_3>& points, const std::vector
   pmp::triangulate_faces(face);
   for (const auto f : face.faces()) {
     std::vector<std::size_t> triangle;
-    for (const auto v : face.vertices_around_face(face.halfedge(f))) triangle.push_back(polygon[v.idx()]);
+    for (const auto v : face.vertices_around_face(face.halfedge(f))) {
+      triangle.push_back(polygon[v.idx()]);
+      if (triangle.size() > 3) break;  // what could not be cut may go around for ever
+    }
     if (triangle.size() == 3) add(triangle[0], triangle[1], triangle[2]);
   }
 }

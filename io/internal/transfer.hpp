@@ -74,8 +74,8 @@ concept IsSuggestion = requires(T suggestion) {
   suggestion.cells;
 };
 auto fields(IsSuggestion auto& suggestion) {
-  auto& [mesh_size, cells, spacing] = suggestion;
-  return std::tie(mesh_size, cells, spacing);
+  auto& [mesh_size, cells, spacing, limited] = suggestion;
+  return std::tie(mesh_size, cells, spacing, limited);
 }
 template <class T>
 concept IsPiece = requires(T piece) {
@@ -106,6 +106,7 @@ class Packer {
   template <class T>
   requires is_plain<T>
   void operator()(T& value) { put(&value, 1); }
+  void operator()(bool& value) { count(value); }
   void operator()(std::string& text) { list(text.data(), text.size()); }
   template <class T> void operator()(std::vector<T>& values) {
     if constexpr (is_plain<T>) return list(values.data(), values.size());
@@ -163,6 +164,11 @@ class Unpacker {
   template <class T>
   requires is_plain<T>
   void operator()(T& value) { take(&value, 1); }
+  void operator()(bool& value) {
+    std::uint64_t set = 0;
+    take(&set, 1);
+    value = set != 0;
+  }
   void operator()(std::string& text) {
     text.resize(count(1));
     take(text.data(), text.size());

@@ -173,7 +173,9 @@ TEST(Seam, OrthotropicSheetPulledAtAnAngleHasTheModulusOfThatAngle) {
                               .solve({{tension<2>("right", 1.0)}, {}});
     EXPECT_LT((solution.stress.colwise() - Voigt<2>(1.0, 0.0, 0.0, 0.0)).cwiseAbs().maxCoeff(), 1e-10) << degrees;
     const double nu_13 = wood.nu[1];
-    if (degrees == 0.0) EXPECT_NEAR(solution.strain(2, 0), -nu_13 / wood.E[0], 1e-12) << "it thins";
+    if (degrees == 0.0) {
+      EXPECT_NEAR(solution.strain(2, 0), -nu_13 / wood.E[0], 1e-12) << "it thins";
+    }
   }
 }
 
