@@ -14,6 +14,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <vtkObject.h>
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
@@ -310,9 +311,10 @@ int run(int argc, char** argv) {
   }
   if (!inspect_command.parsed()) restart_with_fast_blas(argv);
   if (options.study.compare && seeds->empty()) options.study.seeds = 5;
-  // What libraries say aside (CGAL, OpenCASCADE): it comes back as an error, once. Ours goes through stdio.
+  // What libraries say aside (CGAL, OpenCASCADE, VTK): it comes back as an error, once. Ours goes through stdio.
   std::cout.rdbuf(nullptr);
   std::cerr.rdbuf(nullptr);
+  vtkObject::GlobalWarningDisplayOff();
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.quiet);
   try {
