@@ -51,10 +51,10 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   const bool has_cloud = result.elements || result.approximation.shape.num_nodes() < result.approximation.space.size();
   const std::string of_cloud = fmt::format("error in the energy norm: {:.2g} % of {}", 100.0 * estimates.uncorrected,
                                            has_cloud ? "the cloud" : "linear elements");
-  const std::string corrected =
-      estimates.corrections == 0
-          ? ""
-          : fmt::format(", {:.2g} % after {} corrections", 100.0 * estimates.cloud, estimates.corrections);
+  const std::string corrected = estimates.corrections == 0
+                                    ? ""
+                                    : fmt::format(", {:.2g} % after {} correction{}", 100.0 * estimates.cloud,
+                                                  estimates.corrections, estimates.corrections == 1 ? "" : "s");
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
