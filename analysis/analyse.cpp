@@ -28,16 +28,17 @@ template <int Dim> void check_finite(const Answer<Dim>& answer) {
 
 /// A force that is rounding: a millionth of what displacements like those of the answer could ask for, so that a body
 /// that moves as a whole is in balance.
-template <int Dim> double rounding_force(const Result<Dim>& result, const Answer<Dim>& answer, double length) {
-  const auto materials = materials_of(result.model, *result.mesh);
+template <int Dim> double rounding_force(const Materials<Dim>& materials, const Result<Dim>& result,
+                                         const Answer<Dim>& answer, double length) {
   const Index middle = result.mesh->num_cells() / 2;
   const double modulus = materials.stiffness(result.mesh->region(middle), result.mesh->centroid(middle)).C(0, 0);
   return 1e-6 * modulus * answer.fields.displacement.cwiseAbs().maxCoeff() * std::pow(length, Dim - 2);
 }
 
-/// What of an answer holds the body and loads it; `found` are the reactions of a solver, if it is one of a cloud.
-template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const Result<Dim>& result,
-                                           const Answer<Dim>& answer, const Loads<Dim>& loads, bool of_elements) {
+/// What of an answer holds the body and loads it. One of a cloud has the reactions of its solver already.
+template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const Materials<Dim>& materials,
+                                           const Result<Dim>& result, const Answer<Dim>& answer,
+                                           const Loads<Dim>& loads, bool of_elements) {
   const FineSpace<Dim>& space = result.basis().space;
   Balance<Dim> balance{answer.balance.reactions, {}};
   if (result.cells) {
@@ -53,7 +54,7 @@ template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const 
   for (const auto& load : balance.loads) all.push_back(load.of);
   const auto& vertices = result.mesh->vertices();
   const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
-  balance.error = imbalance(all, length, space.axisymmetric(), rounding_force(result, answer, length));
+  balance.error = imbalance(all, length, space.axisymmetric(), rounding_force(materials, result, answer, length));
   return balance;
 }
 
@@ -101,22 +102,18 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
 
   std::optional<Stage> stage(std::in_place, "output", monitor);
   const Approximation<Dim>& basis = result.basis();
-  if (result.fields.displacement.size() == 0) result.fields = recover_fields(basis, result.solution);
-  check_finite<Dim>(result);
   const auto materials = materials_of(result.model, *mesh.mesh);
-  if (settings.has_exact()) result.errors = errors_against(basis, result.fields, materials, settings.exact);
-  if (result.probes.empty() && result.extremes.empty()) read_off<Dim>(settings, basis.space, result);
-  const bool of_elements = without_cloud || result.elements;
-  result.balance = balance_of<Dim>(settings, result, result, settings.loads, of_elements);
-  check_balance<Dim>(result.balance, "", result);
-  for (std::size_t k = 1; k < settings.cases.size(); ++k) {
-    Answer<Dim>& answer = result.more[k - 1];
+  const auto finish = [&](Answer<Dim>& answer, const Loads<Dim>& loads, const std::string& of) {
     if (answer.fields.displacement.size() == 0) answer.fields = recover_fields(basis, answer.solution);
-    check_finite<Dim>(answer);
-    read_off(settings, basis.space, answer);
-    answer.balance = balance_of<Dim>(settings, result, answer, settings.cases[k].loads, of_elements);
-    check_balance<Dim>(answer.balance, fmt::format("case \"{}\": ", settings.cases[k].name), result);
-  }
+    check_finite(answer);
+    if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
+    answer.balance = balance_of(settings, materials, result, answer, loads, without_cloud || result.elements);
+    check_balance(answer.balance, of, result);
+  };
+  finish(result, settings.loads, "");
+  for (std::size_t k = 1; k < settings.cases.size(); ++k)
+    finish(result.more[k - 1], settings.cases[k].loads, fmt::format("case \"{}\": ", settings.cases[k].name));
+  if (settings.has_exact()) result.errors = errors_against(basis, result.fields, materials, settings.exact);
   if constexpr (Dim == 3)
     if (on_cells)
       result.error_density =

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
@@ -41,8 +42,7 @@ constexpr std::pair<std::string_view, FileKind> file_kinds[] = {
     {".ply", FileKind::surface}};
 
 FileKind kind_of(const Section& geometry, const fs::path& file) {
-  std::string name = file.filename().string();
-  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string name = lower_case(file.filename().string());
   for (const auto& [ending, kind] : file_kinds)
     if (name.ends_with(ending)) return kind;
   std::vector<std::string_view> endings;
@@ -439,7 +439,7 @@ std::string_view reader_of(FileKind kind) {
 }
 
 Confinement confinement_of(const fs::path& file, FileKind kind, const Reading& reading) {
-  return {file.string(), std::string(reader_of(kind)), reading.seconds, reading.trust};
+  return {file.string(), std::string(reader_of(kind)), reading};
 }
 
 /// What makes the mesh of a file, and the grey values if it is an image.
@@ -523,10 +523,9 @@ MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder, c
   result.where = geometry.where(geometry.has("file") ? "file" : "shape");
   if (geometry.has("shape"))
     result.mesh = [mesh = shape_mesh<Dim>(geometry),
-                   confinement = Confinement{fmt::format("the shape \"{}\"", geometry.text("shape")), "the mesher",
-                                             reading.seconds, reading.trust}](const MeshSize& size) {
-      return confined(confinement, [&] { return mesh(size); });
-    };
+                   confinement =
+                       Confinement{fmt::format("the shape \"{}\"", geometry.text("shape")), "the mesher", reading}](
+                      const MeshSize& size) { return confined(confinement, [&] { return mesh(size); }); };
   else
     read_file(geometry, file_of(geometry, folder), reading, result);
   return result;

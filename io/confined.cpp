@@ -223,7 +223,7 @@ void* do_job(void* argument) {
   leave_parent(result, outcome, parent);
   limit_memory();
   try {
-    if (!confinement.trust) allow_no_more_than_reading();
+    if (!confinement.limits.trust) allow_no_more_than_reading();
   } catch (const InputError& error) {
     finish(Outcome::input_error, fmt::format("{}: {}", confinement.subject, error.what()));
   }
@@ -337,9 +337,9 @@ std::string run_confined(const Confinement& confinement, const std::function<std
   if (pid == 0) be_child(confinement, *result, *to_parent, self, job);
   Child child(pid);
   { const Descriptor closed = std::move(to_parent); }
-  const int outcome = await(*from_child, confinement.seconds);
+  const int outcome = await(*from_child, confinement.limits.seconds);
   if (outcome == -1)
-    fail(confinement, fmt::format("it was not done after {:g} s (--mesh-time-limit)", confinement.seconds));
+    fail(confinement, fmt::format("it was not done after {:g} s (--mesh-time-limit)", confinement.limits.seconds));
   const int status = child.wait();
   switch (static_cast<Outcome>(outcome)) {
     case Outcome::done:

@@ -2,6 +2,7 @@
 #include "efree/io/inspect.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 #include "efree/geometry/cloud/spacing.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/image_summary.hpp"
@@ -382,13 +383,8 @@ template <int Dim> ordered_json json_of(const BoundingBox<Dim>& box) {
   return {json_of<Dim>(box.min()), json_of<Dim>(box.max())};
 }
 
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
 AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
-  const std::string path = file.string(), name = lower_case(file.filename().string());
+  const std::string path = file.string(), name = internal::lower_case(file.filename().string());
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
   if (fs::is_directory(file)) throw InputError(fmt::format("{} is a directory, expected a file", path));
   if (!fs::is_regular_file(file)) throw InputError(fmt::format("there is no file {}", path));
@@ -422,8 +418,7 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
 }  // namespace
 
 AnyInspection inspect(const fs::path& file, const Reading& reading) {
-  return internal::confined({file.string(), "what reads it", reading.seconds, reading.trust},
-                            [&] { return inspect_here(file, reading); });
+  return internal::confined({file.string(), "what reads it", reading}, [&] { return inspect_here(file, reading); });
 }
 
 template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {

@@ -2,6 +2,7 @@
 #include "efree/geometry/input/image_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
 
@@ -499,8 +500,7 @@ template <int Dim> Values read_values_of(const std::string& path, const ImageOpt
   file.read(head.data(), 1024);
   head.resize(static_cast<std::size_t>(file.gcount()));
 
-  std::string name = path;
-  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string name = internal::lower_case(path);
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
   const auto expect = [&](bool magic, const char* format) {
     if (!magic) throw InputError(fmt::format("{}: it is no {} file, whatever its name says", path, format));

@@ -2,6 +2,7 @@
 #include "efree/geometry/input/surface.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 #include "efree/core/internal/reading_bound.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
@@ -86,8 +87,7 @@ bool only_touch(Corners a, Corners b) {
 }  // namespace
 
 SurfaceSoup read_surface(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = internal::lower_case(std::filesystem::path(path).extension().string());
   if (extension != ".stl" && extension != ".off" && extension != ".obj" && extension != ".ply")
     throw InputError(fmt::format("{}: expected a surface as .stl, .off, .obj or .ply", path));
   if (!std::filesystem::is_regular_file(path) || !std::ifstream(path))

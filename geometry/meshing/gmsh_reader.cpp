@@ -2,6 +2,7 @@
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 #include "efree/core/internal/reading_bound.hpp"
 #include "efree/geometry/meshing/internal/cad_import.hpp"
 #include "efree/geometry/meshing/internal/gmsh_script.hpp"
@@ -199,8 +200,7 @@ enum class Format { geo, msh, cad };
 
 /// By extension, in any case of letters. Throws InputError for any other and for a file that cannot be read.
 Format format_of(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = internal::lower_case(std::filesystem::path(path).extension().string());
   const bool is_cad = extension == ".step" || extension == ".stp" || extension == ".iges" || extension == ".igs" ||
                       extension == ".brep";
   if (!is_cad && extension != ".geo" && extension != ".msh")
@@ -210,6 +210,13 @@ Format format_of(const std::string& path) {
   if (std::filesystem::file_size(path) == 0 && extension != ".geo")
     throw InputError(fmt::format("{}: the file is empty", path));
   return is_cad ? Format::cad : extension == ".geo" ? Format::geo : Format::msh;
+}
+
+/// The memory that a mesh takes is bounded by the length of its file; what a script makes is not.
+void open(const GmshSession& session, const std::string& path, Format format) {
+  std::optional<internal::ReadingBound> bound;
+  if (format == Format::msh) bound.emplace(path);
+  session.open(path);
 }
 
 /// gmsh's parser can skip a last line that has no end.
@@ -244,11 +251,7 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
       return mesh;
     }
   }
-  {
-    std::optional<internal::ReadingBound> bound;
-    if (format == Format::msh) bound.emplace(path);
-    session.open(path);
-  }
+  open(session, path, format);
   set_parameters(session, path, options.parameters);
   check_slits(session, Dim, options.slits);
   if (format == Format::msh) return internal::gmsh_mesh<Dim>(session, 0.0, options.slits);
@@ -306,9 +309,7 @@ int gmsh_dimension(const std::string& path, bool trust) {
   if (format == Format::geo) check_last_line(path);
   if (!trust) internal::require_harmless(path);
   return in_session(path, [&](const GmshSession& session) {
-    std::optional<internal::ReadingBound> bound;
-    if (format == Format::msh) bound.emplace(path);
-    session.open(path);
+    open(session, path, format);
     return internal::all_entities(3).empty() ? 2 : 3;
   });
 }

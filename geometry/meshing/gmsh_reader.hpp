@@ -18,8 +18,8 @@ struct GmshOptions {
   std::map<std::string, double> parameters{};
   std::vector<std::string> slits{};  ///< names of physical curves (surfaces in 3D) to cut the body open along
   /// Run scripts whatever they do. Otherwise those that are seen to start programs, write files, or take files from
-  /// outside their folder are refused before gmsh sees them. Scripts of people one does not know are for `read_case` and
-  /// `inspect`, which have gmsh run in a process that can do neither.
+  /// outside their folder are refused before gmsh sees them. Scripts of people one does not know are for `read_case`
+  /// and `inspect`, which have gmsh run in a process that can do neither.
   bool trust = false;
 };
 

@@ -2,6 +2,7 @@
 #include "efree/geometry/meshing/internal/gmsh_script.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -175,8 +176,7 @@ class Reader {
     const fs::path name = std::string(tokens[k].text);
     if (name.is_absolute() || std::ranges::find(name, fs::path("..")) != name.end())
       refuse(file, command, fmt::format("takes \"{}\", which is not below the folder of the script", name.string()));
-    std::string kind = name.extension().string();
-    std::ranges::transform(kind, kind.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    const std::string kind = lower_case(name.extension().string());
     constexpr std::array<std::string_view, 6> data{".step", ".stp", ".iges", ".igs", ".brep", ".stl"};
     const fs::path path = file.parent_path() / name;
     if (std::ranges::find(data, kind) != data.end() || !fs::exists(path)) return;
@@ -192,9 +192,7 @@ class Reader {
 void require_harmless(const std::string& path) {
   Reader reader;
   reader.options_of(path);
-  std::string ending = fs::path(path).extension().string();
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  if (ending == ".geo") return reader.script(path);
+  if (lower_case(fs::path(path).extension().string()) == ".geo") return reader.script(path);
   std::ifstream stream(path, std::ios::binary);
   std::string begin(12, ' ');
   stream.read(begin.data(), static_cast<std::streamsize>(begin.size()));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/io/internal/transfer.hpp"
+#include "efree/io/reading.hpp"
 
 #include <functional>
 #include <string>
@@ -11,10 +12,9 @@ namespace efree::internal {
 
 /// What work in a child process is called, and what it may do.
 struct Confinement {
-  std::string subject{};    ///< what is read or made: messages begin with it
-  std::string reader{};     ///< who reads it: messages name it
-  double seconds = 3600.0;  ///< of wall time that it may take
-  bool trust = false;       ///< it may start programs and write files all the same
+  std::string subject{};  ///< what is read or made: messages begin with it
+  std::string reader{};   ///< who reads it: messages name it
+  Reading limits{};
 };
 
 /// Runs `work` in a child process and returns the bytes it returned. The child has as many threads as its parent, and

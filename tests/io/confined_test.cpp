@@ -19,7 +19,7 @@ namespace {
 using internal::confined, internal::Confinement, internal::Packer, internal::run_confined, internal::Unpacker;
 
 Confinement of(const std::string& subject) {
-  return {.subject = subject, .reader = "the test's reader", .seconds = 20.0};
+  return {.subject = subject, .reader = "the test's reader", .limits = {.seconds = 20.0}};
 }
 
 std::string refusal(const Confinement& confinement, const std::function<std::string()>& work) {
@@ -104,7 +104,7 @@ TEST(Confined, WorkThatDiesIsOneMessage) {
 
 TEST(Confined, WorkThatDoesNotEndIsEnded) {
   Confinement short_time = of("f.x");
-  short_time.seconds = 0.3;
+  short_time.limits.seconds = 0.3;
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(refusal(short_time,
                     []() -> std::string {
@@ -162,7 +162,7 @@ TEST(Confined, WorkCanReadFilesAndNothingElse) {
 TEST(Confined, TrustedWorkMayDoWhatItsParentMay) {
   const Workspace work;
   Confinement trusted = of("f.x");
-  trusted.trust = true;
+  trusted.limits.trust = true;
   run_confined(trusted, [&] {
     work.write("new", "text");
     return std::string();

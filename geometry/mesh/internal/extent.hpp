@@ -13,8 +13,8 @@ namespace efree::internal {
 /// side from the origin (its points are known to a hundred millionth of that at best).
 template <int Dim> void require_extent(const Vec<Dim>& low, const Vec<Dim>& high, std::string_view subject);
 
-/// Throws InputError beginning with "`subject`: " for a box whose longest side is more than 2e4 times its shortest: what
-/// holds a body that thin cannot be told from what does not, in double precision.
+/// Throws InputError beginning with "`subject`: " for a box whose longest side is more than 2e4 times its shortest:
+/// what holds a body that thin cannot be told from what does not, in double precision.
 template <int Dim> void require_thickness(const Vec<Dim>& low, const Vec<Dim>& high, std::string_view subject);
 
 }  // namespace efree::internal
