@@ -35,7 +35,8 @@ template <int Dim> double rounding_force(const Materials<Dim>& materials, const 
   return 1e-6 * modulus * answer.fields.displacement.cwiseAbs().maxCoeff() * std::pow(length, Dim - 2);
 }
 
-/// What of an answer holds the body and loads it. One of a cloud has the reactions of its solver already.
+/// What of an answer holds the body and loads it. One of a cloud has the reactions of its solver already, one in steps
+/// both.
 template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const Materials<Dim>& materials,
                                            const Result<Dim>& result, const Answer<Dim>& answer,
                                            const Loads<Dim>& loads, bool of_elements) {
@@ -43,6 +44,8 @@ template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const 
   Balance<Dim> balance{answer.balance.reactions, {}};
   if (result.cells) {
     if constexpr (Dim == 3) balance = {result.cells->finest().reactions, result.cells->applied};
+  } else if (!result.history.empty()) {
+    balance.loads = answer.balance.loads;
   } else {
     if (of_elements)
       balance.reactions =
@@ -89,9 +92,12 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   result.reports = mesh.reports;
   result.model = settings.model;
   const double cpu_start = process_cpu_seconds();
-  const bool on_cells = is_on_cells(settings, mesh);
-  const bool without_cloud = !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);
+  const bool in_steps = needs_steps(settings, *mesh.mesh);
+  const bool on_cells = !in_steps && is_on_cells(settings, mesh);
+  const bool without_cloud =
+      !in_steps && !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);
   located(settings, settings.where, [&] {
+    if (in_steps) return answer_by_steps(settings, result, monitor);
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(settings, mesh, result, monitor);
     if (without_cloud) return answer_by_elements(settings, result, monitor);
@@ -118,7 +124,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     if (on_cells)
       result.error_density =
           error_density(result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
-  if (result.error_density.size() == 0)
+  if (result.error_density.size() == 0 && !in_steps)
     result.error_density = error_density(result, recovery_error(basis, result.fields, materials).squares);
   stage.reset();
   result.times.add("mesh", mesh.seconds);

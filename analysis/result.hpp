@@ -84,6 +84,20 @@ template <int Dim> struct Answer {
   Balance<Dim> balance;
 };
 
+/// One step through time that converged.
+template <int Dim> struct HistoryStep {
+  double time;
+  int iterations;
+  double left;               ///< largest force out of balance, relative
+  double stored;             ///< energy [force * length]
+  double dissipated;         ///< since the beginning [force * length]
+  double smallest_jacobian;  ///< least volume of a quadrature point over that at rest
+  double plastic_share;      ///< of the volume, in which energy was dissipated in this step
+  Index negative_pivots;     ///< directions in which the energy falls: above 0 the body is not stable
+  Resultants<Dim> reactions;
+  std::vector<Vec<Dim>> probes;  ///< displacements, in the order of the settings
+};
+
 /// What an analysis found; of several load cases it is the answer to the first.
 template <int Dim> struct Result : Answer<Dim> {
   std::shared_ptr<const FineMesh<Dim>> mesh;  ///< the fine mesh, without what was left out
@@ -100,14 +114,19 @@ template <int Dim> struct Result : Answer<Dim> {
   std::map<std::string, Vec<Dim>> probe_errors;
   std::vector<Answer<Dim>> more;               ///< answers to the load cases after the first, in their order
   std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
-  /// By cell of the mesh: what recovered stresses are off those of the displacement, in the energy norm, relative to
-  /// the mean energy density of the body. The root of its mean square over the volume is the error of the body in all.
+  /// None of an analysis through time. By cell of the mesh: what recovered stresses are off those of the displacement,
+  /// in the energy norm, relative to the mean energy density of the body. The root of its mean square over the volume
+  /// is the error of the body in all.
   Vector error_density;
   std::vector<BoundaryPart> parts;                        ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
 
   /// If an accuracy was asked for, and on cells: in order. The answer is that of the smallest error, on cells the last.
   std::vector<Attempt> attempts;
+
+  /// Of an analysis through time: every step; then the fields are those of the last.
+  std::vector<HistoryStep<Dim>> history;
+  std::string stopped;  ///< why it did not come to its end; empty if it did
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one

@@ -5,9 +5,12 @@
 
 #include "efree/geometry/mesh/selection.hpp"
 #include "efree/solvers/correction.hpp"
+#include "efree/solvers/newton.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
+#include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -45,6 +48,16 @@ template <int Dim> struct LoadCase {
   std::string name;
   Loads<Dim> loads{};
 };
+/// What holds and loads a body at one moment.
+template <int Dim> struct Acting {
+  std::vector<DisplacementCondition<Dim>> supports;
+  Loads<Dim> loads;  ///< but for their density
+};
+/// How an analysis goes through pseudo-time.
+template <int Dim> struct TimeSettings {
+  PathOptions path{};
+  std::function<Acting<Dim>(double time)> acting{};  ///< empty: settings.supports and loads, in proportion to the time
+};
 /// A probe or a reaction and the error it may have, relative to its size.
 struct Goal {
   enum class Of { probe, reaction } of;
@@ -79,6 +92,9 @@ template <int Dim> struct Settings {
   /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};
+
+  /// Steps to take; empty: one step if all materials are linear, else those of TimeSettings.
+  std::optional<TimeSettings<Dim>> time{};
 
   ApproximationOptions approximation{};  ///< functions and quadrature
   OnCells cells = OnCells::automatic;

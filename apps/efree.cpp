@@ -6,6 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/io/case_file.hpp"
 #include "efree/io/convergence.hpp"
+#include "efree/io/history.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/picture.hpp"
@@ -137,7 +138,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       if (!options.quiet) display.say(remark);
     };
     const Monitor monitor{.progress = display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly",
-                                                      "solve", "correction", "duals", "output"}),
+                                                      "solve", "path", "correction", "duals", "output"}),
                           .say = say};
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
@@ -149,7 +150,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       out.supersede("error.png");
       const auto draw = [&] {
         draw_fields(out.file("fields.png"), analysis, result);
-        draw_error(out.file("error.png"), analysis, result);
+        if (result.error_density.size() > 0) draw_error(out.file("error.png"), analysis, result);
       };
       const auto write = [&] {
         write_fields(out.file("fields.vtu"), analysis, result);
@@ -158,11 +159,16 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
       // Both only read the result.
       parallel_chunks(options.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write() : draw(); });
     }
+    if (result.history.empty())
+      out.supersede("history.csv");
+    else
+      write_history(out.file("history.csv"), analysis, result);
     write_result(out.file("result.json"), analysis, result);
     if (result.refusal.empty())
       out.supersede("failure.json");
     else
-      write_failure(out.file("failure.json"), analysis.title, result.refusal, "correction", "of this run");
+      write_failure(out.file("failure.json"), analysis.title, result.refusal,
+                    result.stopped.empty() ? "correction" : "path", "of this run");
     out.commit();
     if (!result.refusal.empty()) {
       display.say(fmt::format("error: {}; the results are in {} all the same", result.refusal, options.out));

@@ -108,12 +108,13 @@ Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shap
   return to_nodes(shape, fine);
 }
 
-template <int Dim> std::vector<AppliedLoad<Dim>> applied_loads(const FineSpace<Dim>& space, const Loads<Dim>& loads) {
+template <int Dim> std::vector<AppliedLoad<Dim>> applied_loads(const FineSpace<Dim>& space, const Loads<Dim>& loads,
+                                                               const Points<Dim>* moved_by) {
   std::vector<AppliedLoad<Dim>> applied;
   for_each_load(space, loads, [&](const std::string& on, const std::string& kind, const auto& add_to) {
     Points<Dim> forces = Points<Dim>::Zero(Dim, space.size());
     add_to(forces);
-    applied.push_back({on, kind, resultant_of(space, forces)});
+    applied.push_back({on, kind, resultant_of(space, forces, moved_by)});
   });
   return applied;
 }
@@ -122,7 +123,7 @@ template struct AreaMoments<2>;
 template struct AreaMoments<3>;
 template Points<2> load_vector<2>(const FineSpace<2>&, const ShapeTable<2>&, const Loads<2>&);
 template Points<3> load_vector<3>(const FineSpace<3>&, const ShapeTable<3>&, const Loads<3>&);
-template std::vector<AppliedLoad<2>> applied_loads<2>(const FineSpace<2>&, const Loads<2>&);
-template std::vector<AppliedLoad<3>> applied_loads<3>(const FineSpace<3>&, const Loads<3>&);
+template std::vector<AppliedLoad<2>> applied_loads<2>(const FineSpace<2>&, const Loads<2>&, const Points<2>*);
+template std::vector<AppliedLoad<3>> applied_loads<3>(const FineSpace<3>&, const Loads<3>&, const Points<3>*);
 
 }  // namespace efree

@@ -24,8 +24,10 @@ template <int Dim> struct AppliedLoad {
   std::string kind;  ///< "traction", "pressure", "force", "body_force", "acceleration", "rotation"
   Resultant<Dim> of;
 };
-/// Each of the loads, as load_vector integrates it: tractions, resultants, body force, mass forces. Throws likewise.
-template <int Dim> std::vector<AppliedLoad<Dim>> applied_loads(const FineSpace<Dim>& space, const Loads<Dim>& loads);
+/// Each of the loads, as load_vector integrates it: tractions, resultants, body force, mass forces. Moments are those
+/// of forces where they act, or with `moved_by` (Dim x space.size()) where the body has moved since. Throws likewise.
+template <int Dim> std::vector<AppliedLoad<Dim>> applied_loads(const FineSpace<Dim>& space, const Loads<Dim>& loads,
+                                                               const Points<Dim>* moved_by = nullptr);
 
 /// A part of the boundary as forces on it see it: area, its first and second moments about the origin.
 template <int Dim> struct AreaMoments {

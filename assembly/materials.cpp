@@ -159,6 +159,18 @@ template <int Dim> Index Materials<Dim>::history_size(const Discretization<Dim>&
   return size;
 }
 
+template <int Dim> std::vector<Index> Materials<Dim>::history_places(const Discretization<Dim>& discretization) const {
+  std::vector<Index> places(discretization.size());
+  Index at = 0;
+  const auto by_region = points_by_region(discretization);
+  for (Index region = 0; region < num_regions(); ++region)
+    for (const Index K : by_region[region]) {
+      places[K] = at;
+      at += history_size(region);
+    }
+  return places;
+}
+
 template <int Dim>
 PointResponses<Dim> Materials<Dim>::respond(const Discretization<Dim>& discretization, const Gradients<Dim>& H,
                                             const Eigen::Ref<const Vector>& history, double dt, bool tangents) const {
@@ -166,7 +178,8 @@ PointResponses<Dim> Materials<Dim>::respond(const Discretization<Dim>& discretiz
   const Index all = discretization.size();
   require(H.cols() == all && history.size() == history_size(discretization),
           "materials: a gradient and a history for each point expected");
-  PointResponses<Dim> result{Gradients<Dim>(gradient_size<Dim>, all), Vector(all), Vector(history.size()), {}};
+  PointResponses<Dim> result{
+      Gradients<Dim>(gradient_size<Dim>, all), Vector(all), Vector(all), Vector(history.size()), {}};
   if (tangents) result.A.resize(all);
   const auto by_region = points_by_region(discretization);
   Index first = 0;  // of the region's history
@@ -187,6 +200,7 @@ PointResponses<Dim> Materials<Dim>::respond(const Discretization<Dim>& discretiz
       for (Index k = 0; k < n; ++k) {
         const Index K = here[k];
         result.energy[K] = response.energy[k];
+        result.dissipated[K] = response.dissipated[k];
         for (int a = 0; a < gradient_size<Dim>; ++a) {
           result.P(a, K) = response.P(tensor_places<Dim>[a], k);
           for (int b = 0; tangents && b < gradient_size<Dim>; ++b)

@@ -41,7 +41,8 @@ template <int Dim> struct PointTangents {
 /// What materials answer at the points of a discretization.
 template <int Dim> struct PointResponses {
   Gradients<Dim> P;             ///< stress, first Piola-Kirchhoff
-  Vector energy;                ///< free energy [stress]
+  Vector energy;                ///< stored [stress]
+  Vector dissipated;            ///< in this step [stress]
   Vector history;               ///< after; laid out as Materials::history_size says
   std::vector<Tangent<Dim>> A;  ///< dP/dH; empty if they are not wanted
 };
@@ -72,9 +73,16 @@ template <int Dim> class Materials {
                               double share = 1.0) const;
   /// Whether all materials are (Material::linear).
   bool linear() const;
+  /// Whether a region's material is one of finite strains (Material::finite_strain).
+  bool finite_strain(Index region) const { return materials_[region]->finite_strain(); }
+  Plane plane() const { return plane_; }
   /// Numbers that the points of a discretization remember: region after region, in these point after point, each with
   /// all that its material remembers.
   Index history_size(const Discretization<Dim>& discretization) const;
+  /// Where in that each point's numbers begin.
+  std::vector<Index> history_places(const Discretization<Dim>& discretization) const;
+  /// How many a point of a region has.
+  Index history_size(Index region) const { return in_plane_[region]->history_size(); }
   /// Asks the materials at all points of a discretization: what gradients H (column = point) make of histories (of that
   /// layout) in a time dt. Throws what materials throw.
   PointResponses<Dim> respond(const Discretization<Dim>& discretization, const Gradients<Dim>& H,

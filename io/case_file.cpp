@@ -3,9 +3,9 @@
 
 #include "efree/core/error.hpp"
 #include "efree/io/expression.hpp"
+#include "efree/io/internal/material_reader.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 #include "efree/io/internal/section.hpp"
-#include "efree/materials/linear_elastic.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -15,7 +15,9 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <memory>
 #include <numbers>
+#include <regex>
 #include <set>
 #include <tuple>
 
@@ -24,8 +26,15 @@ namespace {
 
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
 
-/// [definitions] in the order they are written: each may use those before, and the grey value of an image.
-template <int Dim> Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey) {
+/// The time in expressions, or why there is none.
+struct Clock {
+  std::optional<double> time;
+  std::string why{};
+};
+
+/// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.
+template <int Dim>
+Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock) {
   const Section section = root.section("definitions", {});
   std::vector<std::pair<std::string, const toml::node*>> entries;
   for (const auto& [key, node] : section.table()) entries.emplace_back(key.str(), &node);
@@ -38,6 +47,10 @@ template <int Dim> Expressions<Dim> read_definitions(const Section& root, const 
     expressions.define("grey", grey);
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
+  if (clock.time)
+    expressions.define("t", fmt::format("{}", *clock.time));
+  else if (!section.has("t"))
+    expressions.refuse("t", clock.why);
   for (const auto& [name, node] : entries)
     expressions.define(name, section.expression(*node, name), section.where(*node));
   return expressions;
@@ -165,118 +178,6 @@ template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& 
     grading.boundaries.push_back({places.name(entry), entry.number("spacing", positive)});
   return grading;
 }
-
-/// [material] or [[material]]: numbers, or expressions of the place.
-template <int Dim> class MaterialReader {
- public:
-  explicit MaterialReader(const Expressions<Dim>& expressions) : expressions_(expressions) {}
-
-  void read(const Section& root, Settings<Dim>& result) const {
-    if (!root.has("material") || root.is_table("material"))
-      read_one(root.required_section("material", keys), result);
-    else
-      result.materials = read_regions(root);
-  }
-
- private:
-  void read_one(const Section& section, Settings<Dim>& result) const {
-    result.model.material = read(section);
-    result.density = density(section);
-  }
-  /// 0 if nothing is said.
-  Parameter density(const Section& section) const {
-    return section.has("density") ? parameter(section, "density", positive) : Parameter(0.0);
-  }
-  std::vector<RegionMaterial> read_regions(const Section& root) const {
-    Section::Keys with_region = keys;
-    with_region.push_back("region");
-    std::vector<RegionMaterial> materials;
-    for (const Section& section : root.sections("material", with_region)) {
-      const std::string region = section.text("region");
-      for (const auto& earlier : materials)
-        if (earlier.region == region)
-          section.fail("region",
-                       fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-      materials.push_back({region, read(section), section.where("region"), density(section)});
-    }
-    if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
-    return materials;
-  }
-
-  enum class Model { linear_elastic, orthotropic };
-  static inline const Section::Keys keys{"model", "E", "nu", "G", "axes", "angle", "factor", "density"};
-
-  SharedMaterial read(const Section& section) const {
-    const auto model =
-        section.choice<Model>("model", {{"linear_elastic", Model::linear_elastic}, {"orthotropic", Model::orthotropic}},
-                              Model::linear_elastic);
-    const auto only_orthotropic = {"G", "axes", "angle", "factor"};
-    for (const char* key : only_orthotropic)
-      if (model == Model::linear_elastic && section.has(key))
-        section.fail(key, fmt::format("{} is for model = \"orthotropic\"", key));
-    return model == Model::orthotropic ? orthotropic(section) : isotropic(section);
-  }
-  SharedMaterial isotropic(const Section& section) const {
-    const Parameter E = parameter(section, "E", positive), nu = parameter(section, "nu", {-1.0, 0.5});
-    return LinearElastic(E, nu);
-  }
-  SharedMaterial orthotropic(const Section& section) const {
-    const auto three = [&](const char* key, const Interval& range) {
-      const std::vector<double> numbers = section.numbers(key, range);
-      if (numbers.size() != 3) section.fail(key, fmt::format("{} has {} numbers, expected 3", key, numbers.size()));
-      return Vec<3>(numbers[0], numbers[1], numbers[2]);
-    };
-    const OrthotropicModuli moduli{three("E", positive), three("nu", any_number), three("G", positive), axes(section)};
-    const Parameter factor = section.has("factor") ? parameter(section, "factor", positive) : Parameter(1.0);
-    try {
-      return OrthotropicElastic(moduli, factor);
-    } catch (const InputError& error) {
-      section.fail("nu", error.what());
-    }
-  }
-  /// In space the first two axes; in the plane the angle from x to the first.
-  Mat<3> axes(const Section& section) const {
-    Mat<3> result = Mat<3>::Identity();
-    if (Dim == 2) {
-      if (section.has("axes")) section.fail("axes", "in the plane axes are given by their angle to x [degrees]");
-      const double angle = section.number("angle", any_number, 0.0) * std::numbers::pi / 180.0;
-      result.topLeftCorner<2, 2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
-      return result;
-    }
-    if (section.has("angle")) section.fail("angle", "in space axes are given as two vectors: axes = [[...], [...]]");
-    if (!section.has("axes")) return result;
-    const auto [first, second] = section.corners<3>("axes");
-    if (!(first.norm() > 0.0 && second.norm() > 0.0 &&
-          std::abs(first.dot(second)) < 1e-9 * first.norm() * second.norm()))
-      section.fail("axes", "the first two axes are not at right angles to each other");
-    result.col(0) = first.normalized();
-    result.col(1) = (second - result.col(0).dot(second) * result.col(0)).normalized();
-    result.col(2) = result.col(0).cross(result.col(1));
-    return result;
-  }
-  Parameter parameter(const Section& section, const char* key, const Interval& range) const {
-    if (section.has(key) && section.table().get(key)->is_string()) {
-      const std::string text = section.expression(key);
-      const auto field = expressions_.field(text, section.where(key));
-      if (!expressions_.varies(text, section.where(key))) {
-        const double value = field(Vec<Dim>::Zero());
-        if (!range.contains(value))
-          section.fail(key, fmt::format("{} is {:.6g}, expected {}", key, value, range.text()));
-        return value;
-      }
-      return [field, range, what = fmt::format("{}: {}", section.where(key), key)](const Vec<3>& X) {
-        const double value = field(X.head<Dim>());
-        if (!range.contains(value))
-          throw InputError(fmt::format("{} is {:.6g} at ({:.6g}), expected {}", what, value,
-                                       fmt::join(X.head<Dim>(), ", "), range.text()));
-        return value;
-      };
-    }
-    return section.number(key, range);
-  }
-
-  const Expressions<Dim>& expressions_;
-};
 
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
 /// them.
@@ -589,28 +490,78 @@ template <int Dim> Plane read_plane(const Section& analysis) {
       Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
 }
 
-template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Section& root, const Section& geometry,
-                                  const Reading& reading) {
+constexpr std::array boundary_keys{"on",
+                                   "displacement",
+                                   "normal_displacement",
+                                   "stiffness",
+                                   "normal_stiffness",
+                                   "traction",
+                                   "pressure",
+                                   "force",
+                                   "moment",
+                                   "at"};
+constexpr std::array analysis_keys{"plane",         "essential", "body_force",   "correction",
+                                   "largest_error", "extremes",  "acceleration", "rotation"};
+
+/// What holds and loads the body, into the case, which knows its plane.
+template <int Dim> void read_acting(const Section& root, const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
+                                    Case<Dim>& result) {
+  const Section::Keys keys(boundary_keys.begin(), boundary_keys.end());
+  const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
+  if (analysis.has("body_force"))
+    result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
+  read_mass_forces(analysis, expressions, result);
+  BoundaryReader<Dim> conditions(expressions, places, result);
+  conditions.read(root.sections("boundary", keys));
+  read_load_cases(root.sections("case", {"name", "boundary"}), keys, conditions, result);
+}
+
+/// Whether an expression below a node has the time in it.
+bool mentions_time(const toml::node& node) {
+  static const std::regex time(R"((^|[^A-Za-z0-9_.])t($|[^A-Za-z0-9_(]))");
+  if (const auto* text = node.as_string()) return std::regex_search(text->get(), time);
+  if (const auto* array = node.as_array()) return std::ranges::any_of(*array, mentions_time);
+  if (const auto* table = node.as_table())
+    return std::ranges::any_of(*table, [](const auto& entry) {
+      return entry.first.str() != "on" && entry.first.str() != "name" && mentions_time(entry.second);
+    });
+  return false;
+}
+
+/// [time]: the steps, and what acts at each time if something depends on it.
+template <int Dim>
+TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
+  const Section section = root.section("time", {"end", "step", "min_step", "max_step"});
+  TimeSettings<Dim> result;
+  result.path.end = section.number("end", positive, 1.0);
+  const Interval up_to_end{0.0, result.path.end, false, true};
+  result.path.step = section.number("step", up_to_end, 0.05 * result.path.end);
+  result.path.min_step = section.number("min_step", {0.0, result.path.step, false, true}, 1e-3 * result.path.step);
+  result.path.max_step = section.number("max_step", {result.path.step, Interval::infinity, true},
+                                        std::max(result.path.step, 0.1 * result.path.end));
+  const auto mentioned = [&](const char* key) { return table->contains(key) && mentions_time(*table->get(key)); };
+  if (!mentioned("boundary") && !mentioned("definitions") && !mentioned("analysis")) return result;
+  result.acting = [table, file = of.where, plane = of.model.plane, grey = of.geometry.grey](double time) {
+    const Section all(*table, "", file, {});
+    Case<Dim> then;
+    then.where = file;
+    then.model.plane = plane;
+    PlaceReader<Dim> places(then);
+    read_acting(all, read_definitions<Dim>(all, grey, {time}), places, then);
+    return Acting<Dim>{std::move(then.supports), std::move(then.loads)};
+  };
+  return result;
+}
+
+template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
+                                  const Section& root, const Section& geometry, const Reading& reading) {
   const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
                                                "least", "boxes", "regions", "boundaries"});
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
-  const Section::Keys analysis_keys{"plane",         "essential", "body_force",   "correction",
-                                    "largest_error", "extremes",  "acceleration", "rotation"};
+  const Section::Keys of_analysis(analysis_keys.begin(), analysis_keys.end());
   const Section analysis =
-      Dim == 2 ? root.required_section("analysis", analysis_keys) : root.section("analysis", analysis_keys);
-  const Section::Keys boundary_keys{"on",
-                                    "displacement",
-                                    "normal_displacement",
-                                    "stiffness",
-                                    "normal_stiffness",
-                                    "traction",
-                                    "pressure",
-                                    "force",
-                                    "moment",
-                                    "at"};
-  const auto boundaries = root.sections("boundary", boundary_keys);
-  const auto cases = root.sections("case", {"name", "boundary"});
+      Dim == 2 ? root.required_section("analysis", of_analysis) : root.section("analysis", of_analysis);
   const auto probes = root.sections("probe", {"name", "at"});
   const auto reactions = root.sections("reaction", {"name", "on"});
 
@@ -618,21 +569,18 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
   result.where = file.string();
   result.title = root.text("title", file.stem().string());
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
-  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey);
-  read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
-
   result.model.plane = read_plane<Dim>(analysis);
-  if (analysis.has("body_force"))
-    result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
-  read_mass_forces(analysis, expressions, result);
-  MaterialReader<Dim>(expressions).read(root, result);
+  if (root.has("time")) result.time = read_time<Dim>(root, table, result);
+  const Clock clock{result.time ? std::optional(result.time->path.end) : std::nullopt,
+                    "t is the time of [time], and the case has none"};
+  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
+  read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
+  internal::MaterialReader<Dim>(expressions).read(root, result);
 
-  if (boundaries.empty())
+  if (root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}).empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
   PlaceReader<Dim> places(result);
-  BoundaryReader<Dim> conditions(expressions, places, result);
-  conditions.read(boundaries);
-  read_load_cases(cases, boundary_keys, conditions, result);
+  read_acting(root, expressions, places, result);
   read_reactions(reactions, places, result);
   result.approximation.grading = read_grading(cloud, places, result.graded);
   if (analysis.has("essential"))
@@ -652,15 +600,15 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const Secti
 }  // namespace
 
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading) {
-  const toml::table table = internal::parse_toml(file.string());
-  const Section root(table, "", file.string(),
+  const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
+  const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
-                      "boundary", "case", "exact", "probe", "reaction", "accuracy"});
+                      "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
   if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading) == 2)
-    return read<2>(file, root, geometry, reading);
-  return read<3>(file, root, geometry, reading);
+    return read<2>(file, table, root, geometry, reading);
+  return read<3>(file, table, root, geometry, reading);
 }
 
 }  // namespace efree

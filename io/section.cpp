@@ -169,6 +169,17 @@ std::vector<double> Section::numbers(std::string_view key, const Interval& range
   return result;
 }
 
+std::vector<std::array<double, 2>> Section::pairs(std::string_view key) const {
+  const toml::array* all = need(key).as_array();
+  if (!all || all->empty()) reject(need(key), key, "an array of pairs of numbers");
+  std::vector<std::array<double, 2>> result;
+  for (const toml::node& node : *all) {
+    const toml::array& pair = array(node, key, 2, "numbers");
+    result.push_back({number(*pair.get(0), key, any_number), number(*pair.get(1), key, any_number)});
+  }
+  return result;
+}
+
 std::string Section::expression(const toml::node& node, std::string_view key) const {
   if (node.is_string()) return text(node, key);
   if (!node.is_number()) reject(node, key, "a number or an expression");

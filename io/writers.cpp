@@ -217,7 +217,8 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   for (const auto& loads : loads_by_case(settings))
     loaded = loaded.cwiseMax(marked(space, loads.tractions)).cwiseMax(marked(space, loads.resultants));
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
-  grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
+  if (result.error_density.size() > 0)
+    grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
 }
 
@@ -252,6 +253,19 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   json["boundaries"] = ordered_json::object();
   for (const auto& part : result.parts)
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
+  if (!result.history.empty()) {
+    const auto& last = result.history.back();
+    int iterations = 0;
+    for (const auto& step : result.history) iterations += step.iterations;
+    json["path"] = {{"steps", result.history.size()},
+                    {"time", last.time},
+                    {"iterations", iterations},
+                    {"dissipated", last.dissipated},
+                    {"smallest_J", last.smallest_jacobian},
+                    {"plastic_share", last.plastic_share},
+                    {"negative_pivots", last.negative_pivots}};
+    if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
+  }
   if (result.errors) json["errors"] = errors_json(*result.errors);
   add_answer<Dim>(result.basis().space, result, json);
   if (result.cells) {

@@ -115,6 +115,7 @@ struct Cholesky::Impl {
   std::vector<Index> node_order(const Pattern& of_nodes, const std::vector<Index>& node_of) {
     const Index nodes = static_cast<Index>(of_nodes.offsets.size()) - 1;
     cholmod_sparse view = symmetric_view(nodes, of_nodes.offsets.data(), of_nodes.rows.data(), nullptr);
+    common.common.nmethods = 0;  // CHOLMOD's own strategy, also after an earlier pattern
     const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, common.get()); };
     const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, common.get()), free);
     common.check(node_of.size());

@@ -39,6 +39,9 @@ class Equations {
   virtual State moved(State state, const Vector& change) const = 0;
   /// Forces that are not in balance, by unknown [force]: internal less external ones. Throws what materials throw.
   virtual Vector residual(const State& state) const = 0;
+  /// Forces out of balance at `to` (the same unknowns under another factor) if what was prescribed in between is taken
+  /// as a small change of `from`: what Newton's method starts a step with, whatever jumps are prescribed.
+  virtual Vector first_residual(const State& /*from*/, const State& to) const { return residual(to); }
   /// A force that residuals are small or large against: the largest that acts anywhere, each by itself.
   virtual double force_scale(const State& state) const = 0;
   /// The derivative of the residual by the unknowns, lower triangle. K is empty, or from the same equations: then its

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The ways to an answer: a cloud, quadratic elements alone, a grid of cells.
+/// The ways to an answer: a cloud, quadratic elements alone, a grid of cells, steps through time.
 #pragma once
 
 #include "efree/analysis/result.hpp"
@@ -17,6 +17,11 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
 
 /// Quadratic elements, from the linear ones on.
 template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
+
+/// Steps through time, by Newton's method: materials that are not linear, and loads that change.
+template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
+/// Whether an analysis is one.
+template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh);
 
 /// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where nobody
 /// said how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, to half of

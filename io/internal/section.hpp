@@ -75,6 +75,8 @@ class Section {
 
   /// An array of numbers of any length, or one number.
   std::vector<double> numbers(std::string_view key, const Interval& range) const;
+  /// An array of pairs of numbers: [[a, b], [c, d], ...].
+  std::vector<std::array<double, 2>> pairs(std::string_view key) const;
   template <int Dim> Vec<Dim> point(std::string_view key) const { return point<Dim>(need(key), key); }
   /// Two opposite corners: [[x0, y0], [x1, y1]].
   template <int Dim> std::array<Vec<Dim>, 2> corners(std::string_view key) const {

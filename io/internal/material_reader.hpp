@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// [material] and [[material]] of a case file.
+#pragma once
+
+#include "efree/analysis/settings.hpp"
+#include "efree/io/expression.hpp"
+#include "efree/io/internal/section.hpp"
+#include "efree/materials/moduli.hpp"
+
+#include <vector>
+
+namespace efree::internal {
+
+/// Materials from tables of numbers and expressions of the place.
+template <int Dim> class MaterialReader {
+ public:
+  /// Refers to the expressions.
+  explicit MaterialReader(const Expressions<Dim>& expressions) : expressions_(expressions) {}
+
+  /// The material of the whole body, or of each region. Throws InputError that begins with "file:line: ".
+  void read(const Section& root, Settings<Dim>& result) const;
+
+ private:
+  SharedMaterial read(const Section& section) const;
+  Parameter density(const Section& section) const;
+  std::vector<RegionMaterial> read_regions(const Section& root) const;
+  SharedMaterial orthotropic(const Section& section) const;
+  SharedMaterial ogden(const Section& section) const;
+  ElasticModuli moduli(const Section& section) const;
+  Mat<3> axes(const Section& section) const;
+  Parameter parameter(const Section& section, const char* key, const Interval& range) const;
+
+  const Expressions<Dim>& expressions_;
+};
+
+}  // namespace efree::internal

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/internal/material_reader.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/linear_elastic.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+
+namespace efree::internal {
+namespace {
+
+enum class Model {
+  linear_elastic,
+  orthotropic,
+  st_venant_kirchhoff,
+  neo_hookean,
+  neo_hookean_split,
+  mooney_rivlin,
+  ogden,
+  hencky,
+};
+const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", Model::linear_elastic},
+                                                             {"orthotropic", Model::orthotropic},
+                                                             {"st_venant_kirchhoff", Model::st_venant_kirchhoff},
+                                                             {"neo_hookean", Model::neo_hookean},
+                                                             {"neo_hookean_split", Model::neo_hookean_split},
+                                                             {"mooney_rivlin", Model::mooney_rivlin},
+                                                             {"ogden", Model::ogden},
+                                                             {"hencky", Model::hencky}};
+const std::vector<std::string_view> constants{"E", "nu", "mu", "kappa", "lambda"};
+
+/// Keys that a model has besides model, region and density.
+std::vector<std::string_view> keys_of(Model model) {
+  switch (model) {
+    case Model::linear_elastic:
+      return {"E", "nu"};
+    case Model::orthotropic:
+      return {"E", "nu", "G", "axes", "angle", "factor"};
+    case Model::mooney_rivlin:
+      return {"c10", "c01", "kappa"};
+    case Model::ogden:
+      return {"terms", "kappa"};
+    default:
+      return constants;
+  }
+}
+const Section::Keys all_keys{"model", "density", "E",     "nu",     "mu",  "kappa", "lambda",
+                             "G",     "axes",    "angle", "factor", "c10", "c01",   "terms"};
+
+/// Refuses keys of other models.
+void check_keys(const Section& section, Model model) {
+  const auto own = keys_of(model);
+  const auto name = std::ranges::find(models, model, [](const auto& entry) { return entry.second; })->first;
+  for (const std::string_view key : all_keys)
+    if (key != "model" && key != "density" && section.has(key) && std::ranges::find(own, key) == own.end())
+      section.fail(key,
+                   fmt::format("{} means nothing for model = \"{}\", which has {}", key, name, fmt::join(own, ", ")));
+}
+
+}  // namespace
+
+template <int Dim> void MaterialReader<Dim>::read(const Section& root, Settings<Dim>& result) const {
+  if (root.has("material") && !root.is_table("material")) {
+    result.materials = read_regions(root);
+    return;
+  }
+  const Section section = root.required_section("material", all_keys);
+  result.model.material = read(section);
+  result.density = density(section);
+}
+
+/// 0 if nothing is said.
+template <int Dim> Parameter MaterialReader<Dim>::density(const Section& section) const {
+  return section.has("density") ? parameter(section, "density", positive) : Parameter(0.0);
+}
+
+template <int Dim> std::vector<RegionMaterial> MaterialReader<Dim>::read_regions(const Section& root) const {
+  Section::Keys with_region = all_keys;
+  with_region.push_back("region");
+  std::vector<RegionMaterial> materials;
+  for (const Section& section : root.sections("material", with_region)) {
+    const std::string region = section.text("region");
+    for (const auto& earlier : materials)
+      if (earlier.region == region)
+        section.fail("region", fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
+    materials.push_back({region, read(section), section.where("region"), density(section)});
+  }
+  if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
+  return materials;
+}
+
+template <int Dim> SharedMaterial MaterialReader<Dim>::read(const Section& section) const {
+  const auto model = section.choice<Model>("model", models, Model::linear_elastic);
+  check_keys(section, model);
+  try {
+    switch (model) {
+      case Model::linear_elastic:
+        return LinearElastic(parameter(section, "E", positive), parameter(section, "nu", {-1.0, 0.5}));
+      case Model::orthotropic:
+        return orthotropic(section);
+      case Model::st_venant_kirchhoff:
+        return StVenantKirchhoff(moduli(section));
+      case Model::neo_hookean:
+        return NeoHookean(moduli(section));
+      case Model::neo_hookean_split:
+        return NeoHookeanSplit(moduli(section));
+      case Model::mooney_rivlin:
+        return MooneyRivlin(parameter(section, "c10", any_number),
+                            section.has("c01") ? parameter(section, "c01", any_number) : Parameter(0.0),
+                            parameter(section, "kappa", positive));
+      case Model::ogden:
+        return ogden(section);
+      case Model::hencky:
+        return Hencky(moduli(section));
+    }
+  } catch (const InputError& error) {
+    if (std::string_view(error.what()).starts_with(section.where().substr(0, section.where().rfind(':')))) throw;
+    section.fail("model", error.what());
+  }
+  throw std::logic_error("a model that is not read");
+}
+
+/// Any two elastic constants; the material checks that they are two.
+template <int Dim> ElasticModuli MaterialReader<Dim>::moduli(const Section& section) const {
+  ElasticModuli result;
+  if (section.has("E")) result.E = parameter(section, "E", positive);
+  if (section.has("nu")) result.nu = parameter(section, "nu", {-1.0, 0.5});
+  if (section.has("mu")) result.mu = parameter(section, "mu", positive);
+  if (section.has("kappa")) result.kappa = parameter(section, "kappa", positive);
+  if (section.has("lambda")) result.lambda = parameter(section, "lambda", any_number);
+  return result;
+}
+
+/// terms = [[mu, alpha], ...].
+template <int Dim> SharedMaterial MaterialReader<Dim>::ogden(const Section& section) const {
+  std::vector<OgdenTerm> terms;
+  for (const auto& [mu, alpha] : section.pairs("terms")) terms.push_back({mu, alpha});
+  return Ogden(terms, parameter(section, "kappa", positive));
+}
+
+template <int Dim> SharedMaterial MaterialReader<Dim>::orthotropic(const Section& section) const {
+  const auto three = [&](const char* key, const Interval& range) {
+    const std::vector<double> numbers = section.numbers(key, range);
+    if (numbers.size() != 3) section.fail(key, fmt::format("{} has {} numbers, expected 3", key, numbers.size()));
+    return Vec<3>(numbers[0], numbers[1], numbers[2]);
+  };
+  const OrthotropicModuli moduli{three("E", positive), three("nu", any_number), three("G", positive), axes(section)};
+  const Parameter factor = section.has("factor") ? parameter(section, "factor", positive) : Parameter(1.0);
+  try {
+    return OrthotropicElastic(moduli, factor);
+  } catch (const InputError& error) {
+    section.fail("nu", error.what());
+  }
+}
+
+/// In space the first two axes; in the plane the angle from x to the first.
+template <int Dim> Mat<3> MaterialReader<Dim>::axes(const Section& section) const {
+  Mat<3> result = Mat<3>::Identity();
+  if (Dim == 2) {
+    if (section.has("axes")) section.fail("axes", "in the plane axes are given by their angle to x [degrees]");
+    const double angle = section.number("angle", any_number, 0.0) * std::numbers::pi / 180.0;
+    result.topLeftCorner<2, 2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+    return result;
+  }
+  if (section.has("angle")) section.fail("angle", "in space axes are given as two vectors: axes = [[...], [...]]");
+  if (!section.has("axes")) return result;
+  const auto [first, second] = section.corners<3>("axes");
+  if (!(first.norm() > 0.0 && second.norm() > 0.0 && std::abs(first.dot(second)) < 1e-9 * first.norm() * second.norm()))
+    section.fail("axes", "the first two axes are not at right angles to each other");
+  result.col(0) = first.normalized();
+  result.col(1) = (second - result.col(0).dot(second) * result.col(0)).normalized();
+  result.col(2) = result.col(0).cross(result.col(1));
+  return result;
+}
+
+template <int Dim>
+Parameter MaterialReader<Dim>::parameter(const Section& section, const char* key, const Interval& range) const {
+  if (section.has(key) && section.table().get(key)->is_string()) {
+    const std::string text = section.expression(key);
+    const auto field = expressions_.field(text, section.where(key));
+    if (!expressions_.varies(text, section.where(key))) {
+      const double value = field(Vec<Dim>::Zero());
+      if (!range.contains(value)) section.fail(key, fmt::format("{} is {:.6g}, expected {}", key, value, range.text()));
+      return value;
+    }
+    return [field, range, what = fmt::format("{}: {}", section.where(key), key)](const Vec<3>& X) {
+      const double value = field(X.head<Dim>());
+      if (!range.contains(value))
+        throw InputError(fmt::format("{} is {:.6g} at ({:.6g}), expected {}", what, value,
+                                     fmt::join(X.head<Dim>(), ", "), range.text()));
+      return value;
+    };
+  }
+  return section.number(key, range);
+}
+
+template class MaterialReader<2>;
+template class MaterialReader<3>;
+
+}  // namespace efree::internal

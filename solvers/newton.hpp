@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Newton's method, and paths of equilibria through time.
+#pragma once
+
+#include "efree/core/error.hpp"
+#include "efree/core/monitor.hpp"
+#include "efree/solvers/equations.hpp"
+#include "efree/solvers/linear_solver.hpp"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// When Newton's method is done, and when it gives up.
+struct NewtonOptions {
+  double tolerance = 1e-10;  ///< largest force out of balance, over Equations::force_scale
+  int max_iterations = 25;
+  int max_cuts = 8;  ///< halvings of one change
+};
+
+/// A state in balance.
+struct Converged {
+  State state;                    ///< not committed
+  std::vector<double> residuals;  ///< by iteration: largest force out of balance, over force_scale
+  Index negative_pivots = 0;      ///< of the last tangent: directions in which the energy falls (an instability)
+
+  int iterations() const { return static_cast<int>(residuals.size()) - 1; }
+};
+
+/// A tangent and its factor, kept from one solve to the next: the pattern is analysed once.
+class TangentSolver {
+ public:
+  /// Refers to both.
+  TangentSolver(const Equations& equations, LinearSolver& linear) : equations_(equations), linear_(linear) {}
+  /// With the tangent at a state: the change that takes the forces r out of balance away. Throws what the linear
+  /// solver throws.
+  Vector change(const State& at, const Vector& r);
+  Index negative_pivots() const { return linear_.negative_pivots(); }
+
+ private:
+  const Equations& equations_;
+  LinearSolver& linear_;
+  SymmetricMatrix K_;
+};
+
+/// The state at a factor (time), from one in balance. The first change is that of the tangent where it comes from, for
+/// what is prescribed in between; changes are cut where the materials have no answer, and where they lead away
+/// (line search on the work of the residual on the change; Crisfield 1991, section 9.4). Throws NumericalError saying
+/// why if it does not converge.
+Converged newton(const Equations& equations, TangentSolver& tangent, const State& from, double factor,
+                 const NewtonOptions& options = {});
+
+/// Steps through time.
+struct PathOptions {
+  double end = 1.0;       ///< [time]
+  double step = 0.1;      ///< the first [time]
+  double min_step = 0.0;  ///< 0: a thousandth of the first
+  double max_step = 0.0;  ///< 0: a tenth of the way, but no less than the first
+  NewtonOptions newton{};
+};
+
+/// A path that does not go on.
+class PathError : public NumericalError {
+ public:
+  PathError(const std::string& why, double last, int converged) : NumericalError(why), time(last), steps(converged) {}
+  double time;  ///< of the last state in balance
+  int steps;    ///< converged before
+};
+
+/// One step of a path, in balance.
+struct PathStep {
+  State before;   ///< committed
+  Converged now;  ///< not committed
+  State after;    ///< committed
+  int number;     ///< from 1
+  double next;    ///< the step that is tried next: PathOptions::step of who goes on from `after`, for the same path
+};
+
+/// Follows equilibria from a committed state to the end. A step that does not converge is halved; after easy ones (up
+/// to five iterations) steps grow by half, after hard ones (ten and more) they shrink. Calls `converged` after every
+/// step. Throws PathError where steps fall below the least. Returns the last state.
+State follow(const Equations& equations, LinearSolver& linear, State from, const PathOptions& options,
+             const std::function<void(const PathStep&)>& converged = {}, const Monitor& monitor = {});
+
+}  // namespace efree

@@ -1,0 +1,565 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/nonlinear_equilibrium.hpp"
+
+#include "efree/assembly/bodies.hpp"
+#include "efree/assembly/held_gradient.hpp"
+#include "efree/assembly/internal/gather.hpp"
+#include "efree/assembly/internal/matrix_pattern.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
+#include "efree/core/error.hpp"
+#include "efree/solvers/internal/stiffness_terms.hpp"
+#include "efree/solvers/locking.hpp"
+#include "efree/solvers/reactions.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <optional>
+#include <tuple>
+
+namespace efree {
+
+using internal::BlockColumn;
+using internal::MatrixPattern;
+using internal::Unknowns;
+
+namespace {
+
+template <int Dim> Mat<3> in_space(const Gradient<Dim>& F) {
+  Mat<3> result = Mat<3>::Zero();
+  for (int a = 0; a < gradient_size<Dim>; ++a) result.data()[tensor_places<Dim>[a]] = F[a];
+  return result;
+}
+template <int Dim> Gradient<Dim> components(const Mat<3>& F) {
+  Gradient<Dim> result;
+  for (int a = 0; a < gradient_size<Dim>; ++a) result[a] = F.data()[tensor_places<Dim>[a]];
+  return result;
+}
+
+/// Volume over that at rest, and what its change is made of: dJ = J g . dF, dg = - G dF.
+template <int Dim> struct Volume {
+  double J;
+  Gradient<Dim> g;
+  Mat<3> inverse;
+
+  explicit Volume(const Gradient<Dim>& F) : J(in_space<Dim>(F).determinant()), inverse(in_space<Dim>(F).inverse()) {
+    g = components<Dim>(inverse.transpose());
+  }
+  Tangent<Dim> G() const {
+    Tangent<Dim> result;
+    for (int a = 0; a < gradient_size<Dim>; ++a)
+      for (int b = 0; b < gradient_size<Dim>; ++b) {
+        const int i = tensor_places<Dim>[a] % 3, J_ = tensor_places<Dim>[a] / 3;
+        const int k = tensor_places<Dim>[b] % 3, L = tensor_places<Dim>[b] / 3;
+        result(a, b) = inverse(L, i) * inverse(J_, k);
+      }
+    return result;
+  }
+};
+
+/// Points of each union, ascending.
+Ragged<Index> members(const std::vector<Index>& union_of, Index unions) {
+  Ragged<Index> result;
+  result.offsets.assign(unions + 1, 0);
+  for (const Index g : union_of) ++result.offsets[g + 1];
+  for (Index g = 0; g < unions; ++g) result.offsets[g + 1] += result.offsets[g];
+  result.items.resize(union_of.size());
+  std::vector<Index> cursor(result.offsets.begin(), result.offsets.end() - 1);
+  for (std::size_t K = 0; K < union_of.size(); ++K) result.items[cursor[union_of[K]]++] = static_cast<Index>(K);
+  return result;
+}
+
+}  // namespace
+
+template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
+  /// What acts at one time.
+  struct Acting {
+    Points<Dim> loads;  ///< on coefficients
+    PrescribedMotion<Dim> motion;
+    NodalConditions<Dim> nodal;
+    std::vector<Restraint<Dim>> restraints;  ///< that are not nodal
+    std::vector<Restraint<Dim>> rigid;
+
+    Acting scaled(double factor) const {
+      Acting result{factor * loads, motion * factor, nodal, restraints, rigid};
+      for (auto& values : result.nodal.values) values *= factor;
+      for (auto* all : {&result.restraints, &result.rigid})
+        for (auto& restraint : *all)
+          restraint.value = [value = restraint.value, factor](const Vec<Dim>& x) { return factor * value(x); };
+      return result;
+    }
+  };
+
+  const Approximation<Dim>& approximation;
+  Program<Dim> program;
+  bool weakly;
+  Materials<Dim> materials;
+  std::vector<StiffnessTerm<Dim>> initial;
+  HeldGradient<Dim> held;
+  std::vector<bool> finite;   ///< by region
+  Ragged<Index> members;      ///< points by union; no rows without averages
+  Vector volumes;             ///< of unions
+  Ragged<Index> union_nodes;  ///< that the dilatation of a union depends on, ascending
+  Ragged<NodePlace> unions_of_node;
+  SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
+  Unknowns<Dim> unknowns;
+  MatrixPattern<Dim> pattern;
+
+  mutable std::mutex making;
+  mutable std::vector<std::pair<double, std::shared_ptr<const Acting>>> made;  ///< for the last times asked for
+
+  Data(const Approximation<Dim>& of, const ElasticModel& model, Program<Dim> acts)
+      : approximation(of),
+        program(std::move(acts)),
+        weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
+        materials(materials_of(model, of.space.mesh())),
+        initial(stiffness_terms(of, materials, 0.0)),
+        held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(1.0))),
+             tied_facets(of.space.mesh(), model.open_interface)),
+        unknowns(of.shape.num_nodes(), nodal(restraints(program.conditions(1.0)))),
+        pattern(of.shape.num_nodes(), {}, {}) {
+    for (Index region = 0; region < materials.num_regions(); ++region)
+      finite.push_back(materials.finite_strain(region));
+    const Index nodes = of.shape.num_nodes();
+    weak = held.penalty();
+    if (of.dilatation.size() > 0) {
+      members = efree::members(of.union_of, of.dilatation.size());
+      volumes = Vector::Zero(members.rows());
+      std::vector<Index> all;
+      for (Index g = 0; g < members.rows(); ++g) {
+        all.clear();
+        for (const Index K : members[g]) {
+          volumes[g] += held.quadrature().weights[K];
+          const auto row = held.nodes(K);
+          all.insert(all.end(), row.begin(), row.end());
+        }
+        std::ranges::sort(all);
+        all.erase(std::unique(all.begin(), all.end()), all.end());
+        union_nodes.items.insert(union_nodes.items.end(), all.begin(), all.end());
+        union_nodes.close_row();
+      }
+      const auto places = places_of_nodes(nodes, members.rows(), [&](Index g) { return union_nodes[g]; });
+      unions_of_node.offsets = places.offsets;
+      for (const auto& [row, position] : places.items) unions_of_node.items.push_back({row, position});
+      weak += gather_blocks<Dim>(nodes, [&](Index a, Accumulator<Mat<Dim>>& sums) {
+        for (const auto& [g, k] : unions_of_node[a])
+          for (const Index node : union_nodes[g].subspan(k)) sums[node];
+      });
+    }
+    pattern = MatrixPattern<Dim>(nodes, {&held.quadrature().shape}, weak);
+  }
+
+  std::vector<Restraint<Dim>> not_nodal(std::vector<Restraint<Dim>> all) const {
+    if (!weakly) std::erase_if(all, [](const auto& restraint) { return !restraint.is_elastic(); });
+    return all;
+  }
+  NodalConditions<Dim> nodal(std::vector<Restraint<Dim>> all) const {
+    if (weakly) return {};
+    std::erase_if(all, [](const auto& restraint) { return restraint.is_elastic(); });
+    return nodal_conditions(approximation.space, approximation.shape, approximation.node_dofs, all);
+  }
+
+  std::shared_ptr<const Acting> make(double time) const {
+    const auto all = restraints(program.conditions(time));
+    auto rigid = all;
+    std::erase_if(rigid, [](const auto& restraint) { return restraint.is_elastic(); });
+    return std::make_shared<const Acting>(
+        Acting{load_vector(approximation.space, approximation.shape, program.loads(time)),
+               held.prescribed(not_nodal(all)), nodal(all), not_nodal(all), rigid});
+  }
+  /// What acts at a time; the same for the same time.
+  std::shared_ptr<const Acting> acting(double time) const {
+    constexpr std::size_t kept = 4;
+    const std::lock_guard lock(making);
+    for (const auto& [when, what] : made)
+      if (when == time) return what;
+    std::shared_ptr<const Acting> result;
+    const double full = program.full_at;
+    if (full != 0.0 && time != full) {
+      std::shared_ptr<const Acting> one;
+      for (const auto& [when, what] : made)
+        if (when == full) one = what;
+      if (!one) made.emplace(made.begin(), full, one = make(full));
+      result = std::make_shared<const Acting>(one->scaled(time / full));
+    } else {
+      result = make(time);
+    }
+    made.emplace_back(time, result);
+    if (made.size() > kept) made.erase(made.begin() + (full != 0.0 ? 1 : 0));
+    return result;
+  }
+
+  Points<Dim> displacements(const State& state) const { return state.u.reshaped(Dim, state.u.size() / Dim); }
+  Points<Dim> weak_forces(const Points<Dim>& U) const {
+    if (weak.size() == 0) return Points<Dim>::Zero(Dim, U.cols());
+    const Vector forces = weak.template selfadjointView<Eigen::Lower>() * U.reshaped();
+    return forces.reshaped(Dim, U.cols());
+  }
+  bool averaged() const { return members.rows() > 0; }
+
+  /// Gradients, and what the materials say to those that they see.
+  struct Answer {
+    Gradients<Dim> H;     ///< of the points themselves
+    Gradients<Dim> seen;  ///< by the materials
+    PointResponses<Dim> of;
+    Vector dilatation;  ///< by union: mean J (finite strains) or trace (small ones); empty without averages
+    Vector pressure;    ///< by union: work on its dilatation per volume
+  };
+
+  /// 1 + H.
+  Gradient<Dim> deformation(const Gradients<Dim>& H, Index K) const { return H.col(K) + trace_direction<Dim>(); }
+  bool is_finite(Index K) const { return finite[held.quadrature().region[K]]; }
+  Gradient<Dim> swelling(Index K) const {
+    Stiffness<Dim> room;
+    const auto& points = held.quadrature();
+    return gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
+  }
+  Volume<Dim> volume(const Gradients<Dim>& H, Index K) const {
+    const Volume<Dim> result(deformation(H, K));
+    if (!(result.J > 0.0))
+      throw NumericalError(fmt::format("the body is turned inside out at ({:.6g}): J = {:.3g}",
+                                       fmt::join(Vec<Dim>(held.quadrature().points.col(K)), ", "), result.J));
+    return result;
+  }
+
+  Gradients<Dim> gradients(const State& state) const {
+    return held.of(displacements(state)) + acting(state.time)->motion.gradients;
+  }
+
+  Answer ask(const State& state, bool tangents) const {
+    Answer answer;
+    answer.H = gradients(state);
+    answer.seen = answer.H;
+    const auto& points = held.quadrature();
+    if (averaged()) {
+      const Gradient<Dim> trace = materials.trace();
+      answer.dilatation = Vector::Zero(members.rows());
+      parallel_for(members.rows(), [&](Index g) {
+        double sum = 0.0;
+        for (const Index K : members[g])
+          sum += points.weights[K] * (is_finite(K) ? volume(answer.H, K).J : trace.dot(answer.H.col(K)));
+        answer.dilatation[g] = sum / volumes[g];
+        for (const Index K : members[g])
+          if (is_finite(K)) {
+            const Gradient<Dim> F = deformation(answer.H, K);
+            const double r = std::cbrt(answer.dilatation[g] / in_space<Dim>(F).determinant());
+            answer.seen.col(K) += (r - 1.0) * F;
+          } else {
+            answer.seen.col(K) += (answer.dilatation[g] - trace.dot(answer.H.col(K))) * swelling(K);
+          }
+      });
+    }
+    answer.of = materials.respond(points, answer.seen, state.history, state.dt, tangents);
+    if (averaged()) {
+      answer.pressure = Vector::Zero(members.rows());
+      for (Index g = 0; g < members.rows(); ++g)
+        for (const Index K : members[g])
+          answer.pressure[g] +=
+              points.weights[K] / volumes[g] *
+              (is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / (3.0 * answer.dilatation[g])
+                            : swelling(K).dot(answer.of.P.col(K)));
+    }
+    return answer;
+  }
+
+  /// The stress that works on the gradient of a point, that through the dilatation of its union included.
+  Gradients<Dim> stresses(const Answer& answer) const {
+    if (!averaged()) return answer.of.P;
+    Gradients<Dim> P(gradient_size<Dim>, held.size());
+    const Gradient<Dim> trace = materials.trace();
+    parallel_for(held.size(), [&](Index K) {
+      const Index g = approximation.union_of[K];
+      const Gradient<Dim> of = answer.of.P.col(K);
+      if (is_finite(K)) {
+        const Volume<Dim> v(deformation(answer.H, K));
+        const double r = std::cbrt(answer.dilatation[g] / v.J);
+        P.col(K) = r * of + (answer.pressure[g] * v.J - of.dot(deformation(answer.seen, K)) / 3.0) * v.g;
+      } else {
+        P.col(K) = of + (answer.pressure[g] - swelling(K).dot(of)) * trace;
+      }
+    });
+    return P;
+  }
+
+  /// Second derivatives of the energy by the gradient of a point and the dilatation of its union, per volume.
+  struct PointTangent {
+    Tangent<Dim> A;
+    Gradient<Dim> dilatation;  ///< change of the point's dilatation by its gradient
+    Gradient<Dim> mixed;
+    double bulk;
+  };
+  PointTangent point_tangent(const Answer& answer, Index K) const {
+    const Tangent<Dim> A = 0.5 * (answer.of.A[K] + answer.of.A[K].transpose());
+    PointTangent result{A, Gradient<Dim>::Zero(), Gradient<Dim>::Zero(), 0.0};
+    if (!averaged()) return result;
+    const Index g = approximation.union_of[K];
+    if (!is_finite(K)) {
+      const Gradient<Dim> trace = materials.trace(), s = swelling(K), change = A * s;
+      const Tangent<Dim> own = Tangent<Dim>::Identity() - s * trace.transpose();
+      return {own.transpose() * A * own, trace, change - s.dot(change) * trace, s.dot(change)};
+    }
+    const Gradient<Dim> F = deformation(answer.H, K), seen = deformation(answer.seen, K), P = answer.of.P.col(K);
+    const Volume<Dim> v(F);
+    const double mean = answer.dilatation[g], r = std::cbrt(mean / v.J), work = P.dot(seen);
+    const Tangent<Dim> M = r * (Tangent<Dim>::Identity() - F * v.g.transpose() / 3.0), G = v.G();
+    const Gradient<Dim> s = seen / (3.0 * mean), change = A * s;
+    const Tangent<Dim> gg = v.g * v.g.transpose(), Pg = P * v.g.transpose();
+    result.A = M.transpose() * A * M - r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G +
+               answer.pressure[g] * v.J * (gg - G);
+    result.dilatation = v.J * v.g;
+    result.mixed = M.transpose() * (change + P / (3.0 * mean));
+    result.bulk = s.dot(change) - 2.0 / 9.0 * work / (mean * mean);
+    return result;
+  }
+
+  Points<Dim> internal_forces(const State& state) const {
+    return weak_forces(displacements(state)) - acting(state.time)->motion.forces +
+           held.force(stresses(ask(state, false)));
+  }
+
+  void tangent(const State& state, SymmetricMatrix& result) const {
+    const Answer answer = ask(state, true);
+    const Index size = held.size();
+    std::vector<Tangent<Dim>> A(size);
+    // By entry of a union's nodes: what its dilatation changes by, and the forces that a change of it makes.
+    std::vector<Vec<Dim>> along, forces;
+    if (!averaged()) {
+      parallel_for(size, [&](Index K) { A[K] = point_tangent(answer, K).A; });
+    } else {
+      along.assign(union_nodes.items.size(), Vec<Dim>::Zero());
+      forces = along;
+      parallel_for(members.rows(), [&](Index g) {
+        const auto nodes = union_nodes[g];
+        const Index first = union_nodes.offsets[g];
+        double bulk = 0.0;
+        for (const Index K : members[g]) {
+          const PointTangent point = point_tangent(answer, K);
+          A[K] = point.A;
+          const double w = held.quadrature().weights[K];
+          bulk += w * point.bulk;
+          const auto row = held.nodes(K);
+          for (std::size_t k = 0, at = 0; k < row.size(); ++k) {
+            while (nodes[at] != row[k]) ++at;
+            const GradientBlock<Dim> block = held.block(K, k);
+            along[first + at] += w / volumes[g] * (block.transpose() * point.dilatation);
+            forces[first + at] += w * (block.transpose() * point.mixed);
+          }
+        }
+        // Half of the work of the dilatation on itself from each side.
+        for (std::size_t at = 0; at < nodes.size(); ++at) forces[first + at] += 0.5 * bulk * along[first + at];
+      });
+    }
+    pattern.sum(
+        unknowns,
+        [&](Index a, BlockColumn<Dim>& column) {
+          held.add_stiffness(A, a, column);
+          if (!averaged()) return;
+          for (const auto& [g, k] : unions_of_node[a]) {
+            const auto nodes = union_nodes[g];
+            const Index first = union_nodes.offsets[g];
+            for (std::size_t l = k; l < nodes.size(); ++l)
+              column[nodes[l]] +=
+                  along[first + l] * forces[first + k].transpose() + forces[first + l] * along[first + k].transpose();
+          }
+        },
+        weak, result);
+  }
+
+  /// Change of the internal forces by small changes of coefficients and of what is prescribed.
+  Points<Dim> linearised(const State& state, const Points<Dim>& dU, const PrescribedMotion<Dim>& motion) const {
+    const Answer answer = ask(state, true);
+    const Gradients<Dim> dH = held.of(dU) + motion.gradients;
+    Gradients<Dim> dP(gradient_size<Dim>, held.size());
+    if (!averaged()) {
+      parallel_for(held.size(), [&](Index K) { dP.col(K) = point_tangent(answer, K).A * dH.col(K); });
+    } else {
+      parallel_for(members.rows(), [&](Index g) {
+        double change = 0.0, pressure = 0.0, bulk = 0.0;
+        for (const Index K : members[g]) {
+          const PointTangent point = point_tangent(answer, K);
+          const double share = held.quadrature().weights[K] / volumes[g];
+          change += share * point.dilatation.dot(dH.col(K));
+          pressure += share * point.mixed.dot(dH.col(K));
+          bulk += share * point.bulk;
+        }
+        for (const Index K : members[g]) {
+          const PointTangent point = point_tangent(answer, K);
+          dP.col(K) = point.A * dH.col(K) + change * point.mixed + (pressure + bulk * change) * point.dilatation;
+        }
+      });
+    }
+    return weak_forces(dU) - motion.forces + held.force(dP);
+  }
+};
+
+template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approximation<Dim>& approximation,
+                                                                   const ElasticModel& model, Program<Dim> program) {
+  if (Dim == 2 && approximation.space.axisymmetric() != (model.plane == Plane::axisymmetric))
+    throw InputError(approximation.space.axisymmetric()
+                         ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
+                         : "the model is axisymmetric: approximate with axisymmetric = true");
+  require(model.stabilisation == 0.0, "a stabilisation is for linear materials: expected 0");
+  require_decided(approximation, model);
+  const auto conditions = restraints(program.conditions(1.0));
+  require_restrained(approximation.space, conditions, tied_facets(approximation.space.mesh(), model.open_interface));
+  data_ = std::make_shared<const Data>(approximation, model, std::move(program));
+  if (Dim == 2 && model.plane == Plane::stress && data_->averaged() && finite_strain())
+    throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
+}
+
+template <int Dim> State NonlinearEquilibrium<Dim>::rest() const {
+  return {.u = Vector::Zero(Dim * approximation().shape.num_nodes()),
+          .history = Vector::Zero(data_->materials.history_size(data_->held.quadrature()))};
+}
+
+template <int Dim> State NonlinearEquilibrium<Dim>::under(double time, State state) const {
+  state.dt = time - (state.time - state.dt);
+  state.time = time;
+  state.factor = time;
+  const auto acting = data_->acting(time);
+  state.u =
+      Unknowns<Dim>(data_->unknowns.num_nodes(), acting->nodal).prescribe(1.0, data_->displacements(state)).reshaped();
+  return state;
+}
+
+template <int Dim> State NonlinearEquilibrium<Dim>::moved(State state, const Vector& change) const {
+  state.u += data_->unknowns.to_nodes(change).reshaped();
+  return state;
+}
+
+template <int Dim> Vector NonlinearEquilibrium<Dim>::residual(const State& state) const {
+  return data_->unknowns.of(data_->internal_forces(state) - data_->acting(state.time)->loads);
+}
+
+template <int Dim> Vector NonlinearEquilibrium<Dim>::first_residual(const State& from, const State& to) const {
+  const auto before = data_->acting(from.time), after = data_->acting(to.time);
+  const PrescribedMotion<Dim> motion{after->motion.gradients - before->motion.gradients,
+                                     after->motion.forces - before->motion.forces};
+  State start = from;  // its history, with the step's duration
+  start.dt = to.dt;
+  const Points<Dim> change = data_->displacements(to) - data_->displacements(from);
+  return data_->unknowns.of(data_->internal_forces(start) + data_->linearised(start, change, motion) - after->loads);
+}
+
+template <int Dim> double NonlinearEquilibrium<Dim>::force_scale(const State& state) const {
+  constexpr double least_strain = 1e-4;  // stresses of less are not told from rounding where the body turns
+  double largest = data_->acting(state.time)->loads.cwiseAbs().maxCoeff();
+  const auto answer = data_->ask(state, false);
+  const auto& points = data_->held.quadrature();
+  Vector sums = Vector::Zero(points.shape.num_nodes());
+  for (Index K = 0; K < points.size(); ++K) {
+    Stiffness<Dim> room;
+    const double stiffness = materials().stiffness(points.region[K], points.points.col(K), room).C(0, 0);
+    const double stress = std::max(answer.of.P.col(K).norm(), least_strain * stiffness);
+    const auto row = points.shape.row(K);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      sums[row.nodes[k]] += points.weights[K] * stress * row.dN[k].norm();
+  }
+  return std::max(largest, sums.maxCoeff());
+}
+
+template <int Dim> void NonlinearEquilibrium<Dim>::tangent(const State& state, SymmetricMatrix& K) const {
+  data_->tangent(state, K);
+}
+
+template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {
+  state.history = data_->ask(state, false).of.history;
+  state.dt = 0.0;
+  return state;
+}
+
+template <int Dim> const std::vector<Index>& NonlinearEquilibrium<Dim>::node_of_unknowns() const {
+  return data_->unknowns.node_of();
+}
+
+template <int Dim> double NonlinearEquilibrium<Dim>::energy(const State& state) const {
+  return data_->held.quadrature().weights.dot(data_->ask(state, false).of.energy);
+}
+
+template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const State& state) const {
+  auto answer = data_->ask(state, false);
+  const auto& points = data_->held.quadrature();
+  const Index size = points.size();
+  PointFields<Dim> result{answer.seen,
+                          data_->stresses(answer),
+                          VoigtPoints<Dim>(voigt_size<Dim>, size),
+                          VoigtPoints<Dim>(voigt_size<Dim>, size),
+                          std::move(answer.of.energy),
+                          std::move(answer.of.dissipated),
+                          std::move(answer.of.history)};
+  if constexpr (Dim == 2)
+    if (data_->materials.plane() == Plane::stress) {  // PlaneStress remembers its strains last, zz first of them
+      const auto places = data_->materials.history_places(points);
+      for (Index K = 0; K < size; ++K)
+        result.F(4, K) = result.history[places[K] + data_->materials.history_size(points.region[K]) - 3];
+    }
+  for (Index K = 0; K < size; ++K) {
+    const Gradient<Dim> P = answer.of.P.col(K);
+    result.strain.col(K) = strain_of<Dim>(result.F.col(K));
+    result.stress.col(K) = stress_of<Dim>(P);
+    result.F.col(K) += trace_direction<Dim>();
+    if (!data_->is_finite(K)) continue;
+    const Mat<3> F = in_space<Dim>(result.F.col(K));
+    const Eigen::SelfAdjointEigenSolver<Mat<3>> stretch(F * F.transpose());
+    const Mat<3> log = stretch.eigenvectors() * (0.5 * stretch.eigenvalues().array().log()).matrix().asDiagonal() *
+                       stretch.eigenvectors().transpose();
+    result.strain.col(K) = strain_of<Dim>(components<Dim>(log));
+    result.stress.col(K) = stress_of<Dim>(components<Dim>(in_space<Dim>(P) * F.transpose() / F.determinant()));
+  }
+  return result;
+}
+
+template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const State& state) const {
+  const auto acting = data_->acting(state.time);
+  const Points<Dim> U = data_->displacements(state);
+  const Gradients<Dim> P = data_->stresses(data_->ask(state, false));
+  Resultants<Dim> reactions = data_->held.reactions(acting->restraints, P, U, finite_strain());
+  if (data_->weakly) return reactions;
+  const auto& [space, nodes] = std::tie(approximation().space, approximation().node_dofs);
+  std::vector<Index> node_at(space.size(), -1);
+  for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
+  const Points<Dim> forces = data_->internal_forces(state) - acting->loads;
+  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces))
+    reactions[part] += of;
+  return reactions;
+}
+
+template <int Dim> std::vector<AppliedLoad<Dim>> NonlinearEquilibrium<Dim>::applied(const State& state) const {
+  const auto& program = data_->program;
+  const double full = program.full_at;
+  Points<Dim> moved_by;
+  if (finite_strain()) moved_by = interpolate(approximation().shape, data_->displacements(state));
+  auto loads = applied_loads(approximation().space, program.loads(full != 0.0 ? full : state.time),
+                             finite_strain() ? &moved_by : nullptr);
+  if (full != 0.0)
+    for (auto& load : loads) load.of = load.of * (state.time / full);
+  return loads;
+}
+
+template <int Dim> double NonlinearEquilibrium<Dim>::smallest_jacobian(const State& state) const {
+  const Gradients<Dim> H = data_->gradients(state);
+  double smallest = std::numeric_limits<double>::infinity();
+  for (Index K = 0; K < data_->held.size(); ++K)
+    smallest = std::min(smallest, in_space<Dim>(data_->deformation(H, K)).determinant());
+  return smallest;
+}
+
+template <int Dim> bool NonlinearEquilibrium<Dim>::finite_strain() const {
+  return std::ranges::find(data_->finite, true) != data_->finite.end();
+}
+template <int Dim> const Approximation<Dim>& NonlinearEquilibrium<Dim>::approximation() const {
+  return data_->approximation;
+}
+template <int Dim> const Materials<Dim>& NonlinearEquilibrium<Dim>::materials() const {
+  return data_->materials;
+}
+
+template class NonlinearEquilibrium<2>;
+template class NonlinearEquilibrium<3>;
+
+}  // namespace efree

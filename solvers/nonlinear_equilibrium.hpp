@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Equations of equilibrium of a solid whose materials answer as they like: any strains, with memory.
+#pragma once
+
+#include "efree/assembly/conditions.hpp"
+#include "efree/assembly/loads.hpp"
+#include "efree/quadrature/approximation.hpp"
+#include "efree/solvers/equilibrium.hpp"
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace efree {
+
+/// What acts on a body over time. The parts of the boundary and the components that conditions name are the same at all
+/// times.
+template <int Dim> struct Program {
+  std::function<std::vector<DisplacementCondition<Dim>>(double time)> conditions;
+  std::function<Loads<Dim>(double time)> loads;
+  /// If not 0, everything is in proportion to the time, and at this time what conditions and loads say.
+  double full_at = 0.0;
+
+  /// In proportion to the time, and as said at the time `full_at`.
+  static Program grows(std::vector<DisplacementCondition<Dim>> conditions, Loads<Dim> loads = {},
+                       double full_at = 1.0) {
+    return {[conditions = std::move(conditions)](double) { return conditions; },
+            [loads = std::move(loads)](double) { return loads; }, full_at};
+  }
+};
+
+/// Stresses and strains at quadrature points, as they are now.
+template <int Dim> struct PointFields {
+  Gradients<Dim> F;         ///< deformation gradients that the materials see, the stretch across a thin plate included
+  Gradients<Dim> P;         ///< first Piola-Kirchhoff stress that works on the gradients of the points [stress]
+  VoigtPoints<Dim> stress;  ///< of small strains; of finite ones the true stress (Cauchy) [stress]
+  VoigtPoints<Dim> strain;  ///< small, or the logarithm of the stretch, ln(F F^T) / 2; engineering shear
+  Vector energy;            ///< stored [stress]
+  Vector dissipated;        ///< since the last commit [stress]
+  Vector history;           ///< as Materials::history_size says
+};
+
+/// Total Lagrangian: residual = sum_K w_K G_K^T P(F_K) - forces, F = 1 + H. Displacements are held, and regions tied,
+/// by the gradients themselves (HeldGradient), or on nodal values. With unions materials see the mean dilatation of
+/// their union: at small strains H + s (mean tr H - tr H), s as in Equilibrium; at finite ones (J_mean / J)^(1/3) F,
+/// J_mean the mean of J over the union (Simo, Taylor & Pister 1985; de Souza Neto et al. 1996 take J at a centroid),
+/// which is the derivative of one energy, so that tangents are symmetric. Tangents of materials that are not symmetric
+/// are taken for their symmetric part: Newton's method then converges linearly.
+template <int Dim> class NonlinearEquilibrium final : public Equations {
+ public:
+  /// Refers to the approximation. Throws InputError like Equilibrium; for a stabilisation, which is of linear
+  /// materials; for averaged dilatations of finite strains in plane stress.
+  NonlinearEquilibrium(const Approximation<Dim>& approximation, const ElasticModel& model, Program<Dim> program);
+
+  State rest() const override;
+  State under(double time, State state) const override;
+  State moved(State state, const Vector& change) const override;
+  Vector residual(const State& state) const override;
+  Vector first_residual(const State& from, const State& to) const override;
+  double force_scale(const State& state) const override;
+  void tangent(const State& state, SymmetricMatrix& K) const override;
+  State commit(State state) const override;
+  bool linear() const override { return false; }
+  const std::vector<Index>& node_of_unknowns() const override;
+
+  /// Stored energy [force * length], in the plane per thickness.
+  double energy(const State& state) const;
+  /// What the materials say at the quadrature points.
+  PointFields<Dim> fields(const State& state) const;
+  /// By part with displacement conditions: the force and moment (about the origin, of forces where they are now at
+  /// finite strains) by which it holds the body.
+  Resultants<Dim> reactions(const State& state) const;
+  /// Each load that acts, and what it amounts to; moments as those of reactions.
+  std::vector<AppliedLoad<Dim>> applied(const State& state) const;
+  /// The smallest J at a quadrature point.
+  double smallest_jacobian(const State& state) const;
+  /// Whether some material is one of finite strains.
+  bool finite_strain() const;
+  const Approximation<Dim>& approximation() const;
+  const Materials<Dim>& materials() const;
+
+ private:
+  struct Data;
+  std::shared_ptr<const Data> data_;
+};
+
+}  // namespace efree

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Bodies at finite strains, and materials with memory, by Newton's method.
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/newton.hpp"
+#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/tests/bodies.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+
+namespace efree {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+/// W = mu/2 (tr C - 3 - 2 ln J) + lambda/2 (ln J)^2.
+class NeoHooke final : public Material {
+ public:
+  NeoHooke(double lambda, double mu) : lambda_(lambda), mu_(mu) {}
+  bool homogeneous() const override { return true; }
+  void respond(const Deformation& deformation, MaterialResponse& response) const override {
+    for (Index p = 0; p < deformation.size(); ++p) {
+      const Mat<3> F = deformation.gradient(p);
+      const double J = F.determinant();
+      if (!(J > 0.0)) throw NumericalError("J is not positive");
+      const Mat<3> inverse = F.inverse(), g = inverse.transpose();
+      const double log = std::log(J);
+      response.stress(p) = mu_ * (F - g) + lambda_ * log * g;
+      response.energy[p] = 0.5 * mu_ * (F.squaredNorm() - 3.0 - 2.0 * log) + 0.5 * lambda_ * log * log;
+      if (!response.tangent) continue;
+      for (int l = 0; l < 9; ++l) {
+        Mat<3> dF = Mat<3>::Zero();
+        dF(l % 3, l / 3) = 1.0;
+        const Mat<3> dg = -g * dF.transpose() * g;
+        const Mat<3> dP = mu_ * (dF - dg) + lambda_ * (g.cwiseProduct(dF).sum() * g + log * dg);
+        response.tangent_at(p).col(l) = dP.reshaped();
+      }
+    }
+  }
+
+ private:
+  double lambda_, mu_;
+};
+
+struct Variant {
+  std::string name;
+  ApproximationOptions options;
+  Essential essential = Essential::nitsche;
+};
+std::vector<Variant> variants(double spacing) {
+  return {{"cells", {.spacing = spacing, .dilatation = Dilatation::pointwise}},
+          {"averaged", {.spacing = spacing, .dilatation = Dilatation::averaged}},
+          {"linear", {.spacing = spacing, .secondary = SecondaryKind::linear, .dilatation = Dilatation::pointwise}},
+          {"quadratic, averaged",
+           {.order = 2, .spacing = spacing, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged}},
+          {"second cloud", {.spacing = spacing, .secondary = SecondaryKind::mls, .dilatation = Dilatation::pointwise}},
+          {"linear elements, weakly", {.kind = BasisKind::p1, .dilatation = Dilatation::pointwise}},
+          {"quadratic elements, nodal values",
+           {.kind = BasisKind::p2, .dilatation = Dilatation::averaged},
+           Essential::strong}};
+}
+
+template <int Dim> DisplacementCondition<Dim> prescribed(std::string on, const Mat<Dim>& H) {
+  DisplacementCondition<Dim> condition{std::move(on), {}, {}};
+  for (int i = 0; i < Dim; ++i) condition.components[i] = [H, i](const Vec<Dim>& x) { return (H * x)[i]; };
+  return condition;
+}
+template <int Dim> std::vector<DisplacementCondition<Dim>> everywhere(const FineMesh<Dim>& mesh, const Mat<Dim>& H) {
+  std::vector<DisplacementCondition<Dim>> conditions;
+  for (const auto& group : mesh.groups()) conditions.push_back(prescribed<Dim>(group.name, H));
+  return conditions;
+}
+template <int Dim> Points<Dim> fine(const Approximation<Dim>& approximation, const State& state) {
+  return interpolate(approximation.shape, Points<Dim>(state.u.reshaped(Dim, approximation.nodes.cols())));
+}
+template <int Dim>
+Converged solved(const NonlinearEquilibrium<Dim>& equations, double time = 1.0, const NewtonOptions& options = {}) {
+  Cholesky linear;
+  TangentSolver tangent(equations, linear);
+  return newton(equations, tangent, equations.rest(), time, options);
+}
+
+/// Directional derivative of the residual against the tangent, at a random state around a deformed one.
+template <int Dim> void expect_tangent_is_derivative(const NonlinearEquilibrium<Dim>& equations, const State& around,
+                                                     double amplitude, const std::string& name) {
+  const auto unknowns = static_cast<Index>(equations.node_of_unknowns().size());
+  const State state = equations.moved(around, amplitude * Vector::Random(unknowns));
+  SymmetricMatrix K;
+  equations.tangent(state, K);
+  const Vector direction = Vector::Random(unknowns);
+  const double step = 1e-5 * amplitude / 0.02;
+  const Vector derivative = (equations.residual(equations.moved(state, step * direction)) -
+                             equations.residual(equations.moved(state, -step * direction))) /
+                            (2.0 * step);
+  const Vector product = K.selfadjointView<Eigen::Lower>() * direction;
+  EXPECT_LT((product - derivative).cwiseAbs().maxCoeff(), 1e-7 * product.cwiseAbs().maxCoeff()) << name;
+}
+
+TEST(NonlinearEquilibrium, TangentIsTheDerivativeOfTheResidualInThePlane) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.25});
+  const Mat<2> H{{0.2, 0.1}, {0.05, -0.1}};
+  for (const Plane plane : {Plane::strain, Plane::stress})
+    for (auto [name, options, essential] : variants(0.6)) {
+      if (plane == Plane::stress) options.dilatation = Dilatation::pointwise;
+      const auto approximation = approximate(mesh, options);
+      const NonlinearEquilibrium<2> equations(
+          approximation, {.material = NeoHooke(1.3, 0.7), .plane = plane, .essential = essential},
+          Program<2>::grows({prescribed<2>("left", H), {"right", {[](const Vec<2>&) { return 0.3; }}, {}}}));
+      expect_tangent_is_derivative(equations, equations.under(0.1, equations.rest()), 0.005, name);
+    }
+}
+
+TEST(NonlinearEquilibrium, TangentIsTheDerivativeOfTheResidualInBodiesOfRevolutionAndInSpace) {
+  const FineMesh<2> section = triangulate(shapes::rectangle(0.5, 0, 2, 1), {.size = 0.25});
+  for (const Dilatation dilatation : {Dilatation::pointwise, Dilatation::averaged}) {
+    const auto approximation = approximate(section, {.axisymmetric = true, .spacing = 0.6, .dilatation = dilatation});
+    const NonlinearEquilibrium<2> equations(approximation,
+                                            {.material = NeoHooke(1.3, 0.7), .plane = Plane::axisymmetric},
+                                            Program<2>::grows({clamp<2>("bottom")}));
+    expect_tangent_is_derivative(equations, equations.rest(), 0.01, "axisymmetric");
+  }
+  const FineMesh<3> mesh(solids::box({1.0, 1.0, 1.0}, 0.3));
+  for (const Dilatation dilatation : {Dilatation::pointwise, Dilatation::averaged}) {
+    const auto approximation = approximate<3>(mesh, {.spacing = 0.5, .dilatation = dilatation});
+    const NonlinearEquilibrium<3> equations(
+        approximation, {.material = NeoHooke(1.3, 0.7)},
+        Program<3>::grows({clamp<3>("left"), {"right", {}, [](const Vec<3>&) { return 0.1; }}}));
+    expect_tangent_is_derivative(equations, equations.under(1.0, equations.rest()), 0.005, "solid");
+  }
+}
+
+TEST(NonlinearEquilibrium, FiniteAffineMotionsAreExactInThePlane) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.2});
+  const Mat<2> H{{0.6, 0.5}, {-0.2, -0.3}};
+  for (const auto& [name, options, essential] : variants(0.5)) {
+    const auto approximation = approximate(mesh, options);
+    const NonlinearEquilibrium<2> equations(
+        approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain, .essential = essential},
+        Program<2>::grows(everywhere(mesh, H)));
+    const auto result = solved(equations);
+    const Points<2> u = fine(approximation, result.state);
+    for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-9) << name;
+    Mat<3> F = Mat<3>::Identity();
+    F.topLeftCorner<2, 2>() += H;
+    const auto exact = respond(NeoHooke(1.3, 0.7), {Points<3>::Zero(3, 1), F.reshaped(), Matrix(0, 1)}, false);
+    const auto fields = equations.fields(result.state);
+    const Mat<3> sigma = Mat<3>(exact.P.reshaped(3, 3)) * F.transpose() / F.determinant();
+    const Voigt<2> cauchy{sigma(0, 0), sigma(1, 1), sigma(2, 2), sigma(0, 1)};
+    EXPECT_LT((fields.stress.colwise() - cauchy).cwiseAbs().maxCoeff(), 1e-8) << name;
+    EXPECT_NEAR(equations.energy(result.state), 2.0 * exact.energy[0], 1e-8) << name;
+  }
+}
+
+TEST(NonlinearEquilibrium, FiniteAffineMotionsAreExactInSpaceAndThroughTies) {
+  const Mat<3> H{{0.3, 0.2, 0.0}, {-0.1, -0.2, 0.3}, {0.1, 0.0, 0.2}};
+  const FineMesh<3> mesh(solids::box({1.0, 1.0, 1.0}, 0.3));
+  for (const Dilatation dilatation : {Dilatation::pointwise, Dilatation::averaged}) {
+    const auto approximation = approximate<3>(mesh, {.spacing = 0.5, .dilatation = dilatation});
+    const NonlinearEquilibrium<3> equations(approximation, {.material = NeoHooke(1.3, 0.7)},
+                                            Program<3>::grows(everywhere(mesh, H)));
+    const Points<3> u = fine(approximation, solved(equations).state);
+    for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-9);
+  }
+}
+
+TEST(NonlinearEquilibrium, RigidTurnsMakeNoStressAndNoEnergy) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.2});
+  const double angle = 2.0;  // in steps
+  Program<2> program;
+  program.loads = [](double) { return Loads<2>{}; };
+  program.conditions = [&](double t) {
+    return std::vector{prescribed<2>("left", Eigen::Rotation2Dd(angle * t).toRotationMatrix() - Mat<2>::Identity())};
+  };
+  for (const Dilatation dilatation : {Dilatation::pointwise, Dilatation::averaged}) {
+    const auto approximation = approximate(mesh, {.spacing = 0.5, .dilatation = dilatation});
+    const NonlinearEquilibrium<2> equations(approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain},
+                                            program);
+    Cholesky linear;
+    const State end = follow(equations, linear, equations.rest(), {.step = 0.2});
+    const Mat<2> H = Eigen::Rotation2Dd(angle).toRotationMatrix() - Mat<2>::Identity();
+    const Points<2> u = fine(approximation, end);
+    for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-8);
+    EXPECT_LT(equations.fields(end).stress.cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LT(equations.energy(end), 1e-16);
+  }
+}
+
+/// A block between sliding planes: P_yy = 0 gives the stretch across, P_xx the force.
+TEST(NonlinearEquilibrium, ConvergesQuadraticallyToTheClosedFormOfASlidingBlock) {
+  const double lambda = 1.3, mu = 0.7, stretch = 1.8;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.2});
+  double b = 1.0;  // mu (b - 1/b) + lambda ln(a b) / b = 0
+  for (int k = 0; k < 50; ++k) {
+    const double f = mu * (b - 1.0 / b) + lambda * std::log(stretch * b) / b;
+    const double df = mu * (1.0 + 1.0 / (b * b)) + lambda * (1.0 - std::log(stretch * b)) / (b * b);
+    b -= f / df;
+  }
+  const double P = mu * (stretch - 1.0 / stretch) + lambda * std::log(stretch * b) / stretch;
+  for (const auto& [name, options, essential] : variants(0.5)) {
+    const auto approximation = approximate(mesh, options);
+    const NonlinearEquilibrium<2> equations(
+        approximation, {.material = NeoHooke(lambda, mu), .plane = Plane::strain, .essential = essential},
+        Program<2>::grows({symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), {"right", {}, [=](const Vec<2>&) {
+                                                                                      return 2.0 * (stretch - 1.0);
+                                                                                    }}}));
+    const auto result = solved(equations);
+    const Points<2> u = fine(approximation, result.state);
+    for (Index v = 0; v < mesh.num_vertices(); ++v) {
+      const Vec<2> x = mesh.vertex(v);
+      ASSERT_LT((u.col(v) - Vec<2>((stretch - 1.0) * x[0], (b - 1.0) * x[1])).norm(), 1e-8) << name;
+    }
+    const auto reactions = equations.reactions(result.state);
+    EXPECT_NEAR(reactions.at("right").force[0], P, 1e-8) << name;
+    EXPECT_NEAR(reactions.at("left").force[0], -P, 1e-8) << name;
+    EXPECT_LT(result.iterations(), 9) << name;
+    const auto& r = result.residuals;
+    for (std::size_t k = 1; k < r.size(); ++k)
+      if (r[k - 1] < 0.01 && r[k] > 1e-13) EXPECT_LT(r[k], 100.0 * r[k - 1] * r[k - 1]) << name;
+  }
+}
+
+TEST(NonlinearEquilibrium, ReactionsBalanceDeadLoadsAlsoInMomentsWhereForcesAreNow) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 4, 1), {.size = 0.2});
+  for (const auto& [name, options, essential] : variants(0.5)) {
+    const auto approximation = approximate(mesh, options);
+    const Vec<2> t(0.0, -0.01);
+    const NonlinearEquilibrium<2> equations(
+        approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain, .essential = essential},
+        Program<2>::grows({clamp<2>("left")},
+                          {.tractions = {{"right", [t](const Vec<2>&, const Vec<2>&) { return t; }}}}));
+    Cholesky linear;
+    const State end = follow(equations, linear, equations.rest(), {.step = 0.25});
+    const auto reaction = equations.reactions(end).at("left");
+    EXPECT_LT((reaction.force + t).norm(), 1e-10) << name;
+    // Where the load is now.
+    const Points<2> u = fine(approximation, end);
+    double arm = 0.0;
+    const auto& space = approximation.space;
+    for (const Index f : mesh.group("right"))
+      for (Index g = 0; g < space.facet_rule().weights.size(); ++g) {
+        const auto at = space.facet_point(f, space.facet_rule().points.col(g));
+        const Index c = mesh.facet_cell(f);
+        const auto N = space.values(at);
+        double x = space.position(c, at)[0];
+        for (std::size_t i = 0; i < space.cell(c).size(); ++i) x += N[i] * u(0, space.cell(c)[i]);
+        arm += x * mesh.facet_measure(f) * space.facet_rule().weights[g];
+      }
+    EXPECT_LT(arm, 3.95) << name << ": the beam is bent";
+    EXPECT_NEAR(reaction.moment[0], -arm * t[1], 1e-9) << name;
+  }
+}
+
+TEST(NonlinearPath, StepsAreCutWhereTheyDoNotConvergeAndGrowWhereTheyDo) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.2});
+  const auto approximation = approximate(mesh, {.spacing = 0.4});
+  const NonlinearEquilibrium<2> equations(
+      approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain},
+      Program<2>::grows(
+          {clamp<2>("left"), {"right", {[](const Vec<2>&) { return -0.7; }, [](const Vec<2>&) { return 0.0; }}, {}}}));
+  Cholesky linear;
+  std::vector<double> times{0.0};
+  follow(equations, linear, equations.rest(), {.step = 1.0, .newton = {.max_iterations = 6}},
+         [&](const PathStep& step) { times.push_back(step.after.time); });
+  EXPECT_EQ(times.back(), 1.0);
+  EXPECT_GT(times.size(), 2u);
+  EXPECT_THAT(
+      [&] {
+        follow(equations, linear, equations.rest(), {.step = 0.5, .min_step = 0.3, .newton = {.max_iterations = 1}});
+      },
+      ThrowsMessage<PathError>(HasSubstr("does not converge")));
+}
+
+TEST(NonlinearPath, GoesOnFromASavedStateToTheSameEndBitForBit) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.2});
+  const auto approximation = approximate(mesh, {.spacing = 0.4});
+  const auto equations = [&] {
+    return NonlinearEquilibrium<2>(
+        approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain},
+        Program<2>::grows({clamp<2>("left"), {"right", {[](const Vec<2>&) { return 0.7; }}, {}}}));
+  };
+  std::vector<State> states;
+  std::vector<double> next;
+  const auto all = equations();
+  for (const int threads : {1, 2}) {
+    set_num_threads(threads);
+    Cholesky linear;
+    std::vector<State> again;
+    follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3}, [&](const PathStep& step) {
+      again.push_back(step.after);
+      next.push_back(step.next);
+    });
+    if (threads == 2) EXPECT_TRUE(again == states);
+    states = again;
+  }
+  ASSERT_GT(states.size(), 3u);
+  const auto resumed = equations();
+  Cholesky linear;
+  const State end = follow(resumed, linear, states[2], {.step = next[2], .min_step = 1e-3, .max_step = 0.1});
+  const State whole = follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3, .max_step = 0.1});
+  EXPECT_TRUE(end == whole);
+}
+
+}  // namespace
+}  // namespace efree
