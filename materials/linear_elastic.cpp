@@ -11,22 +11,13 @@
 namespace efree {
 
 Lame solid_lame(const IsotropicModuli& moduli) {
-  const auto [E, nu] = moduli;
-  if (!(E > 0.0) || !std::isfinite(E))
-    throw InputError(fmt::format("Young's modulus E = {}, expected a positive number", E));
-  if (!(nu > -1.0 && nu < 0.5))
-    throw InputError(fmt::format("Poisson's ratio nu = {}, expected a number in (-1, 0.5)", nu));
-  return {E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))};
+  const ElasticConstants constants = ElasticModuli{.E = moduli.E, .nu = moduli.nu}.at(Vec<3>::Zero());
+  return {constants.lambda, constants.mu};
 }
 
 Lame plane_lame(const IsotropicModuli& moduli, Plane plane) {
   const auto [lambda, mu] = solid_lame(moduli);
   return {plane == Plane::stress ? 2.0 * lambda * mu / (lambda + 2.0 * mu) : lambda, mu};
-}
-
-LinearElastic::LinearElastic(Parameter E, Parameter nu) : E_(std::move(E)), nu_(std::move(nu)) {
-  const Vec<3> nowhere = Vec<3>::Zero();
-  solid_lame({E_.is_constant() ? E_.at(nowhere) : 1.0, nu_.is_constant() ? nu_.at(nowhere) : 0.0});
 }
 
 namespace {
@@ -40,14 +31,7 @@ Vec<9> unit() {
 
 void LinearElastic::respond(const Deformation& given, MaterialResponse& response) const {
   for (Index p = 0; p < given.size(); ++p) {
-    const Vec<3> X = given.X.col(p);
-    const IsotropicModuli moduli{E_.at(X), nu_.at(X)};
-    Lame one;
-    try {
-      one = solid_lame(moduli);
-    } catch (const InputError& error) {
-      throw InputError(fmt::format("at ({:.6g}): {}", fmt::join(X, ", "), error.what()));
-    }
+    const ElasticConstants one = moduli_.at(given.X.col(p));
     const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
     response.stress(p) = one.lambda * H.trace() * Mat<3>::Identity() + one.mu * (H + H.transpose());
     response.energy[p] = 0.5 * response.stress(p).cwiseProduct(H).sum();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/materials/material.hpp"
+#include "efree/materials/moduli.hpp"
 
 namespace efree {
 
@@ -16,14 +17,16 @@ class LinearElastic final : public Material {
  public:
   /// Young's modulus [stress], positive, and Poisson's ratio, in (-1, 0.5). Throws InputError for numbers out of range;
   /// `respond` does for those of fields, naming the point.
-  LinearElastic(Parameter E, Parameter nu);
+  LinearElastic(Parameter E, Parameter nu) : LinearElastic(ElasticModuli{.E = std::move(E), .nu = std::move(nu)}) {}
   explicit LinearElastic(const IsotropicModuli& moduli) : LinearElastic(moduli.E, moduli.nu) {}
-  bool homogeneous() const override { return E_.is_constant() && nu_.is_constant(); }
+  /// Any two constants, with the same ranges.
+  explicit LinearElastic(const ElasticModuli& moduli) : moduli_(moduli.checked()) {}
+  bool homogeneous() const override { return moduli_.is_constant(); }
   bool linear() const override { return true; }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
-  Parameter E_, nu_;
+  ElasticModuli moduli_;
 };
 
 /// Stiffness along three axes that are at right angles to each other.

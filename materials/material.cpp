@@ -7,8 +7,10 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
+#include <Eigen/QR>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace efree {
 
@@ -23,7 +25,7 @@ MaterialResponse respond(const Material& material, const Deformation& deformatio
   if (deformation.history.rows() != history || deformation.history.cols() != n)
     throw InputError(fmt::format("a history of {} x {}, expected {} x {}", deformation.history.rows(),
                                  deformation.history.cols(), history, n));
-  MaterialResponse response{Tensors::Zero(9, n), deformation.history, Vector::Zero(n), {}, tangent};
+  MaterialResponse response{Tensors::Zero(9, n), deformation.history, Vector::Zero(n), {}, tangent, Vector::Zero(n)};
   if (tangent) response.A.setZero(81, n);
   material.respond(deformation, response);
   return response;
@@ -64,9 +66,16 @@ const Across across = [] {
 
 }  // namespace
 
+std::vector<HistoryPart> PlaneStress::history_parts() const {
+  std::vector<HistoryPart> parts = of_->history_parts();
+  parts.push_back({"strains_across", of_->history_size(), 3});
+  return parts;
+}
+
 Eigen::Matrix<double, 3, 9> PlaneStress::strains_across(const MaterialResponse::Tangent& A) {
   const Mat<3> stiffness = across.transpose() * A * across;
-  return -stiffness.partialPivLu().solve(across.transpose() * A);
+  // Matter that is torn across the plane has no stiffness there: then the least strains.
+  return -stiffness.completeOrthogonalDecomposition().solve(across.transpose() * A);
 }
 
 MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent& A) {
@@ -77,31 +86,76 @@ MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent
 }
 
 void PlaneStress::respond(const Deformation& given, MaterialResponse& response) const {
-  constexpr int most = 50;
+  constexpr int most = 50, halvings = 30;
   const Index inner_size = of_->history_size();
+  const bool has_potential = of_->symmetric();
+  Deformation one = Deformation::none(Points<3>::Zero(3, 1), inner_size);
+  one.dt = given.dt;
+  MaterialResponse inner{Tensors::Zero(9, 1),     one.history, Vector::Zero(1),
+                         Points<81>::Zero(81, 1), true,        Vector::Zero(1)};
+  MaterialResponse ahead = inner;
   for (Index p = 0; p < given.size(); ++p) {
-    Deformation one{given.X.col(p), given.F.col(p), given.history.col(p).head(inner_size), given.dt};
+    const auto ask = [&](const Vec<3>& strain, MaterialResponse& answer) {
+      one.F.col(0) = given.F.col(p) + across * strain;
+      of_->respond(one, answer);
+    };
+    const auto fail = [&] {
+      throw NumericalError(fmt::format("plane stress: no strain across the plane without stress at ({:.6g})",
+                                       fmt::join(given.X.col(p), ", ")));
+    };
+    // From `strain` as far along `step` as the potential falls, or the stresses across do; where there is an answer.
+    const auto advance = [&](Vec<3>& strain, const Vec<3>& step, bool newton) {
+      const Vec<3> r = across.transpose() * inner.P.col(0);
+      const double potential = inner.energy[0] + inner.dissipated[0];
+      double part = 1.0;
+      for (int k = 0; k < halvings; ++k, part *= 0.5) {
+        const Vec<3> there = strain + part * step;
+        try {
+          ask(there, ahead);
+        } catch (const NumericalError&) {
+          continue;
+        }
+        const bool falls =
+            has_potential && ahead.energy[0] + ahead.dissipated[0] <= potential + 1e-4 * part * r.dot(step);
+        if (falls || (newton && (across.transpose() * ahead.P.col(0)).norm() <= (1.0 - 0.1 * part) * r.norm())) {
+          strain = there;
+          std::swap(inner, ahead);
+          return true;
+        }
+      }
+      return false;
+    };
+    one.X = given.X.col(p);
+    one.history = given.history.col(p).head(inner_size);
     Vec<3> strain = given.history.col(p).tail<3>();
-    MaterialResponse inner;
     MaterialResponse::Tangent A;
+    ask(strain, inner);
     for (int k = 0;; ++k) {
-      one.F = given.F.col(p) + across * strain;
-      inner = efree::respond(*of_, one, true);
       A = inner.tangent_at(0);
+      const Vec<3> r = across.transpose() * inner.P.col(0);
       const Mat<3> stiffness = across.transpose() * A * across;
-      const Vec<3> step = stiffness.partialPivLu().solve(across.transpose() * inner.P.col(0));
-      if (step.norm() <= 1e-12 * (1.0 + strain.norm())) {
-        inner.P.col(0) -= A * (across * step);
+      Vec<3> step = -stiffness.completeOrthogonalDecomposition().solve(r);
+      // Strains count against the thickness that is left.
+      const double thickness = of_->finite_strain() ? std::abs(one.F(8, 0)) : 1.0 + strain.norm();
+      if (step.norm() <= 1e-12 * thickness ||
+          r.norm() <= std::numeric_limits<double>::epsilon() * A.norm() * thickness) {
+        inner.P.col(0) += A * (across * step);
         break;
       }
-      strain -= step;
-      if (k == most || !strain.allFinite())
-        throw NumericalError(fmt::format("plane stress: no strain across the plane without stress at ({:.6g})",
-                                         fmt::join(given.X.col(p), ", ")));
+      const bool newton = !has_potential || r.dot(step) < 0.0;
+      if (!newton) {
+        // Not convex here: downhill, as far as the curvature's size says.
+        const Eigen::SelfAdjointEigenSolver<Mat<3>> curvature(Mat<3>(0.5 * (stiffness + stiffness.transpose())));
+        const Vec<3> size = curvature.eigenvalues().cwiseAbs();
+        step = -curvature.eigenvectors() *
+               (curvature.eigenvectors().transpose() * r).cwiseQuotient(size.cwiseMax(1e-3 * size.maxCoeff()));
+      }
+      if (k == most || !step.allFinite() || !advance(strain, step, newton)) fail();
     }
     response.P.col(p) = inner.P.col(0);
     response.P(8, p) = 0.0;
     response.energy[p] = inner.energy[0];
+    response.dissipated[p] = inner.dissipated[0];
     response.history.col(p) << inner.history.col(0), strain;
     if (response.tangent) response.tangent_at(p) = condensed(A);
   }

@@ -6,7 +6,9 @@
 
 #include <concepts>
 #include <memory>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace efree {
 
@@ -37,9 +39,10 @@ struct Deformation {
 struct MaterialResponse {
   Tensors P;             ///< 9 x n, first Piola-Kirchhoff stress
   Matrix history;        ///< Material::history_size() x n, after
-  Vector energy;         ///< n, free energy [stress]
+  Vector energy;         ///< n, stored (free) energy [stress]
   Points<81> A;          ///< 81 x n, dP(i,J)/dF(k,L) in row (i + 3 J) + 9 (k + 3 L); empty if it is not wanted
   bool tangent = false;  ///< whether A is wanted
+  Vector dissipated;     ///< n, energy turned into heat or new surface by this step [stress]
 
   using Tangent = Eigen::Matrix<double, 9, 9>;
   Eigen::Map<Mat<3>> stress(Index p) { return Eigen::Map<Mat<3>>(P.col(p).data()); }
@@ -47,6 +50,16 @@ struct MaterialResponse {
   Eigen::Map<Tangent> tangent_at(Index p) { return Eigen::Map<Tangent>(A.col(p).data()); }
   Eigen::Map<const Tangent> tangent_at(Index p) const { return Eigen::Map<const Tangent>(A.col(p).data()); }
 };
+
+/// Rows of a history that belong together.
+struct HistoryPart {
+  std::string name;  ///< as in "equivalent_plastic_strain"
+  Index offset;      ///< the first of them
+  Index size;        ///< one: a scalar; six: a symmetric tensor, in Voigt order xx, yy, zz, yz, xz, xy
+};
+
+/// How strains are measured: by the symmetric part of F - I, or by what F makes of lengths, whatever the rotation.
+enum class Strain { small, finite };
 
 /// A material in three dimensions. Whoever asks brings the kinematics: plane strain has F with a z of its own, plane
 /// stress is a material around another (PlaneStress).
@@ -61,8 +74,17 @@ class Material {
   /// Whether P is linear in F - I and nothing is remembered: then the tangent where nothing has happened says all, and
   /// is asked for once.
   virtual bool linear() const { return false; }
+  /// Whether it is meant for finite strains and rotations: P turns with the body. Else P is a stress of sym(F - I).
+  virtual bool finite_strain() const { return !linear(); }
+  /// Whether nothing is ever dissipated: `energy` is the potential of P.
+  virtual bool elastic() const { return history_size() == 0; }
+  /// Whether A is symmetric. Then energy + dissipated is, for a given history, the potential of P.
+  virtual bool symmetric() const { return true; }
+  /// What the rows of a history mean, for output.
+  virtual std::vector<HistoryPart> history_parts() const { return {}; }
   /// Fills `response` (which has the right sizes) for all points. Pure: the same for the same deformation, from any
-  /// number of threads. Throws InputError for parameters out of range, with the place.
+  /// number of threads. Throws InputError for parameters out of range and NumericalError for deformations to which
+  /// there is no answer, with the place.
   virtual void respond(const Deformation& deformation, MaterialResponse& response) const = 0;
 };
 
@@ -114,6 +136,10 @@ class PlaneStress final : public Material {
   Index history_size() const override { return of_->history_size() + 3; }
   bool homogeneous() const override { return of_->homogeneous(); }
   bool linear() const override { return of_->linear(); }
+  bool finite_strain() const override { return of_->finite_strain(); }
+  bool elastic() const override { return of_->elastic(); }
+  bool symmetric() const override { return of_->symmetric(); }
+  std::vector<HistoryPart> history_parts() const override;
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
   /// The strains zz, yz, xz that make the stresses across the plane vanish, by the gradient, from the other's tangent.
