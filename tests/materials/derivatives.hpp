@@ -6,6 +6,7 @@
 #include "efree/materials/material.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -19,25 +20,54 @@ inline Deformation random_deformation(const Material& material, Index points, do
   return deformation;
 }
 
-/// Largest difference between P and the derivative of the energy, and between A and that of P, relative to the largest
-/// entry of A, by central differences of step h; of these components of F and P.
+/// One point at the origin with these deformation gradients.
+inline Deformation deformed(const Material& material, const Mat<3>& F) {
+  Deformation one = Deformation::none(Points<3>::Zero(3, 1), material.history_size());
+  one.F.col(0) = F.reshaped();
+  return one;
+}
+
+inline Mat<3> rotation(double angle, const Vec<3>& about) {
+  return Eigen::AngleAxisd(angle, about.normalized()).toRotationMatrix();
+}
+
+/// Gradients whose principal stretches are equal, or nearly so, turned on both sides: all three, two of them, differing
+/// by 1e-4 to 1e-14, and none.
+inline Tensors nearly_equal_stretches(double stretch) {
+  const Mat<3> left = rotation(0.8, {1.0, 2.0, -1.0}), right = rotation(-1.3, {0.5, 0.2, 1.0});
+  std::vector<Mat<3>> all{Mat<3>::Identity()};
+  for (const double apart : {0.0, 1e-14, 1e-10, 1e-7, 1e-4})
+    for (const Vec<3>& stretches :
+         {Vec<3>(1.0, 1.0 + apart, 1.0 - apart), Vec<3>(1.0, 1.0 + apart, 0.7), Vec<3>(1.0 + apart, 1.4, 1.0)})
+      all.push_back(left * Mat<3>((stretch * stretches).asDiagonal()) * right);
+  Tensors F(9, all.size());
+  for (std::size_t p = 0; p < all.size(); ++p) F.col(p) = all[p].reshaped();
+  return F;
+}
+
+/// Largest difference between P and the derivative of energy + dissipated, and between A and that of P, relative to the
+/// largest entry of A of that point, by central differences of fourth order with step h; of these components.
 struct DerivativeErrors {
   double stress, tangent;
 };
 inline DerivativeErrors derivative_errors(const Material& material, const Deformation& at, double h,
                                           const std::vector<int>& components = {0, 1, 2, 3, 4, 5, 6, 7, 8}) {
   const MaterialResponse there = respond(material, at, true);
-  const double scale = there.A.cwiseAbs().maxCoeff();
   DerivativeErrors errors{0.0, 0.0};
   for (const int k : components) {
-    Deformation ahead = at, behind = at;
-    ahead.F.row(k).array() += h;
-    behind.F.row(k).array() -= h;
-    const MaterialResponse more = respond(material, ahead, false), less = respond(material, behind, false);
+    Vector potential = Vector::Zero(at.size());
+    Tensors P = Tensors::Zero(9, at.size());
+    for (const auto& [steps, weight] : {std::pair{-2, 1.0}, {-1, -8.0}, {1, 8.0}, {2, -1.0}}) {
+      Deformation moved = at;
+      moved.F.row(k).array() += steps * h;
+      const MaterialResponse response = respond(material, moved, false);
+      potential += weight / (12.0 * h) * (response.energy + response.dissipated);
+      P += weight / (12.0 * h) * response.P;
+    }
     for (Index p = 0; p < at.size(); ++p) {
-      const double stress = (more.energy[p] - less.energy[p]) / (2.0 * h);
-      errors.stress = std::max(errors.stress, std::abs(stress - there.P(k, p)) / scale);
-      const Vec<9> off = (more.P.col(p) - less.P.col(p)) / (2.0 * h) - there.tangent_at(p).col(k);
+      const double scale = there.A.col(p).cwiseAbs().maxCoeff();
+      errors.stress = std::max(errors.stress, std::abs(potential[p] - there.P(k, p)) / scale);
+      const Vec<9> off = P.col(p) - there.tangent_at(p).col(k);
       errors.tangent = std::max(errors.tangent, off(components).cwiseAbs().maxCoeff() / scale);
     }
   }

@@ -26,9 +26,7 @@ double young(const Vec<3>& X) {
 
 /// F = I + H for one point at the origin.
 Deformation stretched(const Material& material, const Mat<3>& H) {
-  Deformation one = Deformation::none(Points<3>::Zero(3, 1), material.history_size());
-  one.F.col(0) += H.reshaped();
-  return one;
+  return testing::deformed(material, Mat<3>::Identity() + H);
 }
 
 TEST(Materials, StressAndTangentAreDerivativesOfTheEnergy) {
