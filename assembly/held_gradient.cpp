@@ -167,14 +167,14 @@ template <int Dim> Resultants<Dim> HeldGradient<Dim>::reactions(const std::vecto
     const Vec<Dim> there = displacement(constraint), gap = constraint.directions * there - constraint.value;
     Vec<Dim> traction = Vec<Dim>::Zero();
     for_lifted(constraint, share, quadrature_, [&](Index K, double factor) {
-      traction +=
-          factor * quadrature_.weights[K] * (constraint.directions * NodalGradient<Dim>{point.n}.force(P.col(K)));
+      traction += factor * quadrature_.weights[K] * NodalGradient<Dim>{point.n}.force(P.col(K));
     });
-    const Vec<Dim> push = -point.weight * share.beta * gap;
+    const Vec<Dim> held = constraint.directions * traction, push = -point.weight * share.beta * gap;
     const Vec<Dim> now = moved ? Vec<Dim>(point.x + there) : point.x;
     for (const auto& [part, of_part] : parts.at(point.facet, point.n)) {
-      reactions[part].add(moved ? Vec<Dim>(now - gap) : now, of_part * traction);
-      reactions[part].add(now, of_part * push);
+      reactions[part].add(now, of_part * (held + push));
+      // Stresses turn with the body as far as the gap is taken from their gradients, also across what is held.
+      if (moved) reactions[part].moment -= moment_of<Dim>(of_part * gap, traction);
     }
   });
   for (const auto& spring : elastic)

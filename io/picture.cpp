@@ -508,7 +508,8 @@ template <int Dim> void paint(const std::filesystem::path& file, const Settings<
   const Surface undeformed{in_space<Dim>(x), faces(space)};
   const double length = box_of(undeformed.points).diagonal().norm();
   const double largest = u.colwise().norm().maxCoeff();
-  const double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
+  double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
+  if (!result.history.empty()) drawn = std::max(drawn, 1.0);  // large displacements as they are
   const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
   const auto held = where(space, settings.supports), loaded = where(space, settings.loads.tractions);
 

@@ -219,6 +219,9 @@ TEST(NonlinearEquilibrium, ConvergesQuadraticallyToTheClosedFormOfASlidingBlock)
     const auto reactions = equations.reactions(result.state);
     EXPECT_NEAR(reactions.at("right").force[0], P, 1e-8) << name;
     EXPECT_NEAR(reactions.at("left").force[0], -P, 1e-8) << name;
+    EXPECT_NEAR(reactions.at("left").moment[0] + reactions.at("right").moment[0] + reactions.at("bottom").moment[0],
+                0.0, 1e-9)
+        << name;
     EXPECT_LT(result.iterations(), 9) << name;
     const auto& r = result.residuals;
     for (std::size_t k = 1; k < r.size(); ++k)
