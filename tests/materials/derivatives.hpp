@@ -46,13 +46,15 @@ inline Tensors nearly_equal_stretches(double stretch) {
 }
 
 /// Largest difference between P and the derivative of energy + dissipated, and between A and that of P, relative to the
-/// largest entry of A of that point, by central differences of fourth order with step h; of these components.
+/// largest entry of A of that point there or at rest, by central differences of fourth order with step h; of these
+/// components.
 struct DerivativeErrors {
   double stress, tangent;
 };
 inline DerivativeErrors derivative_errors(const Material& material, const Deformation& at, double h,
                                           const std::vector<int>& components = {0, 1, 2, 3, 4, 5, 6, 7, 8}) {
-  const MaterialResponse there = respond(material, at, true);
+  const MaterialResponse there = respond(material, at, true),
+                         rest = respond(material, Deformation::none(at.X, material.history_size()), true);
   DerivativeErrors errors{0.0, 0.0};
   for (const int k : components) {
     Vector potential = Vector::Zero(at.size());
@@ -65,7 +67,7 @@ inline DerivativeErrors derivative_errors(const Material& material, const Deform
       P += weight / (12.0 * h) * response.P;
     }
     for (Index p = 0; p < at.size(); ++p) {
-      const double scale = there.A.col(p).cwiseAbs().maxCoeff();
+      const double scale = std::max(there.A.col(p).cwiseAbs().maxCoeff(), rest.A.col(p).cwiseAbs().maxCoeff());
       errors.stress = std::max(errors.stress, std::abs(potential[p] - there.P(k, p)) / scale);
       const Vec<9> off = P.col(p) - there.tangent_at(p).col(k);
       errors.tangent = std::max(errors.tangent, off(components).cwiseAbs().maxCoeff() / scale);

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/materials/hardening.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace efree {
+namespace {
+
+void require_number(const char* what, double value, bool good, const char* expected) {
+  if (!good || !std::isfinite(value)) throw InputError(fmt::format("{} = {}, expected {}", what, value, expected));
+}
+void require_yield(double yield) {
+  require_number("yield stress", yield, yield >= 0.0, "a number that is not negative");
+}
+
+}  // namespace
+
+Hardening Hardening::linear(double yield, double modulus) {
+  require_yield(yield);
+  require_number("hardening modulus", modulus, true, "a number");
+  return Hardening(Law(Linear{yield, modulus}));
+}
+
+Hardening Hardening::power_law(double yield, double strain, double exponent) {
+  require_yield(yield);
+  require_number("strain of a power law", strain, strain > 0.0, "a positive number");
+  require_number("exponent of a power law", exponent, exponent >= 0.0, "a number that is not negative");
+  return Hardening(Law(PowerLaw{yield, strain, exponent}));
+}
+
+Hardening Hardening::voce(double yield, double saturation, double rate, double modulus) {
+  require_yield(yield);
+  require_number("saturation stress", saturation, saturation >= 0.0, "a number that is not negative");
+  require_number("rate of saturation", rate, rate > 0.0, "a positive number");
+  require_number("hardening modulus", modulus, modulus >= 0.0, "a number that is not negative");
+  return Hardening(Law(Voce{yield, saturation, rate, modulus}));
+}
+
+Hardening Hardening::table(std::vector<double> strain, std::vector<double> stress) {
+  if (strain.size() != stress.size() || strain.empty())
+    throw InputError(fmt::format("a table of {} plastic strains and {} yield stresses, expected as many, at least one",
+                                 strain.size(), stress.size()));
+  require_number("first plastic strain of a table", strain[0], strain[0] == 0.0, "0");
+  for (std::size_t k = 0; k < strain.size(); ++k) {
+    require_yield(stress[k]);
+    if (k > 0 && !(strain[k] > strain[k - 1] && std::isfinite(strain[k])))
+      throw InputError(
+          fmt::format("plastic strain {} of a table after {}, expected ascending ones", strain[k], strain[k - 1]));
+  }
+  return Hardening(Law(Table{std::move(strain), std::move(stress)}));
+}
+
+Hardening::Value Hardening::at(double a) const {
+  if (const auto* law = std::get_if<Linear>(&law_)) {
+    const double stress = law->yield + law->modulus * a;
+    return stress > 0.0 ? Value{stress, law->modulus} : Value{0.0, 0.0};
+  }
+  if (const auto* law = std::get_if<PowerLaw>(&law_)) {
+    const double x = 1.0 + a / law->strain, stress = law->yield * std::pow(x, law->exponent);
+    return {stress, law->exponent * stress / (law->strain * x)};
+  }
+  if (const auto* law = std::get_if<Voce>(&law_)) {
+    const double left = (law->saturation - law->yield) * std::exp(-law->rate * a);
+    return {law->saturation - left + law->modulus * a, law->rate * left + law->modulus};
+  }
+  if (const auto* law = std::get_if<Table>(&law_)) {
+    const auto& [strain, stress] = *law;
+    const auto after = std::upper_bound(strain.begin(), strain.end(), a);
+    if (after == strain.end()) return {stress.back(), 0.0};
+    const auto k = std::max<std::ptrdiff_t>(after - strain.begin(), 1);
+    const double slope = (stress[k] - stress[k - 1]) / (strain[k] - strain[k - 1]);
+    return {stress[k - 1] + slope * (a - strain[k - 1]), slope};
+  }
+  const auto& law = std::get<Function>(law_);
+  const double stress = law.stress(a);
+  return stress > 0.0 ? Value{stress, law.slope(a)} : Value{std::isnan(stress) ? stress : 0.0, 0.0};
+}
+
+double Hardening::work(double a, double b) const {
+  if (const auto* law = std::get_if<Linear>(&law_)) {
+    if (law->modulus < 0.0) {
+      const double end = -law->yield / law->modulus;
+      a = std::min(a, end);
+      b = std::min(b, end);
+    }
+    return (b - a) * (law->yield + 0.5 * law->modulus * (a + b));
+  }
+  if (const auto* law = std::get_if<PowerLaw>(&law_)) {
+    const double n = law->exponent + 1.0, x = 1.0 + a / law->strain;
+    // (x + d)^n - x^n without a difference of nearly equal numbers.
+    return law->yield * law->strain / n * std::pow(x, n) * std::expm1(n * std::log1p((b - a) / law->strain / x));
+  }
+  if (const auto* law = std::get_if<Voce>(&law_))
+    return (b - a) * (law->saturation + 0.5 * law->modulus * (a + b)) +
+           (law->saturation - law->yield) / law->rate * std::exp(-law->rate * a) * std::expm1(-law->rate * (b - a));
+  if (const auto* law = std::get_if<Table>(&law_)) {
+    double sum = 0.0;
+    for (std::size_t k = 1; k < law->strain.size(); ++k) {
+      const double from = std::clamp(a, law->strain[k - 1], law->strain[k]),
+                   to = std::clamp(b, law->strain[k - 1], law->strain[k]);
+      if (to > from) sum += (to - from) * at(0.5 * (from + to)).stress;
+    }
+    const double last = law->strain.back();
+    return sum + law->stress.back() * (std::max(b, last) - std::max(a, last));
+  }
+  constexpr std::array<std::pair<double, double>, 5> gauss{{{-0.906179845938664, 0.236926885056189},
+                                                            {-0.538469310105683, 0.478628670499366},
+                                                            {0.0, 0.568888888888889},
+                                                            {0.538469310105683, 0.478628670499366},
+                                                            {0.906179845938664, 0.236926885056189}}};
+  double sum = 0.0;
+  for (const auto& [x, weight] : gauss) sum += weight * at(0.5 * (a + b + x * (b - a))).stress;
+  return 0.5 * (b - a) * sum;
+}
+
+}  // namespace efree
