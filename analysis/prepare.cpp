@@ -250,9 +250,9 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   basis.axisymmetric = model.plane == Plane::axisymmetric;
   basis.fine = basis.fine || model.stabilisation > 0.0;
   if (basis.dilatation == Dilatation::automatic)
-    basis.dilatation =
-        averaged_if(basis.kind != BasisKind::p1 &&
-                    (incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) || flows(model)));
+    basis.dilatation = averaged_if(basis.kind != BasisKind::p1 &&
+                                   (incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) ||
+                                    (flows(model) && model.plane != Plane::stress)));
   return settings;
 }
 

@@ -2,8 +2,11 @@
 #include "efree/io/internal/material_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/materials/drucker_prager.hpp"
 #include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/j2.hpp"
 #include "efree/materials/linear_elastic.hpp"
+#include "efree/materials/rankine.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -25,6 +28,9 @@ enum class Model {
   mooney_rivlin,
   ogden,
   hencky,
+  j2,
+  drucker_prager,
+  rankine,
 };
 const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", Model::linear_elastic},
                                                              {"orthotropic", Model::orthotropic},
@@ -33,11 +39,18 @@ const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", 
                                                              {"neo_hookean_split", Model::neo_hookean_split},
                                                              {"mooney_rivlin", Model::mooney_rivlin},
                                                              {"ogden", Model::ogden},
-                                                             {"hencky", Model::hencky}};
+                                                             {"hencky", Model::hencky},
+                                                             {"j2", Model::j2},
+                                                             {"drucker_prager", Model::drucker_prager},
+                                                             {"rankine", Model::rankine}};
 const std::vector<std::string_view> constants{"E", "nu", "mu", "kappa", "lambda"};
 
 /// Keys that a model has besides model, region and density.
 std::vector<std::string_view> keys_of(Model model) {
+  const auto and_constants = [](std::vector<std::string_view> own) {
+    own.insert(own.begin(), constants.begin(), constants.end());
+    return own;
+  };
   switch (model) {
     case Model::linear_elastic:
       return {"E", "nu"};
@@ -47,12 +60,20 @@ std::vector<std::string_view> keys_of(Model model) {
       return {"c10", "c01", "kappa"};
     case Model::ogden:
       return {"terms", "kappa"};
+    case Model::j2:
+      return and_constants({"yield", "kinematic", "strain"});
+    case Model::drucker_prager:
+      return and_constants({"cohesion", "friction", "dilatancy", "fit", "strain"});
+    case Model::rankine:
+      return and_constants({"strength", "softening", "fracture_energy", "length", "strain"});
     default:
       return constants;
   }
 }
-const Section::Keys all_keys{"model", "density", "E",     "nu",     "mu",  "kappa", "lambda",
-                             "G",     "axes",    "angle", "factor", "c10", "c01",   "terms"};
+const Section::Keys all_keys{
+    "model",    "density",   "E",   "nu",       "mu",        "kappa",           "lambda",    "G",      "axes",
+    "angle",    "factor",    "c10", "c01",      "terms",     "yield",           "kinematic", "strain", "cohesion",
+    "friction", "dilatancy", "fit", "strength", "softening", "fracture_energy", "length"};
 
 /// Refuses keys of other models.
 void check_keys(const Section& section, Model model) {
@@ -119,6 +140,15 @@ template <int Dim> SharedMaterial MaterialReader<Dim>::read(const Section& secti
         return ogden(section);
       case Model::hencky:
         return Hencky(moduli(section));
+      case Model::j2:
+        return J2({.moduli = moduli(section),
+                   .yield = hardening(section, "yield"),
+                   .kinematic = section.number("kinematic", not_negative, 0.0),
+                   .strain = strain(section, Strain::small)});
+      case Model::drucker_prager:
+        return drucker_prager(section);
+      case Model::rankine:
+        return rankine(section);
     }
   } catch (const InputError& error) {
     if (std::string_view(error.what()).starts_with(section.where().substr(0, section.where().rfind(':')))) throw;
@@ -136,6 +166,66 @@ template <int Dim> ElasticModuli MaterialReader<Dim>::moduli(const Section& sect
   if (section.has("kappa")) result.kappa = parameter(section, "kappa", positive);
   if (section.has("lambda")) result.lambda = parameter(section, "lambda", any_number);
   return result;
+}
+
+template <int Dim> Strain MaterialReader<Dim>::strain(const Section& section, Strain fallback) const {
+  return section.choice<Strain>("strain", {{"small", Strain::small}, {"finite", Strain::finite}}, fallback);
+}
+
+/// A stress by the equivalent plastic strain a: a number, an expression of a, or a table [[a, stress], ...].
+template <int Dim> Hardening MaterialReader<Dim>::hardening(const Section& section, const char* key) const {
+  if (section.has(key) && section.table().get(key)->is_array()) {
+    std::vector<double> strain, stress;
+    for (const auto& [a, of_a] : section.pairs(key)) {
+      strain.push_back(a);
+      stress.push_back(of_a);
+    }
+    return Hardening::table(strain, stress);
+  }
+  if (!section.has(key) || !section.table().get(key)->is_string()) return section.number(key, positive);
+  Expressions<2> of_strain;
+  of_strain.define("a", [](const Vec<2>& x) { return x[0]; });
+  const auto field = of_strain.field(section.expression(key), section.where(key));
+  const auto stress = [field](double a) { return field(Vec<2>(a, 0.0)); };
+  // The cube root of rounding balances it against the rule's error.
+  const auto slope = [stress](double a) {
+    const double h = 6e-6 * std::max(a, 1e-3);
+    if (a < h) return (4.0 * stress(a + h) - 3.0 * stress(a) - stress(a + 2.0 * h)) / (2.0 * h);
+    return (stress(a + h) - stress(a - h)) / (2.0 * h);
+  };
+  if (!(stress(0.0) > 0.0))
+    section.fail(key, fmt::format("{} is {:.6g} where a = 0, expected a stress > 0", key, stress(0.0)));
+  return Hardening(stress, slope);
+}
+
+template <int Dim> SharedMaterial MaterialReader<Dim>::drucker_prager(const Section& section) const {
+  constexpr double degree = std::numbers::pi / 180.0;
+  DruckerPragerParameters parameters{.moduli = moduli(section),
+                                     .cohesion = hardening(section, "cohesion"),
+                                     .friction = degree * section.number("friction", {0.0, 90.0, true})};
+  if (section.has("dilatancy")) parameters.dilatancy = degree * section.number("dilatancy", {0.0, 90.0, true});
+  parameters.fit = section.choice<ConeFit>("fit",
+                                           {{"compression", ConeFit::compression},
+                                            {"extension", ConeFit::extension},
+                                            {"plane_strain", ConeFit::plane_strain}},
+                                           ConeFit::compression);
+  parameters.strain = strain(section, Strain::small);
+  return DruckerPrager(parameters);
+}
+
+/// Softening as a modulus, or by the energy that tearing takes and the width that it happens in.
+template <int Dim> SharedMaterial MaterialReader<Dim>::rankine(const Section& section) const {
+  RankineParameters parameters{.moduli = moduli(section), .strength = parameter(section, "strength", not_negative)};
+  if (section.has("fracture_energy")) {
+    if (section.has("softening")) section.fail("softening", "softening follows from fracture_energy: say one of them");
+    parameters.softening =
+        softening_modulus(section.number("strength", positive), section.number("fracture_energy", positive),
+                          section.number("length", positive));
+  } else if (section.has("softening")) {
+    parameters.softening = parameter(section, "softening", not_negative);
+  }
+  parameters.strain = strain(section, Strain::finite);
+  return Rankine(parameters);
 }
 
 /// terms = [[mu, alpha], ...].

@@ -5,6 +5,7 @@
 #include "efree/analysis/settings.hpp"
 #include "efree/io/expression.hpp"
 #include "efree/io/internal/section.hpp"
+#include "efree/materials/hardening.hpp"
 #include "efree/materials/moduli.hpp"
 
 #include <vector>
@@ -26,6 +27,10 @@ template <int Dim> class MaterialReader {
   std::vector<RegionMaterial> read_regions(const Section& root) const;
   SharedMaterial orthotropic(const Section& section) const;
   SharedMaterial ogden(const Section& section) const;
+  SharedMaterial drucker_prager(const Section& section) const;
+  SharedMaterial rankine(const Section& section) const;
+  Hardening hardening(const Section& section, const char* key) const;
+  Strain strain(const Section& section, Strain fallback) const;
   ElasticModuli moduli(const Section& section) const;
   Mat<3> axes(const Section& section) const;
   Parameter parameter(const Section& section, const char* key, const Interval& range) const;

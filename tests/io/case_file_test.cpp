@@ -68,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"E = 1.0", "E = \"1 +\"", R"(^case.toml:16: expression "1 \+", position)"},
         Wrong{"E = 1.0", "E = \"-1\"", R"(^case.toml:16: E is -1, expected a number > 0)"},
         Wrong{"E = 1.0", "E = [1, 2, 3]", R"(^case.toml:16: E is an array of 3, expected a number > 0)"},
-        Wrong{"nu = 0.3", "nu = 0.3\nG = [1, 1, 1]", R"(^case.toml:18: G is for model = "orthotropic")"},
+        Wrong{"nu = 0.3", "nu = 0.3\nG = [1, 1, 1]", R"(^case.toml:18: G means nothing for model = "linear_elastic", which has E, nu)"},
         Wrong{"E = 1.0\nnu = 0.3", "model = \"orthotropic\"\nE = [1, 1]\nnu = [0, 0, 0]\nG = [1, 1, 1]",
               R"(^case.toml:17: E has 2 numbers, expected 3)"},
         Wrong{"E = 1.0\nnu = 0.3", "model = \"orthotropic\"\nE = [1, 1, 1]\nnu = [0, 0, 2]\nG = [1, 1, 1]",

@@ -3,6 +3,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/j2.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/newton.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
@@ -13,6 +14,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <numbers>
 
 namespace efree {
 namespace {
@@ -308,6 +310,30 @@ TEST(NonlinearPath, GoesOnFromASavedStateToTheSameEndBitForBit) {
   const State end = follow(resumed, linear, states[2], {.step = next[2], .min_step = 1e-3, .max_step = 0.1});
   const State whole = follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3, .max_step = 0.1});
   EXPECT_TRUE(end == whole);
+}
+
+/// Elastic and perfectly plastic, b / a = 2, in plane strain: 2 / sqrt(3) yield ln 2 (Hill 1950), though flow keeps the
+/// volume.
+TEST(Plasticity, AThickTubeComesToItsLimitPressureAndStaysThere) {
+  const double yield = 0.24;
+  const J2 metal({.moduli = {.E = 210.0, .nu = 0.3}, .yield = yield});
+  const FineMesh<2> tube = triangulate(shapes::rectangle(1, 0, 2, 0.5), {.size = 0.04});
+  for (const SecondaryKind secondary : {SecondaryKind::cells, SecondaryKind::linear}) {
+    const auto approximation = approximate(
+        tube, {.axisymmetric = true, .spacing = 0.12, .secondary = secondary, .dilatation = Dilatation::averaged});
+    const NonlinearEquilibrium<2> equations(approximation, {.material = metal, .plane = Plane::axisymmetric},
+                                            Program<2>::grows({symmetry_plane<2>("bottom"),
+                                                               symmetry_plane<2>("top"),
+                                                               {"left", {[](const Vec<2>&) { return 0.012; }}, {}}}));
+    Cholesky linear;
+    std::vector<double> pressures;
+    follow(equations, linear, equations.rest(), {.step = 0.1}, [&](const PathStep& step) {
+      pressures.push_back(equations.reactions(step.now.state).at("left").force[0] / (2.0 * std::numbers::pi * 0.5));
+    });
+    const double limit = 2.0 / std::sqrt(3.0) * yield * std::log(2.0);
+    EXPECT_NEAR(pressures.back(), limit, 0.01 * limit);
+    EXPECT_LT(std::abs(pressures.back() - pressures[pressures.size() - 2]), 2e-3 * limit) << "no rising tail";
+  }
 }
 
 }  // namespace

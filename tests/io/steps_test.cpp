@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Cases through time: [time], materials that are not linear, history.csv, runs that cannot go on.
+#include "efree/io/case_file.hpp"
+#include "efree/tests/io/workspace.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <cmath>
+#include <map>
+
+namespace efree {
+namespace {
+
+using test::json, test::replaced, test::Workspace;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+/// A strip between sliding planes that is pulled.
+const std::string rubber = R"([geometry]
+file = "strip.geo"
+mesh_size = 0.2
+[cloud]
+spacing = 0.4
+[analysis]
+plane = "strain"
+[material]
+model = "neo_hookean"
+mu = 0.7
+lambda = 1.3
+[time]
+step = 0.25
+[[boundary]]
+on = "left"
+normal_displacement = 0
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "right"
+displacement = ["1.6*t", "free"]
+[[probe]]
+name = "end"
+at = [2, 1]
+)";
+
+/// Columns of history.csv.
+std::map<std::string, std::vector<double>> history(const std::filesystem::path& file) {
+  std::istringstream lines(test::content(file));
+  std::string line, cell;
+  std::vector<std::string> names;
+  std::map<std::string, std::vector<double>> columns;
+  std::getline(lines, line);
+  for (std::istringstream cells(line); std::getline(cells, cell, ',');) names.push_back(cell);
+  while (std::getline(lines, line)) {
+    std::size_t k = 0;
+    for (std::istringstream cells(line); std::getline(cells, cell, ',');)
+      columns[names.at(k++)].push_back(std::stod(cell));
+  }
+  return columns;
+}
+/// The force that stretches the strip, by its closed form: no stress across.
+double pull(double stretch) {
+  double b = 1.0;
+  for (int k = 0; k < 50; ++k)
+    b -= (0.7 * (b - 1.0 / b) + 1.3 * std::log(stretch * b) / b) /
+         (0.7 * (1.0 + 1.0 / (b * b)) + 1.3 * (1.0 - std::log(stretch * b)) / (b * b));
+  return 0.7 * (stretch - 1.0 / stretch) + 1.3 * std::log(stretch * b) / stretch;
+}
+
+TEST(Steps, LoadPathOfARubberStripIsThatOfItsClosedForm) {
+  const Workspace work(rubber);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("not estimated")) << "an answer without an error says so";
+  const auto columns = history(work / "out/history.csv");
+  ASSERT_GT(columns.at("t").size(), 3u);
+  EXPECT_EQ(columns.at("t").back(), 1.0);
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
+    const double stretch = 1.0 + 0.8 * columns.at("t")[k];
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], pull(stretch), 1e-8);
+    EXPECT_NEAR(columns.at("probe.end.ux")[k], 2.0 * (stretch - 1.0), 1e-8);
+    EXPECT_EQ(columns.at("dissipated")[k], 0.0);
+    EXPECT_EQ(columns.at("negative_pivots")[k], 0.0);
+    EXPECT_LT(columns.at("iterations")[k], 8.0);
+  }
+  const auto result = json(work / "out/result.json");
+  EXPECT_EQ(result["path"]["steps"], columns.at("t").size());
+  EXPECT_NEAR(result["reactions"]["right"]["force"][0].get<double>(), pull(1.8), 1e-8);
+  EXPECT_LT(result["balance"].get<double>(), 1e-10);
+}
+
+TEST(Steps, WhatDoesNotMentionTimeGrowsInProportionToIt) {
+  const Workspace work(replaced(replaced(rubber, "1.6*t", "1.6"), "step = 0.25", "end = 2\nstep = 0.5"));
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const auto columns = history(work / "out/history.csv");
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k)
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], pull(1.0 + 0.4 * columns.at("t")[k]), 1e-8);
+}
+
+TEST(Steps, AMaterialThatIsNotLinearNeedsNoTimeToBeSaid) {
+  const Workspace work(replaced(replaced(rubber, "1.6*t", "1.6"), "[time]\nstep = 0.25\n", ""));
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  EXPECT_NEAR(history(work / "out/history.csv").at("reaction.right.x").back(), pull(1.8), 1e-8);
+}
+
+TEST(Steps, LinearMaterialsFollowLoadsThatComeAndGo) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
+  const Workspace work(
+      replaced(replaced(elastic, "1.6*t", "0.1*sin(pi*t)"), "step = 0.25", "step = 0.25\nmax_step = 0.25"));
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const auto columns = history(work / "out/history.csv");
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k)
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], 0.05 * std::sin(M_PI * columns.at("t")[k]) / (1.0 - 0.09), 1e-9);
+}
+
+/// E = 1, yield = 0.01 + 0.25 a: past yield a slope of 1/5.
+TEST(Steps, AMetalStripYieldsAndIsUnloadedToAPlasticStrain) {
+  const std::string metal = replaced(replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                                              "model = \"j2\"\nE = 1\nnu = 0.3\nyield = \"0.01 + 0.25*a\""),
+                                     "plane = \"strain\"", "plane = \"stress\"");
+  const Workspace work(
+      replaced(replaced(metal, "1.6*t", "0.06*(1 - abs(1 - 2*t))"), "step = 0.25", "step = 0.125\nmax_step = 0.125"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto columns = history(work / "out/history.csv");
+  double plastic = 0.0, dissipated = 0.0;
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
+    const double strain = columns.at("probe.end.ux")[k] / 2.0;
+    const double trial = strain - plastic;
+    const double over = trial - (0.01 + 0.25 * plastic);
+    if (over > 0.0) plastic += over / 1.25;
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], strain - plastic, 1e-8) << "at " << columns.at("t")[k];
+    EXPECT_GE(columns.at("dissipated")[k], dissipated);
+    dissipated = columns.at("dissipated")[k];
+  }
+  EXPECT_NEAR(plastic, 0.016, 1e-8);
+}
+
+TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
+  std::string tube = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                              "model = \"j2\"\nE = 1\nnu = 0.3\nyield = 0.01");
+  tube = replaced(tube, "displacement = [\"1.6*t\", \"free\"]", "traction = [\"0.02*t\", 0]");
+  const Workspace work(tube);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("do not converge"));
+  const auto columns = history(work / "out/history.csv");
+  const double limit = 0.02 / std::sqrt(3.0);  // plane strain
+  EXPECT_LT(columns.at("reaction.left.x").back(), -0.97 * limit);
+  EXPECT_GT(columns.at("reaction.left.x").back(), -1.0001 * limit);
+  EXPECT_THAT(json(work / "out/failure.json")["reason"].get<std::string>(), HasSubstr("do not converge"));
+  EXPECT_EQ(json(work / "out/failure.json")["results"], "of this run");
+  EXPECT_EQ(json(work / "out/result.json")["path"]["time"], columns.at("t").back());
+}
+
+TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
+  const auto refused = [](const std::string& text) {
+    const Workspace work(text);
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, 2) << run.output;
+    EXPECT_FALSE(std::filesystem::exists(work / "out"));
+    return run.output;
+  };
+  EXPECT_THAT(refused(replaced(rubber, "[time]\nstep = 0.25\n", "")), HasSubstr("t is the time of [time]"));
+  EXPECT_THAT(refused(replaced(rubber, "step = 0.25", "step = 2")), HasSubstr("case.toml:13: step is 2"));
+  EXPECT_THAT(refused(replaced(rubber, "step = 0.25", "min_step = 0.3")), HasSubstr("min_step is 0.3"));
+  EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "yield = 0.7")), HasSubstr("yield means nothing for model"));
+  EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "nu = 0.7")), HasSubstr("nu is 0.7"));
+  EXPECT_THAT(refused(replaced(rubber, "mu = 0.7\n", "")), HasSubstr("case.toml:"));
+  EXPECT_THAT(refused(rubber + "[accuracy]\nenergy = 0.01\n"), HasSubstr("accuracy"));
+  EXPECT_THAT(refused(rubber + "[[case]]\nname = \"a\"\n"), HasSubstr("load cases"));
+  EXPECT_THAT(refused(replaced(rubber, "neo_hookean", "neo_hokean")), HasSubstr("\"neo_hookean\""));
+}
+
+}  // namespace
+}  // namespace efree
