@@ -135,7 +135,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
 
 template <int Dim>
 Result<Dim> analyse(const FineMesh<Dim>& mesh, const Settings<Dim>& settings, const Monitor& monitor) {
-  const auto copied = [&mesh](const MeshSize&) {
+  const auto copied = [&mesh](const MeshSize&, const Stage&) {
     return MadeMesh<Dim>{extract(mesh, std::vector<char>(mesh.num_cells(), 1))};
   };
   return analyse<Dim>(MeshSource<Dim>{.mesh = copied, .size = mesh.size()}, settings, monitor);

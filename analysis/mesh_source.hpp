@@ -2,6 +2,7 @@
 /// Where the fine mesh of an analysis comes from, as fine as it is asked for.
 #pragma once
 
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
@@ -36,8 +37,9 @@ struct MeshSize {
 
 /// A geometry: a mesh as a function of its size.
 template <int Dim> struct MeshSource {
-  /// Reads or makes the mesh. Throws as the readers do.
-  std::function<MadeMesh<Dim>(const MeshSize& size)> mesh;
+  /// Reads or makes the mesh, as part of a stage: where it takes long it ticks, and so can be cancelled. Throws as the
+  /// readers do.
+  std::function<MadeMesh<Dim>(const MeshSize& size, const Stage& stage)> mesh;
   double size = 0.0;                 ///< [length]; 0: `ratio` says it, or it is open
   double coarsening = 1.0;           ///< of the natural size, where it is open
   double ratio = 0.0;                ///< H/h, cloud spacing over fine mesh size; 0: size holds

@@ -199,7 +199,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   {
     const Stage stage("mesh", monitor.timing(times));
     FineMesh<Dim> mesh = located(settings, source.where, [&] {
-      MadeMesh<Dim> made = source.mesh({mesh_size(source, settings), source.coarsening});
+      MadeMesh<Dim> made = source.mesh({mesh_size(source, settings), source.coarsening}, stage);
       result.size = made.size;
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);

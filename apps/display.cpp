@@ -35,11 +35,21 @@ Monitor::Progress Display::stages(std::vector<std::string> names) {
 
 Monitor::Progress Display::runs() {
   return [this](const std::string& run, double fraction) {
+    finish_line();
     stage_ = run;
     if (terminal_)
       bar(run, fraction);
     else if (!quiet_)
       fmt::print(stderr, "{:3.0f} %  {}\n", 100.0 * fraction, run);
+  };
+}
+
+Monitor::Progress Display::waiting() {
+  return [this](const std::string& what, double fraction) {
+    if (terminal_ && fraction < 1.0)
+      bar(what, fraction);
+    else
+      clear_bar();
   };
 }
 

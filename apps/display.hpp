@@ -21,6 +21,8 @@ class Display {
   Monitor::Progress stages(std::vector<std::string> names);
   /// For many runs: the fraction is that of them all, the stage says which one begins.
   Monitor::Progress runs();
+  /// For one that says nothing else: a bar while it goes on, on a terminal.
+  Monitor::Progress waiting();
   /// A message of its own line, said even if quiet.
   void say(const std::string& message);
   /// The stage that began last.

@@ -120,7 +120,8 @@ std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vect
 }
 
 /// Exit status.
-template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, Display& display) {
+template <int Dim>
+int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Progress& progress, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
   const auto fail = [&](const std::string& reason) {
@@ -137,9 +138,7 @@ template <int Dim> int solve(const Case<Dim>& analysis, const Options& options, 
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
     };
-    const Monitor monitor{.progress = display.stages({"mesh", "cloud", "weights", "basis", "quadrature", "assembly",
-                                                      "solve", "path", "correction", "duals", "output"}),
-                          .say = say};
+    const Monitor monitor{.progress = progress, .say = say};
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
     for (const std::string& line : numbers_text(result, analysis.cases)) say(line);
@@ -192,7 +191,7 @@ std::string presentable(std::string message) {
   return fmt::format("{} ... {}", message.substr(0, longest / 2), message.substr(message.size() - longest / 2));
 }
 
-void inspect_file(const Options& options) {
+void inspect_file(const Options& options, Display& display) {
   std::visit(
       [&](const auto& inspection) {
         const std::string json = inspection_json(inspection);
@@ -207,7 +206,7 @@ void inspect_file(const Options& options) {
         }
         fmt::print("{}", options.json ? json : inspection_text(inspection));
       },
-      inspect(options.case_file, options.reading));
+      inspect(options.case_file, options.reading, {.progress = display.waiting()}));
 }
 
 template <int Dim> void convergence(const Case<Dim>& analysis, const Options& options, Display& display) {
@@ -325,18 +324,20 @@ int run(int argc, char** argv) {
   Display display(options.quiet);
   try {
     if (inspect_command.parsed()) {
-      inspect_file(options);
+      inspect_file(options, display);
       return 0;
     }
+    const Monitor::Progress progress = display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature",
+                                                       "assembly", "solve", "path", "correction", "duals", "output"});
     return std::visit(
         [&](auto analysis) {
           if (!options.accuracy.empty()) analysis.accuracy = accuracy_of(options.accuracy);
           if (options.time_limit > 0.0) analysis.time_limit = options.time_limit;
-          if (solve_command.parsed()) return solve(analysis, options, display);
+          if (solve_command.parsed()) return solve(analysis, options, progress, display);
           convergence(analysis, options, display);
           return 0;
         },
-        read_case(options.case_file, options.reading));
+        read_case(options.case_file, options.reading, {.progress = progress}));
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", presentable(error.what())));
     return 2;

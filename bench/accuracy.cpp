@@ -272,7 +272,7 @@ template <int Dim> Case<Dim> said(std::function<MeshData<Dim>(double size)> mesh
                                   Loads<Dim> loads, double coarsest = 8.0) {
   Case<Dim> analysis;
   analysis.where = "bench_accuracy";
-  analysis.geometry.mesh = [mesh = std::move(mesh), natural, coarsest](const MeshSize& size) {
+  analysis.geometry.mesh = [mesh = std::move(mesh), natural, coarsest](const MeshSize& size, const Stage&) {
     const double length = size.length > 0.0 ? size.length : std::min(size.coarsening, coarsest) * natural;
     return MadeMesh<Dim>{.mesh = mesh(length), .size = length};
   };
@@ -302,7 +302,7 @@ Case<3> pulled(const LabelImage<3>& image) {
                               symmetry_plane<3>("bottom"),
                               {"top", {}, [=](const Vec<3>&) { return 0.01 * height; }}},
                              {});
-  analysis.geometry.mesh = [image](const MeshSize& size) {
+  analysis.geometry.mesh = [image](const MeshSize& size, const Stage&) {
     MadeMesh<3> made;
     made.size = size.length > 0.0 ? size.length : 4.0;
     LatticeMesh on_lattice = mesh_on_lattice(image, {.size = made.size});

@@ -67,7 +67,9 @@ inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector
   Case<3> analysis;
   analysis.where = "noise";
   analysis.approximation.interpolation = 1;  // linear elements are the truth here
-  analysis.geometry.mesh = [image](const MeshSize& h) { return MadeMesh<3>{mesh_image(image, {.size = h.length})}; };
+  analysis.geometry.mesh = [image](const MeshSize& h, const Stage&) {
+    return MadeMesh<3>{mesh_image(image, {.size = h.length})};
+  };
   analysis.geometry.size = size;
   analysis.model.material = LinearElastic(moduli.front(), 0.3);
   for (std::size_t k = 0; k < moduli.size() && moduli.size() > 1; ++k)

@@ -31,12 +31,12 @@ template <int Dim> void measure(const Case<Dim>& analysis, int runs) {
   std::vector<double> apart, here, whole;
   for (int run = 0; run < runs; ++run) {
     Clock clock;
-    const auto made = analysis.geometry.mesh(size);
+    const auto made = analysis.geometry.mesh(size, {"mesh", {}});
     apart.push_back(clock.seconds());
     // Work in such a process that asks for one is simply done there.
     here.push_back(internal::confined({.subject = "the case", .reader = "the mesher"}, [&] {
       const Clock inner;
-      analysis.geometry.mesh(size);
+      analysis.geometry.mesh(size, {"mesh", {}});
       return inner.seconds();
     }));
     clock = {};

@@ -47,7 +47,7 @@ class Stage {
   Stage(const Stage&) = delete;
   Stage& operator=(const Stage&) = delete;
 
-  /// This fraction of the stage is done.
+  /// This fraction of the stage is done; 0 as long as nobody knows.
   void tick(double fraction) const;
   /// Asks whether the run is to end.
   void check() const;

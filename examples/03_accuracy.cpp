@@ -22,7 +22,7 @@ constexpr double true_energy = 0.79354;
 
 int main() {
   // A geometry is a mesh as a function of its size; without one, what is natural for it.
-  const MeshSource<2> plate{.mesh = [](const MeshSize& wanted) {
+  const MeshSource<2> plate{.mesh = [](const MeshSize& wanted, const Stage&) {
     const double size = wanted.length > 0.0 ? wanted.length : 0.05 * wanted.coarsening;
     return MadeMesh<2>{.mesh = triangulate_data(shapes::l_shape(1.0), {.size = size}), .size = size};
   }};

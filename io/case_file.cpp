@@ -599,14 +599,14 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
 
 }  // namespace
 
-AnyCase read_case(const std::filesystem::path& file, const Reading& reading) {
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
   const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
-  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading) == 2)
+  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading, monitor) == 2)
     return read<2>(file, table, root, geometry, reading);
   return read<3>(file, table, root, geometry, reading);
 }

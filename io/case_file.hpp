@@ -19,8 +19,9 @@ using AnyCase = std::variant<Case<2>, Case<3>>;
 /// Reads and checks a case file. Throws InputError beginning with "file:line:" for a file that cannot be read, a syntax
 /// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
 /// expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by
-/// prepare. Files are read, and the geometry is meshed, as `reading` says.
-AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {});
+/// prepare. Files are read, and the geometry is meshed, as `reading` says. Stage, where gmsh has to be asked for the
+/// dimension: read.
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
 
 /// prepare, analyse and analyse_to_accuracy with the case's own geometry.
 template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {

@@ -448,8 +448,9 @@ void read_file(const Section& geometry, const fs::path& file, const Reading& rea
   const FileKind kind = kind_of(geometry, file);
   const Confinement confinement = confinement_of(file, kind, reading);
   const auto confine = [&](auto mesh) -> decltype(result.mesh) {
-    return [mesh = std::move(mesh), confinement](const MeshSize& size) {
-      return confined(confinement, [&] { return mesh(size); });
+    return [mesh = std::move(mesh), confinement](const MeshSize& size, const Stage& stage) {
+      return confined(
+          confinement, [&] { return mesh(size); }, [&] { stage.tick(0.0); });
     };
   };
   switch (kind) {
@@ -478,7 +479,8 @@ Section::Keys geometry_keys() {
   return {"file", "shape", "mesh_size", "mesh_ratio", "slits", "parameters", "image", "surface"};
 }
 
-int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane, const Reading& reading) {
+int geometry_dimension(const Section& geometry, const fs::path& folder, bool has_plane, const Reading& reading,
+                       const Monitor& monitor) {
   if (geometry.has("file") == geometry.has("shape"))
     geometry.fail("shape", fmt::format("[geometry] has {}, expected exactly one of file and shape",
                                        geometry.has("file") ? "both file and shape" : "neither file nor shape"));
@@ -505,8 +507,10 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
       break;
   }
   try {
-    return confined(confinement_of(file, FileKind::gmsh, reading),
-                    [&] { return gmsh_dimension(file.string(), reading.trust); });
+    const Stage stage("read", monitor);
+    return confined(
+        confinement_of(file, FileKind::gmsh, reading), [&] { return gmsh_dimension(file.string(), reading.trust); },
+        [&] { stage.tick(0.0); });
   } catch (const InputError& error) {
     geometry.fail("file", error.what());
   }
@@ -523,9 +527,11 @@ MeshSource<Dim> read_geometry(const Section& geometry, const fs::path& folder, c
   result.where = geometry.where(geometry.has("file") ? "file" : "shape");
   if (geometry.has("shape"))
     result.mesh = [mesh = shape_mesh<Dim>(geometry),
-                   confinement =
-                       Confinement{fmt::format("the shape \"{}\"", geometry.text("shape")), "the mesher", reading}](
-                      const MeshSize& size) { return confined(confinement, [&] { return mesh(size); }); };
+                   confinement = Confinement{fmt::format("the shape \"{}\"", geometry.text("shape")), "the mesher",
+                                             reading}](const MeshSize& size, const Stage& stage) {
+      return confined(
+          confinement, [&] { return mesh(size); }, [&] { stage.tick(0.0); });
+    };
   else
     read_file(geometry, file_of(geometry, folder), reading, result);
   return result;

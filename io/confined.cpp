@@ -263,14 +263,18 @@ class Child {
 };
 
 /// The byte that the child sends; 0 if it died, -1 if the time was up before.
-int await(int fd, double seconds) {
+int await(int fd, double seconds, const std::function<void()>& watch) {
+  constexpr double longest_wait = 0.1;
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
   while (true) {
     const double left = std::chrono::duration<double>(end - Clock::now()).count();
     if (left <= 0.0) return -1;
     pollfd wanted{fd, POLLIN, 0};
-    if (poll(&wanted, 1, static_cast<int>(std::min(1e3 * left + 1.0, 1e6))) <= 0) continue;
+    if (poll(&wanted, 1, static_cast<int>(1e3 * std::min(left, longest_wait)) + 1) <= 0) {
+      if (watch) watch();
+      continue;
+    }
     char outcome = 0;
     const ssize_t got = read(fd, &outcome, 1);
     if (got < 0 && errno == EINTR) continue;
@@ -319,7 +323,8 @@ std::string cause_of_death(int status) {
 
 }  // namespace
 
-std::string run_confined(const Confinement& confinement, const std::function<std::string()>& work) {
+std::string run_confined(const Confinement& confinement, const std::function<std::string()>& work,
+                         const std::function<void()>& watch) {
   if (in_child) return work();
   const auto need = [&](int status) {
     if (status < 0)
@@ -337,7 +342,7 @@ std::string run_confined(const Confinement& confinement, const std::function<std
   if (pid == 0) be_child(confinement, *result, *to_parent, self, job);
   Child child(pid);
   { const Descriptor closed = std::move(to_parent); }
-  const int outcome = await(*from_child, confinement.limits.seconds);
+  const int outcome = await(*from_child, confinement.limits.seconds, watch);
   if (outcome == -1)
     fail(confinement, fmt::format("it was not done after {:g} s (--mesh-time-limit)", confinement.limits.seconds));
   const int status = child.wait();

@@ -417,8 +417,10 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
 
 }  // namespace
 
-AnyInspection inspect(const fs::path& file, const Reading& reading) {
-  return internal::confined({file.string(), "what reads it", reading}, [&] { return inspect_here(file, reading); });
+AnyInspection inspect(const fs::path& file, const Reading& reading, const Monitor& monitor) {
+  const Stage stage("inspect", monitor);
+  return internal::confined(
+      {file.string(), "what reads it", reading}, [&] { return inspect_here(file, reading); }, [&] { stage.tick(0.0); });
 }
 
 template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {

@@ -2,6 +2,7 @@
 /// What a file holds, before anything is analysed.
 #pragma once
 
+#include "efree/core/monitor.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/io/reading.hpp"
 
@@ -67,8 +68,9 @@ using AnyInspection = std::variant<Inspection<2>, Inspection<3>>;
 
 /// Looks into a gmsh, CAD, image or surface file, or at the geometry of a case (.toml) with its selections. gmsh and
 /// CAD files are meshed with their own sizes; images are told from their pixels (for grey ones the threshold that parts
-/// them best) and surfaces from their triangles. Throws InputError as the readers do, and for files they fail on.
-AnyInspection inspect(const std::filesystem::path& file, const Reading& reading = {});
+/// them best) and surfaces from their triangles. Stage: inspect. Throws InputError as the readers do, and for files
+/// they fail on.
+AnyInspection inspect(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
 
 /// For people: several lines, ending with a line break.
 template <int Dim> std::string inspection_text(const Inspection<Dim>& inspection);

@@ -489,6 +489,14 @@ Values read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImageRead
   return v;
 }
 
+/// VTK's reader goes through as many dimensions as the header says there are.
+void check_meta_image(const std::string& path, const std::string& head) {
+  const std::size_t value = head.find_first_not_of(" \t=:", head.find("NDims") + 5);
+  const double dimensions = value == std::string::npos ? 0.0 : std::strtod(head.c_str() + value, nullptr);
+  if (dimensions != 2.0 && dimensions != 3.0)
+    throw InputError(fmt::format("{}: it has {} dimensions (NDims), expected 2 or 3", path, dimensions));
+}
+
 template <int Dim> Values read_values_of(const std::string& path, const ImageOptions<Dim>& options) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw InputError(fmt::format("{}: there is no such file", path));
@@ -533,6 +541,7 @@ template <int Dim> Values read_values_of(const std::string& path, const ImageOpt
   }
   if (ends(".mha", ".mhd")) {
     expect(head.find("NDims") != std::string::npos, "MetaImage");
+    check_meta_image(path, head);
     return read_with_vtk(path, vtkSmartPointer<vtkMetaImageReader>::New(), true, true);
   }
   if (ends(".inr", ".inr.gz")) {

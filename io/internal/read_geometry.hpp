@@ -15,9 +15,10 @@ Section::Keys geometry_keys();
 
 /// Dimensions of the body: by the shape, the kind of file or, for .geo and .msh, what is in it. Images of formats that
 /// hold 2 or 3 dimensions are taken as the case means them: planar if it `has_plane`. `folder` is where relative names
-/// of files start. Throws InputError beginning with "file:line: ", as all that follow.
+/// of files start. Stage where a file has to be read: read. Throws InputError beginning with "file:line: ", as all that
+/// follow.
 int geometry_dimension(const Section& geometry, const std::filesystem::path& folder, bool has_plane,
-                       const Reading& reading);
+                       const Reading& reading, const Monitor& monitor);
 
 /// Checks all of [geometry] that can be checked before a mesh is made, which happens as `reading` says.
 template <int Dim>

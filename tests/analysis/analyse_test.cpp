@@ -18,7 +18,7 @@ using ::testing::Contains, ::testing::HasSubstr, ::testing::StartsWith;
 /// A quarter of a plate with a hole, pulled along x.
 MeshSource<2> plate(double size = 0.0) {
   return {.mesh =
-              [](const MeshSize& wanted) {
+              [](const MeshSize& wanted, const Stage&) {
                 const double length = wanted.length > 0.0 ? wanted.length : 0.4 * wanted.coarsening;
                 const auto domain = shapes::quarter_plate_with_hole(1.0, 4.0, std::min(length, 0.2));
                 return MadeMesh<2>{.mesh = triangulate_data(domain, {.size = length}), .size = length};
@@ -57,7 +57,7 @@ TEST(Analyse, AnswersOnAMeshWithTheErrorOfTheAnswer) {
 TEST(Analyse, IsTheSameOnAMeshAndOnTheSourceItCameFrom) {
   const MeshSource<2> source = plate(0.2);
   const Result<2> of_source = analyse(source, pulled());
-  const Result<2> of_mesh = analyse(FineMesh<2>(source.mesh({.length = 0.2}).mesh), pulled());
+  const Result<2> of_mesh = analyse(FineMesh<2>(source.mesh({.length = 0.2}, {"mesh", {}}).mesh), pulled());
   const Result<2> of_prepared = analyse(prepare(source, pulled()), pulled());
   EXPECT_EQ(of_source.solution.strain_energy, of_mesh.solution.strain_energy);
   EXPECT_EQ(of_source.solution.strain_energy, of_prepared.solution.strain_energy);
@@ -110,7 +110,7 @@ TEST(Analyse, ReachesTheAccuracyThatIsAskedFor) {
   EXPECT_EQ(said.size(), result.attempts.size() + 3) << "three parts of the boundary, and every mesh";
   EXPECT_TRUE(result.warnings.empty());
   // On a mesh that is given there is no other: what is missed is said.
-  const FineMesh<2> coarse(plate().mesh({.length = 1.0}).mesh);
+  const FineMesh<2> coarse(plate().mesh({.length = 1.0}, {"mesh", {}}).mesh);
   const Result<2> missed = analyse(coarse, settings);
   EXPECT_THAT(missed.warnings, Contains(HasSubstr("an error of 2 % in the energy norm was asked for")));
 }
@@ -197,7 +197,8 @@ TEST(Defaults, QuadraticElementsAverageDilatationsBeyondTheirPowersAndLinearOnes
 TEST(Defaults, ArePickedByTheMaterialOfTheWorstRegionAndPlace) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.2});
   const MeshSource<2> source{
-      .mesh = [&](const MeshSize&) { return MadeMesh<2>{extract(mesh, std::vector<char>(mesh.num_cells(), 1))}; },
+      .mesh = [&](const MeshSize&,
+                  const Stage&) { return MadeMesh<2>{extract(mesh, std::vector<char>(mesh.num_cells(), 1))}; },
       .size = 0.2};
   const auto decided = [&](const SharedMaterial& material, Plane plane) {
     const Settings<2> settings{.model = {.material = material, .plane = plane}, .supports = {clamp<2>("left")}};

@@ -290,6 +290,14 @@ TEST_F(ReadImage, RefusesTruncatedFiles) {
   EXPECT_INPUT_ERROR(read_image<3>(put("a.mhd", meta + "ElementDataFile = none.raw\n")), "which does not exist");
 }
 
+TEST_F(ReadImage, RefusesMetaImagesOfManyDimensionsAtOnce) {
+  for (const std::string& dimensions : {"2147483647"s, "4"s, "0"s, "nan"s, "-3"s})
+    EXPECT_INPUT_ERROR(read_image<3>(put("a.mha", "ObjectType = Image\nNDims = " + dimensions +
+                                                      "\nDimSize = 2 2 2\nElementType = MET_UCHAR\n"
+                                                      "ElementDataFile = LOCAL\n12345678")),
+                       "dimensions (NDims), expected 2 or 3");
+}
+
 TEST_F(ReadImage, SaysFromTheHeaderThatMemoryIsShort) {
   const std::string meta = "ObjectType = Image\nNDims = 3\nDimSize = 20000 20000 20000\nElementType = MET_DOUBLE\n";
   EXPECT_INPUT_ERROR(read_image<3>(put("a.mha", meta + "ElementDataFile = LOCAL\n123")), "GiB are available");

@@ -3,6 +3,7 @@
 
 #include "efree/core/parallel.hpp"
 #include "efree/io/case_file.hpp"
+#include "efree/io/inspect.hpp"
 #include "workspace.hpp"
 
 #include <fcntl.h>
@@ -115,6 +116,56 @@ TEST(Confined, WorkThatDoesNotEndIsEnded) {
   EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child is left";
 }
 
+TEST(Confined, WhoeverWaitsIsAskedAgainAndAgainAndCanEndIt) {
+  int asked = 0;
+  const auto sleep = [](int milliseconds) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    return std::string("done");
+  };
+  const auto count = [&] { ++asked; };
+  EXPECT_EQ(run_confined(
+                of("f.x"), [&] { return sleep(1000); }, count),
+            "done");
+  EXPECT_GE(asked, 3);
+  const auto start = std::chrono::steady_clock::now();
+  const auto end_it = [&] { throw Cancelled("mesh"); };
+  EXPECT_THROW(run_confined(
+                   of("f.x"), [&] { return sleep(15000); }, end_it),
+               Cancelled);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child is left";
+}
+
+TEST(Confined, MeshingThatTakesLongIsToldOfAndCanBeCancelled) {
+  const Workspace work;
+  auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
+  analysis.geometry.size = 1e-3;  // millions of cells
+  int told = 0, asked = 0;
+  const Monitor monitor{.progress = [&](const std::string& stage, double) { told += stage == "mesh"; },
+                        .cancelled = [&] { return ++asked > 4; }};
+  try {
+    prepare(analysis, monitor);
+    ADD_FAILURE() << "not cancelled";
+  } catch (const Cancelled& cancelled) {
+    EXPECT_EQ(cancelled.stage, "mesh");
+  }
+  EXPECT_EQ(told, 5) << "its beginning, three ticks, its end";
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child is left";
+}
+
+TEST(Confined, FilesThatAreReadForTheirDimensionAreAStage) {
+  const Workspace work;
+  std::vector<std::string> stages;
+  const Monitor monitor{.progress = [&](const std::string& stage, double) { stages.push_back(stage); }};
+  read_case(work / "case.toml", {}, monitor);
+  ASSERT_FALSE(stages.empty());
+  EXPECT_EQ(stages.front(), "read");
+  stages.clear();
+  inspect(work / "strip.geo", {}, monitor);
+  ASSERT_FALSE(stages.empty());
+  EXPECT_EQ(stages.front(), "inspect");
+}
+
 #if !defined(__SANITIZE_ADDRESS__)
 TEST(Confined, WorkThatTakesMoreMemoryThanThereIsIsOneMessage) {
   EXPECT_EQ(refusal(of("f.x"),
@@ -194,8 +245,8 @@ TEST(Confined, WorkHasAllThreadsAlsoAfterItsParentUsedThem) {
 TEST(Confined, MeshesOfCasesAreTheSameAsWithoutAProcessOfTheirOwn) {
   const Workspace work;
   const auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
-  const MadeMesh<2> first = analysis.geometry.mesh({.length = 0.1});
-  const MadeMesh<2> second = confined(of("f.x"), [&] { return analysis.geometry.mesh({.length = 0.1}); });
+  const MadeMesh<2> first = analysis.geometry.mesh({.length = 0.1}, {"mesh", {}});
+  const MadeMesh<2> second = confined(of("f.x"), [&] { return analysis.geometry.mesh({.length = 0.1}, {"mesh", {}}); });
   EXPECT_GT(first.mesh.cells.cols(), 100);
   EXPECT_EQ(first.mesh.vertices, second.mesh.vertices);
   EXPECT_EQ(first.mesh.cells, second.mesh.cells);

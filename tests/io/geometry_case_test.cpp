@@ -588,7 +588,7 @@ TEST(ImageCase, VoxelsAreMeshedOnALatticeUnlessDelaunayIsAskedFor) {
   const auto mesh_of = [&](const std::string& keys) {
     const Workspace work(block(keys));
     work.write("block.raw", std::string(8 * 4 * 4, '\x01'));
-    return std::get<Case<3>>(read_case(work / "case.toml")).geometry.mesh({2.0});
+    return std::get<Case<3>>(read_case(work / "case.toml")).geometry.mesh({2.0}, {"mesh", {}});
   };
   const MadeMesh<3> lattice = mesh_of("mesher = \"lattice\"\n");
   EXPECT_EQ(lattice.mesh.cells.cols(), 4 * 2 * 2 * 6);
