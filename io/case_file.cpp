@@ -531,7 +531,7 @@ bool mentions_time(const toml::node& node) {
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
-  const Section section = root.section("time", {"end", "step", "min_step", "max_step"});
+  const Section section = root.section("time", {"end", "step", "min_step", "max_step", "control"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -539,6 +539,8 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   result.path.min_step = section.number("min_step", {0.0, result.path.step, false, true}, 1e-3 * result.path.step);
   result.path.max_step = section.number("max_step", {result.path.step, Interval::infinity, true},
                                         std::max(result.path.step, 0.1 * result.path.end));
+  result.path.control =
+      section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
   const auto mentioned = [&](const char* key) { return table->contains(key) && mentions_time(*table->get(key)); };
   if (!mentioned("boundary") && !mentioned("definitions") && !mentioned("analysis")) return result;
   result.acting = [table, file = of.where, plane = of.model.plane, grey = of.geometry.grey](double time) {

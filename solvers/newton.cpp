@@ -6,17 +6,18 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 
 namespace efree {
 
-Vector TangentSolver::change(const State& at, const Vector& r) {
+Matrix TangentSolver::change(const State& at, const Matrix& r) {
   const bool first = K_.size() == 0;
   equations_.tangent(at, K_);
   if (!K_.coeffs().allFinite()) throw NumericalError("the tangent is not finite");
   if (first) linear_.analyse(K_, equations_.node_of_unknowns());
   linear_.factorize(K_);
-  const Vector change = linear_.solve(-r);
+  Matrix change = linear_.solve(-r);
   if (!change.allFinite()) throw NumericalError("the change of the solution is not finite");
   return change;
 }
@@ -102,38 +103,132 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
   return result;
 }
 
+namespace {
+
+/// One way to take a step of a size from a state in balance.
+class Stepper {
+ public:
+  Stepper(const Equations& equations, LinearSolver& linear, const PathOptions& options)
+      : equations_(equations), tangent_(equations, linear), options_(options) {}
+  virtual ~Stepper() = default;
+  virtual Converged step(const State& from, double size) = 0;
+
+ protected:
+  const Equations& equations_;
+  TangentSolver tangent_;
+  const PathOptions& options_;
+};
+
+class TimeStepper final : public Stepper {
+ public:
+  using Stepper::Stepper;
+  Converged step(const State& from, double size) override {
+    constexpr double rounding = 1e-9;  // of a step: what is left by less is not a step of its own
+    const bool last = from.time + (1.0 + rounding) * size >= options_.end;
+    return newton(equations_, tangent_, from, last ? options_.end : from.time + size, options_.newton);
+  }
+};
+
+/// Cylindrical arc length (Crisfield 1981): the change of all unknowns since the last step has a given norm. The path
+/// goes on in the direction that it has come from (Feng, Peric & Owen 1996).
+class ArcStepper final : public Stepper {
+ public:
+  using Stepper::Stepper;
+  Converged step(const State& from, double size) override {
+    const Vector rate = tangent_.change(from, force_by_time(from));
+    if (per_time_ == 0.0) per_time_ = rate.norm();
+    if (!(per_time_ > 0.0)) throw NumericalError("nothing changes with time: there is no arc to follow");
+    const double length = size * per_time_;
+    const double sense = came_by_.size() > 0 && came_by_.dot(rate) < 0.0 ? -1.0 : 1.0;
+    double time = sense * length / rate.norm();
+    Vector all = time * rate;
+    Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all)};
+    for (;;) {
+      const Vector r = equations_.residual(result.state);
+      const double scale = equations_.force_scale(result.state), out = r.lpNorm<Eigen::Infinity>();
+      result.residuals.push_back(out == 0.0 ? 0.0 : out / scale);
+      if (out <= options_.newton.tolerance * scale) break;
+      if (result.iterations() == options_.newton.max_iterations || !r.allFinite())
+        throw NumericalError(
+            fmt::format("Newton's method does not converge along the arc: after {} iterations forces of {:.2g} are out "
+                        "of balance where {:.2g} act",
+                        result.iterations(), out, scale));
+      Matrix forces(r.size(), 2);
+      forces << r, force_by_time(result.state);
+      const Matrix changes = tangent_.change(result.state, forces);
+      const Vector back = changes.col(0), along = changes.col(1);
+      const Vector start = all + back;
+      time = root(along, start, all, length);
+      const Vector change = back + time * along;
+      all += change;
+      result.state = equations_.moved(equations_.under(result.state.time + time, result.state), change);
+    }
+    result.negative_pivots = tangent_.negative_pivots();
+    if (result.state.time > options_.end)  // the end itself, by a step in time
+      result = newton(equations_, tangent_, from, options_.end, options_.newton);
+    came_by_ = all;
+    return result;
+  }
+
+ private:
+  /// Change of the forces out of balance per time, taken for constant over a millionth of a step.
+  Vector force_by_time(const State& at) const {
+    const double little = 1e-6 * options_.step;
+    const State later = equations_.under(at.time + little, at);
+    return (equations_.first_residual(at, later) - equations_.residual(at)) / little;
+  }
+  /// The x with |start + x along| = length for which that points as `all` does.
+  static double root(const Vector& along, const Vector& start, const Vector& all, double length) {
+    const double a = along.squaredNorm(), b = along.dot(start), c = start.squaredNorm() - length * length;
+    const double discriminant = b * b - a * c;
+    if (discriminant < 0.0) throw NumericalError("the arc does not meet the path");
+    const double first = (-b - std::sqrt(discriminant)) / a, second = (-b + std::sqrt(discriminant)) / a;
+    const double to_first = all.dot(start + first * along), to_second = all.dot(start + second * along);
+    return to_first > to_second ? first : second;
+  }
+
+  double per_time_ = 0.0;  ///< norm of the change per time at the beginning
+  Vector came_by_;         ///< the change of the last step
+};
+
+}  // namespace
+
 State follow(const Equations& equations, LinearSolver& linear, State from, const PathOptions& options,
              const std::function<void(const PathStep&)>& converged, const Monitor& monitor) {
   constexpr int easy = 5, hard = 10;
-  constexpr double rounding = 1e-9;  // of a step: what is left by less is not a step of its own
   require(options.step > 0.0 && options.end > from.time, "a path needs a step > 0 and an end that is to come");
   const double least = options.min_step > 0.0 ? options.min_step : 1e-3 * options.step;
   const double most = options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end);
   const double begin = from.time;
   Stage stage("path", monitor);
-  TangentSolver tangent(equations, linear);
-  double step = options.step;
-  for (int number = 1; from.time < options.end;) {
+  std::unique_ptr<Stepper> stepper;
+  if (options.control == Control::load)
+    stepper = std::make_unique<TimeStepper>(equations, linear, options);
+  else
+    stepper = std::make_unique<ArcStepper>(equations, linear, options);
+  double size = options.step;
+  for (int number = 1; from.time < options.end && (number == 1 || from.time > begin);) {
     stage.tick((from.time - begin) / (options.end - begin));
-    const bool last = from.time + (1.0 + rounding) * step >= options.end;
-    const double time = last ? options.end : from.time + step;
+    if (number > options.max_steps)
+      throw PathError(fmt::format("at time {:.6g} the path is not at its end after {} steps", from.time, number - 1),
+                      from.time, number - 1);
     std::optional<Converged> now;
     std::string why;
     try {
-      now = newton(equations, tangent, from, time, options.newton);
+      now = stepper->step(from, size);
     } catch (const NumericalError& error) {
       why = error.what();
     }
     if (!now) {
-      if (0.5 * step < least)
-        throw PathError(fmt::format("at time {:.6g} steps of {:.3g} do not converge: {}", from.time, step, why),
+      if (0.5 * size < least)
+        throw PathError(fmt::format("at time {:.6g} steps of {:.3g} do not converge: {}", from.time, size, why),
                         from.time, number - 1);
-      step *= 0.5;
+      size *= 0.5;
       continue;
     }
-    if (now->iterations() <= easy) step = std::min(most, 1.5 * step);
-    if (now->iterations() >= hard) step = std::max(least, 0.5 * step);
-    PathStep done{std::move(from), std::move(*now), {}, number++, step};
+    if (now->iterations() <= easy) size = std::min(most, 1.5 * size);
+    if (now->iterations() >= hard) size = std::max(least, 0.5 * size);
+    PathStep done{std::move(from), std::move(*now), {}, number++, size};
     done.after = equations.commit(done.now.state);
     if (converged) converged(done);
     from = std::move(done.after);

@@ -34,9 +34,9 @@ class TangentSolver {
  public:
   /// Refers to both.
   TangentSolver(const Equations& equations, LinearSolver& linear) : equations_(equations), linear_(linear) {}
-  /// With the tangent at a state: the change that takes the forces r out of balance away. Throws what the linear
-  /// solver throws.
-  Vector change(const State& at, const Vector& r);
+  /// With the tangent at a state, column by column: the change that takes forces r out of balance away. Throws what the
+  /// linear solver throws.
+  Matrix change(const State& at, const Matrix& r);
   Index negative_pivots() const { return linear_.negative_pivots(); }
 
  private:
@@ -52,12 +52,19 @@ class TangentSolver {
 Converged newton(const Equations& equations, TangentSolver& tangent, const State& from, double factor,
                  const NewtonOptions& options = {});
 
+/// What a step is measured by.
+enum class Control {
+  load,        ///< time is what steps prescribe: ends where loads have a maximum
+  arc_length,  ///< the change of the unknowns: time is found, and may fall (Crisfield 1981): past limit points and back
+};
 /// Steps through time.
 struct PathOptions {
+  Control control = Control::load;
   double end = 1.0;       ///< [time]
-  double step = 0.1;      ///< the first [time]
+  double step = 0.1;      ///< the first [time]; of arc lengths what they are at the beginning
   double min_step = 0.0;  ///< 0: a thousandth of the first
   double max_step = 0.0;  ///< 0: a tenth of the way, but no less than the first
+  int max_steps = 10000;
   NewtonOptions newton{};
 };
 

@@ -87,7 +87,7 @@ TEST(Steps, LoadPathOfARubberStripIsThatOfItsClosedForm) {
   const auto result = json(work / "out/result.json");
   EXPECT_EQ(result["path"]["steps"], columns.at("t").size());
   EXPECT_NEAR(result["reactions"]["right"]["force"][0].get<double>(), pull(1.8), 1e-8);
-  EXPECT_LT(result["balance"].get<double>(), 1e-10);
+  EXPECT_LT(result["balance"]["error"].get<double>(), 1e-10);
 }
 
 TEST(Steps, WhatDoesNotMentionTimeGrowsInProportionToIt) {
@@ -124,17 +124,18 @@ TEST(Steps, AMetalStripYieldsAndIsUnloadedToAPlasticStrain) {
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   ASSERT_EQ(run.status, 0) << run.output;
   const auto columns = history(work / "out/history.csv");
-  double plastic = 0.0, dissipated = 0.0;
+  double plastic = 0.0, all = 0.0, dissipated = 0.0;  // strain, and its sum either way
   for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
-    const double strain = columns.at("probe.end.ux")[k] / 2.0;
-    const double trial = strain - plastic;
-    const double over = trial - (0.01 + 0.25 * plastic);
-    if (over > 0.0) plastic += over / 1.25;
-    EXPECT_NEAR(columns.at("reaction.right.x")[k], strain - plastic, 1e-8) << "at " << columns.at("t")[k];
+    const double trial = columns.at("probe.end.ux")[k] / 2.0 - plastic;
+    const double flow = std::max(0.0, std::abs(trial) - (0.01 + 0.25 * all)) / 1.25;
+    plastic += std::copysign(flow, trial);
+    all += flow;
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], trial - std::copysign(flow, trial), 1e-8) << columns.at("t")[k];
+    EXPECT_EQ(columns.at("plastic_share")[k] > 0.5, flow > 0.0) << columns.at("t")[k];
     EXPECT_GE(columns.at("dissipated")[k], dissipated);
     dissipated = columns.at("dissipated")[k];
   }
-  EXPECT_NEAR(plastic, 0.016, 1e-8);
+  EXPECT_GT(all, 0.017) << "it yields again on the way back";
 }
 
 TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {

@@ -3,6 +3,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/newton.hpp"
@@ -310,6 +311,34 @@ TEST(NonlinearPath, GoesOnFromASavedStateToTheSameEndBitForBit) {
   const State end = follow(resumed, linear, states[2], {.step = next[2], .min_step = 1e-3, .max_step = 0.1});
   const State whole = follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3, .max_step = 0.1});
   EXPECT_TRUE(end == whole);
+}
+
+/// Hencky's material without lateral strain bears no more than E / e, at a stretch of e: P = E ln(l) / l.
+TEST(NonlinearPath, ArcLengthGoesPastTheLargestLoadThatAMaterialBears) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.25});
+  const auto approximation = approximate(mesh, {.spacing = 0.5});
+  const double largest = 1.0 / std::numbers::e;
+  const NonlinearEquilibrium<2> equations(
+      approximation, {.material = Hencky({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+      Program<2>::grows({symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+                        {.tractions = {{"right", [](const Vec<2>&, const Vec<2>&) { return Vec<2>(1.0, 0.0); }}}}));
+  std::vector<double> stretches;
+  const auto path = [&](Control control) {
+    Cholesky linear;
+    stretches.clear();
+    follow(equations, linear, equations.rest(), {.control = control, .step = 0.1, .max_step = 0.3, .max_steps = 25},
+           [&](const PathStep& step) {
+             const Points<2> u = fine(approximation, step.now.state);
+             stretches.push_back(1.0 + u.row(0).maxCoeff());
+             const double l = stretches.back();
+             EXPECT_NEAR(step.now.state.time, std::log(l) / l, 1e-8);
+             EXPECT_EQ(step.now.negative_pivots > 0, l > std::numbers::e) << l;
+           });
+  };
+  EXPECT_THAT([&] { path(Control::load); }, ThrowsMessage<PathError>(HasSubstr("do not converge")));
+  EXPECT_NEAR(std::log(stretches.back()) / stretches.back(), largest, 1e-3 * largest);
+  EXPECT_THAT([&] { path(Control::arc_length); }, ThrowsMessage<PathError>(HasSubstr("after 25 steps")));
+  EXPECT_GT(stretches.back(), 4.0);
 }
 
 /// Elastic and perfectly plastic, b / a = 2, in plane strain: 2 / sqrt(3) yield ln 2 (Hill 1950), though flow keeps the
