@@ -13,6 +13,7 @@
 
 #include <gmock/gmock.h>
 #include <Eigen/Eigenvalues>
+#include <cstdlib>
 #include <functional>
 
 namespace efree {
@@ -90,8 +91,9 @@ Mat<3> yield_stress_of(const Named& one, const MaterialResponse& response, const
   return one.material->finite_strain() ? Mat<3>(P * at.gradient(p).transpose()) : P;
 }
 
-/// Points that have been deformed at random in two steps, and are by a third.
+/// Points that have been deformed at random in two steps, and are by a third; the same whatever was drawn before.
 Deformation after_steps(const Material& material, Index points, double size) {
+  std::srand(1);
   Deformation at = Deformation::none(Points<3>::Random(3, points), material.history_size());
   for (int k = 0; k < 2; ++k) {
     at.F += size * Tensors::Random(9, points);
