@@ -139,7 +139,7 @@ TEST(PlaneStress, ASheetThatIsTornThroughHasNoStressAndCarriesPressureWhenClosed
 }
 
 TEST(PlaneStress, AnInflatedIncompressibleSheetIsTheClosedForm) {
-  // sigma = 2 (c10 + c01 l^2) (l^2 - 1 / l^4), thickness 1 / l^2 (Treloar 1944), to the order of mu / kappa.
+  // sigma = 2 (c10 + c01 l^2) (l^2 - 1 / l^4), thickness 1 / l^2, to the order of mu / kappa.
   const double kappa = 1e9, l = 1.7;
   const PlaneStress in_sheet{MooneyRivlin(0.4, 0.1, kappa)};
   const auto found = respond(in_sheet, deformed(in_sheet, sheet(l, l)), false);
