@@ -57,11 +57,9 @@ void DruckerPrager::respond(const Deformation& given, MaterialResponse& response
       return std::pair(eta_ * kappa * (at.theta - eta_flow_ * most - dv) - xi_ * c,
                        -eta_ * kappa - xi_ * xi_ / eta_ * slope);
     };
-    const auto resistance = [](double slope) {
-      if (!(slope < 0.0)) throw NumericalError("the cohesion softens faster than the stress can follow");
-      return -slope;
-    };
-    if (!(outside_cone(0.0).first > 0.0)) return still_elastic(trial, a, elastic);
+    const auto [beyond, slope_there] = outside_cone(0.0);
+    if (!(beyond > 0.0)) return still_elastic(trial, a, elastic);
+    resistance(slope_there);
     const double scale = root2 * mu * at.e + eta_ * kappa * std::abs(at.theta);
     const bool apex = outside_cone(most).first > 0.0;
     double dg = most, dv = 0.0, da = xi_ * most, s = 0.0;

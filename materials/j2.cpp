@@ -33,13 +33,14 @@ void J2::respond(const Deformation& given, MaterialResponse& response) const {
       const auto [yield, slope] = yield_.at(a + ratio * flow);
       return std::pair(2.0 * elastic.mu * at.e - stiff * flow - ratio * yield, -stiff - 2.0 / 3.0 * slope);
     };
-    if (!(outside(0.0).first > 0.0)) return still_elastic(trial, a, elastic);
+    const auto [beyond, slope_there] = outside(0.0);
+    if (!(beyond > 0.0)) return still_elastic(trial, a, elastic);
+    resistance(slope_there);
     const double flow = root(outside, 0.0, 2.0 * elastic.mu * at.e / stiff, 2.0 * elastic.mu * at.e);
-    const double resistance = -outside(flow).second;
-    if (!(resistance > 0.0)) throw NumericalError("the yield stress softens faster than the stress can follow");
+    const double D = resistance(outside(flow).second);
     const double s = 2.0 * elastic.mu * (at.e - flow);
     Mat<2> slope;
-    slope << elastic.kappa, 0.0, 0.0, 2.0 * elastic.mu * (1.0 - 2.0 * elastic.mu / resistance);
+    slope << elastic.kappa, 0.0, 0.0, 2.0 * elastic.mu * (1.0 - 2.0 * elastic.mu / D);
     return Returned{at.stress(elastic.kappa * at.theta, s, slope), trial - flow * at.n, a + ratio * flow,
                     yield_.work(a, a + ratio * flow), true};
   };

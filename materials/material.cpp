@@ -7,7 +7,9 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -86,9 +88,12 @@ MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent
 }
 
 void PlaneStress::respond(const Deformation& given, MaterialResponse& response) const {
-  constexpr int most = 50, halvings = 30;
+  constexpr int most = 100, halvings = 30;
   const Index inner_size = of_->history_size();
   const bool has_potential = of_->symmetric();
+  if (given.size() == 0) return;
+  const double least =
+      1e-13 * efree::respond(*of_, Deformation::none(given.X.col(0), inner_size), true).A.cwiseAbs().maxCoeff();
   Deformation one = Deformation::none(Points<3>::Zero(3, 1), inner_size);
   one.dt = given.dt;
   MaterialResponse inner{Tensors::Zero(9, 1),     one.history, Vector::Zero(1),
@@ -103,7 +108,8 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
       throw NumericalError(fmt::format("plane stress: no strain across the plane without stress at ({:.6g})",
                                        fmt::join(given.X.col(p), ", ")));
     };
-    // From `strain` as far along `step` as the potential falls, or the stresses across do; where there is an answer.
+    // From `strain` as far along `step` as the potential falls, or the stresses across do; without a potential also as
+    // far as they push that way. Where there is an answer.
     const auto advance = [&](Vec<3>& strain, const Vec<3>& step, bool newton) {
       const Vec<3> r = across.transpose() * inner.P.col(0);
       const double potential = inner.energy[0] + inner.dissipated[0];
@@ -115,9 +121,11 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
         } catch (const NumericalError&) {
           continue;
         }
-        const bool falls =
-            has_potential && ahead.energy[0] + ahead.dissipated[0] <= potential + 1e-4 * part * r.dot(step);
-        if (falls || (newton && (across.transpose() * ahead.P.col(0)).norm() <= (1.0 - 0.1 * part) * r.norm())) {
+        const Vec<3> left = across.transpose() * ahead.P.col(0);
+        const bool falls = has_potential
+                               ? ahead.energy[0] + ahead.dissipated[0] <= potential + 1e-4 * part * r.dot(step)
+                               : left.dot(step) <= 0.0;
+        if (falls || (newton && left.norm() <= (1.0 - 0.1 * part) * r.norm())) {
           strain = there;
           std::swap(inner, ahead);
           return true;
@@ -133,8 +141,9 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
     for (int k = 0;; ++k) {
       A = inner.tangent_at(0);
       const Vec<3> r = across.transpose() * inner.P.col(0);
-      const Mat<3> stiffness = across.transpose() * A * across;
-      Vec<3> step = -stiffness.completeOrthogonalDecomposition().solve(r);
+      // Where matter is torn or flows freely there is no stiffness: then a step is only a direction.
+      const Mat<3> stiffness = across.transpose() * A * across + least * Mat<3>::Identity();
+      Vec<3> step = -stiffness.partialPivLu().solve(r);
       // Strains count against the thickness that is left.
       const double thickness = of_->finite_strain() ? std::abs(one.F(8, 0)) : 1.0 + strain.norm();
       if (step.norm() <= 1e-12 * thickness ||
@@ -150,6 +159,7 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
         step = -curvature.eigenvectors() *
                (curvature.eigenvectors().transpose() * r).cwiseQuotient(size.cwiseMax(1e-3 * size.maxCoeff()));
       }
+      step *= std::min(1.0, 0.9 * thickness / step.norm());
       if (k == most || !step.allFinite() || !advance(strain, step, newton)) fail();
     }
     response.P.col(p) = inner.P.col(0);

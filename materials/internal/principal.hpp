@@ -18,7 +18,7 @@ struct PrincipalStress {
 
 /// A deformation along its principal axes, strains ascending. First Piola-Kirchhoff stress and tangent are those of
 /// the isotropic law, to rounding also where strains are equal or nearly so: differences over differences are the
-/// law's secants and log1p(x) / x, and nothing is perturbed (Ogden 1997, section 6.1.4; Miehe 1998).
+/// law's secants and log1p(x) / x, and nothing is perturbed (Ogden 1997; Miehe 1998).
 class PrincipalFrame {
  public:
   /// Of a small strain: sigma = sum of stress n n^T.

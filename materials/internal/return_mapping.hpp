@@ -45,6 +45,12 @@ template <class F> double root(const F& f, double low, double high, double scale
   throw NumericalError("no stress on the yield surface is found");
 }
 
+/// Minus the slope of such a function. Throws NumericalError unless positive: the surface runs away from the stress.
+inline double resistance(double slope) {
+  if (!(slope < 0.0)) throw NumericalError("the material softens faster than its stress can follow");
+  return -slope;
+}
+
 /// A direction of strain on which isotropic laws of tr(eps) and |dev(eps)| are written: eps = theta / 3 + e n.
 struct Meridian {
   explicit Meridian(const Vec<3>& strain) : theta(strain.sum()), n(strain.array() - theta / 3.0), e(n.norm()) {

@@ -118,7 +118,7 @@ TEST(Hyperelastic, SmallStrainsAreThoseOfLinearElasticityToTheirLastDigits) {
 }
 
 /// Stresses without their pressure, of a material with these differences between principal Kirchhoff stresses at
-/// stretches whose product is one: closed forms (Ogden 1997, section 4.3 and 7.2).
+/// stretches whose product is one: closed forms.
 template <class Difference> void expect_differences(const Material& material, const Difference& f) {
   for (const double l : {0.4, 0.8, 1.0, 2.0, 5.0}) {
     const double root = std::sqrt(l);

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Every material in plane stress: the strain across the plane is found from wherever it is looked for.
 #include "efree/core/error.hpp"
+#include "efree/materials/drucker_prager.hpp"
 #include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/j2.hpp"
+#include "efree/materials/rankine.hpp"
 #include "efree/tests/materials/derivatives.hpp"
+#include "efree/tests/materials/paths.hpp"
 
 #include <gmock/gmock.h>
-#include <memory>
+#include <cstdlib>
 
 namespace efree {
 namespace {
@@ -25,6 +29,22 @@ std::vector<Named> hyperelastic(double kappa) {
           {"Mooney-Rivlin", MooneyRivlin(0.4, 0.1, kappa)},
           {"Ogden", Ogden({{0.225, 6.3}, {0.375, 0.4}, {-0.21625, -2.0}}, kappa)},
           {"Hencky", Hencky(moduli)}};
+}
+
+/// With yield stresses of 0.05.
+std::vector<Named> plastic(double kappa) {
+  const ElasticModuli moduli{.mu = 1.0, .kappa = kappa};
+  const Hardening linear = Hardening::linear(0.05, 0.2), voce = Hardening::voce(0.05, 0.08, 10.0);
+  return {{"J2, perfect", J2({.moduli = moduli, .yield = 0.05})},
+          {"J2, kinematic", J2({.moduli = moduli, .yield = voce, .kinematic = 0.3})},
+          {"J2, finite", J2({.moduli = moduli, .yield = linear, .strain = Strain::finite})},
+          {"Drucker-Prager", DruckerPrager({.moduli = moduli, .cohesion = linear, .friction = 0.4})},
+          {"Drucker-Prager, not associated",
+           DruckerPrager({.moduli = moduli, .cohesion = voce, .friction = 0.5, .dilatancy = 0.1})},
+          {"Drucker-Prager, finite",
+           DruckerPrager({.moduli = moduli, .cohesion = 0.05, .friction = 0.4, .strain = Strain::finite})},
+          {"Rankine", Rankine({.moduli = moduli, .strength = 0.05, .softening = 0.2, .strain = Strain::small})},
+          {"Rankine, finite", Rankine({.moduli = moduli, .strength = 0.05, .softening = 0.1})}};
 }
 
 Mat<3> sheet(double xx, double yy, double xy = 0.0, double yx = 0.0) {
@@ -62,8 +82,64 @@ TEST(PlaneStress, IsFoundFromFarAwayHoweverIncompressible) {
       }
 }
 
+/// Sheets deformed at random in two steps, and by a third; the same whatever was drawn before.
+Deformation after_steps(const Material& material, Index points, double size) {
+  std::srand(1);
+  Deformation at = Deformation::none(Points<3>::Zero(3, points), material.history_size());
+  for (int step = 0; step < 3; ++step) {
+    if (step > 0) at.history = respond(material, at, false).history;
+    for (const int k : in_plane) at.F.row(k) += size * Matrix::Random(1, points);
+  }
+  return at;
+}
+
+TEST(PlaneStress, StressAndTangentOfPlasticSheetsAreDerivatives) {
+  for (const double kappa : {1.0, 100.0})
+    for (const auto& [name, material] : plastic(kappa))
+      for (const double size : {0.02, 0.1}) {
+        const PlaneStress in_sheet{material};
+        const Deformation at = after_steps(in_sheet, 50, size);
+        const auto [stress, tangent] = testing::derivative_errors(in_sheet, at, 2e-6, in_plane);
+        EXPECT_LT(tangent, 5e-9) << name << " " << kappa << " " << size;
+        EXPECT_TRUE(stress < 2e-10 || !in_sheet.symmetric()) << name << " " << kappa << " " << size << ": " << stress;
+      }
+}
+
+TEST(PlaneStress, OfPlasticSheetsIsFoundInOneStepHoweverLarge) {
+  for (const double kappa : {0.7, 10.0, 1e4})
+    for (const auto& [name, material] : plastic(kappa))
+      for (const Mat<3>& F : {sheet(1.5, 1.5), sheet(0.5, 0.5), sheet(3.0, 0.5), sheet(1.0, 1.0, 2.0),
+                              sheet(0.3, 1.4, -0.5, 0.4), sheet(1.02, 0.99)}) {
+        const PlaneStress in_sheet{material};
+        const auto found = respond(in_sheet, deformed(in_sheet, F), true);
+        Mat<3> whole = F;
+        whole(2, 2) += found.history(7, 0);
+        const auto inside = respond(*material, deformed(*material, whole), true);
+        EXPECT_LT(std::abs(inside.P(8, 0)), 1e-11 * (1.0 + kappa)) << name << " " << kappa << "\n" << F;
+        EXPECT_LT((inside.P - found.P).cwiseAbs().maxCoeff(), 1e-11 * (1.0 + kappa)) << name << " " << kappa << "\n"
+                                                                                     << F;
+        EXPECT_TRUE(found.A.allFinite()) << name << " " << kappa << "\n" << F;
+      }
+}
+
+TEST(PlaneStress, ASheetThatIsTornThroughHasNoStressAndCarriesPressureWhenClosed) {
+  for (const Strain strain : {Strain::small, Strain::finite}) {
+    const PlaneStress in_sheet{
+        Rankine({.moduli = {.mu = 1.0, .kappa = 1.0}, .strength = 0.05, .softening = 0.5, .strain = strain})};
+    testing::Specimen specimen(in_sheet);
+    for (int k = 1; k <= 20; ++k) specimen.to(sheet(1.0 + 0.02 * k, 1.0 + 0.01 * k));
+    EXPECT_EQ(specimen.P().cwiseAbs().maxCoeff(), 0.0);
+    const Mat<3> open = specimen.F();
+    EXPECT_TRUE(specimen.response.A.allFinite());
+    specimen.to(open + Mat<3>(Vec<3>(-0.05, 0.05, 0.0).asDiagonal()));
+    EXPECT_LT(specimen.P()(0, 0), -0.05);
+    EXPECT_NEAR(specimen.P()(2, 2), 0.0, 1e-15);
+    EXPECT_TRUE(specimen.response.A.allFinite());
+  }
+}
+
 TEST(PlaneStress, AnInflatedIncompressibleSheetIsTheClosedForm) {
-  // sigma = 2 (c10 + c01 l^2) (l^2 - 1 / l^4), thickness 1 / l^2 (Treloar 1944), to the order of mu / kappa.
+  // sigma = 2 (c10 + c01 l^2) (l^2 - 1 / l^4), thickness 1 / l^2, to the order of mu / kappa.
   const double kappa = 1e9, l = 1.7;
   const PlaneStress in_sheet{MooneyRivlin(0.4, 0.1, kappa)};
   const auto found = respond(in_sheet, deformed(in_sheet, sheet(l, l)), false);
