@@ -10,6 +10,7 @@
 #include "efree/analysis/study.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/conditions.hpp"
+#include "efree/assembly/held_gradient.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/materials.hpp"

@@ -343,7 +343,7 @@ TEST(NonlinearPath, ArcLengthGoesPastTheLargestLoadThatAMaterialBears) {
 
 /// Elastic and perfectly plastic, b / a = 2, in plane strain: 2 / sqrt(3) yield ln 2 (Hill 1950), though flow keeps the
 /// volume.
-TEST(Plasticity, AThickTubeComesToItsLimitPressureAndStaysThere) {
+TEST(PlasticFlow, AThickTubeComesToItsLimitPressureAndStaysThere) {
   const double yield = 0.24;
   const J2 metal({.moduli = {.E = 210.0, .nu = 0.3}, .yield = yield});
   const FineMesh<2> tube = triangulate(shapes::rectangle(1, 0, 2, 0.5), {.size = 0.04});
