@@ -33,11 +33,6 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
   }
 }
 
-/// Whether some material flows: plastic flow keeps the volume, and functions lock under it as under pressure.
-bool flows(const ElasticModel& model) {
-  return std::ranges::any_of(model.regions, [](const SharedMaterial& material) { return !material->elastic(); });
-}
-
 /// The material of each region.
 template <int Dim>
 std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
@@ -250,9 +245,9 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   basis.axisymmetric = model.plane == Plane::axisymmetric;
   basis.fine = basis.fine || model.stabilisation > 0.0;
   if (basis.dilatation == Dilatation::automatic)
-    basis.dilatation = averaged_if(basis.kind != BasisKind::p1 &&
-                                   (incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) ||
-                                    (flows(model) && model.plane != Plane::stress)));
+    basis.dilatation =
+        averaged_if(basis.kind != BasisKind::p1 &&
+                    (incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) || flows(model)));
   return settings;
 }
 

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/locking.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 
 #include <fmt/format.h>
@@ -99,6 +101,14 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   result.solution = solution_of(equations, last);
   result.balance = {result.history.back().reactions, equations.applied(last)};
   result.fields = recover_fields(result.approximation, result.solution);
+  if (options.kind == BasisKind::p1 &&
+      (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
+    result.warnings.push_back(
+        "linear elements lock where materials flow or are nearly incompressible (nu > 0.4): the body is far stiffer "
+        "than "
+        "it should be; take moving least squares, or quadratic elements");
+  const auto doubtful = doubts(settings.approximation, result.approximation);
+  result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
   result.warnings.push_back(
       "how far the answer of materials that are not linear is from the truth is not estimated: compare clouds and "
       "meshes of two sizes");

@@ -4,11 +4,17 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 
 namespace efree {
 
 template <int Dim> double incompressibility(const ElasticModel& model, const FineMesh<Dim>& mesh) {
   return Dim == 2 && model.plane == Plane::stress ? 0.0 : materials_of(model, mesh).incompressibility(mesh);
+}
+
+bool flows(const ElasticModel& model) {
+  const auto is_plastic = [](const SharedMaterial& material) { return material && !material->elastic(); };
+  return model.plane != Plane::stress && (is_plastic(model.material) || std::ranges::any_of(model.regions, is_plastic));
 }
 
 double bearable_incompressibility(BasisKind kind) {
@@ -21,13 +27,18 @@ template <int Dim> void require_decided(const Approximation<Dim>& approximation,
   const bool elements = approximation.shape.num_nodes() == space.size();
   const BasisKind kind = !elements ? BasisKind::mls : space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   const double there = incompressibility(model, space.mesh()), bearable = bearable_incompressibility(kind);
-  if (there <= bearable) return;
-  throw InputError(fmt::format(
-      "the material is nearly incompressible: it resists dilatation {:.3g} times as much as shear, and these functions "
-      "lock beyond {:.3g}; {}, or leave the choice to `analyse` (Dilatation::pointwise takes them as they are)",
-      there, bearable,
-      kind == BasisKind::p1 ? "take BasisKind::mls or p2 with dilatation = Dilatation::averaged"
-                            : "approximate with dilatation = Dilatation::averaged"));
+  const bool flow = flows(model);
+  if (there <= bearable && !flow) return;
+  const std::string why =
+      flow ? "the material flows, which keeps its volume, and these functions lock under it"
+           : fmt::format(
+                 "the material is nearly incompressible: it resists dilatation {:.3g} times as much as shear, and "
+                 "these functions lock beyond {:.3g}",
+                 there, bearable);
+  throw InputError(
+      fmt::format("{}; {}, or leave the choice to `analyse` (Dilatation::pointwise takes them as they are)", why,
+                  kind == BasisKind::p1 ? "take BasisKind::mls or p2 with dilatation = Dilatation::averaged"
+                                        : "approximate with dilatation = Dilatation::averaged"));
 }
 
 template double incompressibility<2>(const ElasticModel&, const FineMesh<2>&);

@@ -11,12 +11,16 @@ namespace efree {
 /// Throws like materials_of.
 template <int Dim> double incompressibility(const ElasticModel& model, const FineMesh<Dim>& mesh);
 
+/// Whether some material flows: plastic flow keeps the volume, and functions lock under it as under pressure; not in
+/// plane stress.
+bool flows(const ElasticModel& model);
+
 /// What functions of this kind bear of it: 4.67 (nu = 0.4) for moving least squares and linear elements, 50 (nu = 0.49)
 /// for quadratic ones.
 double bearable_incompressibility(BasisKind kind);
 
 /// Throws InputError if functions of which nobody said whether they average dilatations (Dilatation::automatic) would
-/// lock under the materials of the model.
+/// lock under the materials of the model, or as these flow.
 template <int Dim> void require_decided(const Approximation<Dim>& approximation, const ElasticModel& model);
 
 }  // namespace efree

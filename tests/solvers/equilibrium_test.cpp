@@ -64,6 +64,7 @@ class Hardening final : public Material {
  public:
   Index history_size() const override { return 1; }
   bool homogeneous() const override { return true; }
+  bool elastic() const override { return true; }  // it does not flow
   void respond(const Deformation& deformation, MaterialResponse& response) const override {
     for (Index p = 0; p < deformation.size(); ++p) {
       const Mat<3> H = deformation.gradient(p) - Mat<3>::Identity();

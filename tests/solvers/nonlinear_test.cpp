@@ -341,6 +341,20 @@ TEST(NonlinearPath, ArcLengthGoesPastTheLargestLoadThatAMaterialBears) {
   EXPECT_GT(stretches.back(), 4.0);
 }
 
+TEST(PlasticFlow, FunctionsThatLockUnderItAreRefusedUnlessSomebodyDecided) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.25});
+  const SharedMaterial metal = J2({.moduli = {.E = 210.0, .nu = 0.3}, .yield = 0.24});
+  const auto equations = [&](Dilatation dilatation, Plane plane) {
+    const auto approximation = approximate(mesh, {.spacing = 0.5, .dilatation = dilatation});
+    NonlinearEquilibrium<2>(approximation, {.material = metal, .plane = plane}, Program<2>::grows({clamp<2>("left")}));
+  };
+  EXPECT_THAT([&] { equations(Dilatation::automatic, Plane::strain); },
+              ThrowsMessage<InputError>(HasSubstr("the material flows")));
+  EXPECT_NO_THROW(equations(Dilatation::pointwise, Plane::strain));
+  EXPECT_NO_THROW(equations(Dilatation::averaged, Plane::strain));
+  EXPECT_NO_THROW(equations(Dilatation::automatic, Plane::stress));
+}
+
 /// Elastic and perfectly plastic, b / a = 2, in plane strain: 2 / sqrt(3) yield ln 2 (Hill 1950), though flow keeps the
 /// volume.
 TEST(PlasticFlow, AThickTubeComesToItsLimitPressureAndStaysThere) {
