@@ -51,6 +51,7 @@ class Silent final : public Material {
  public:
   explicit Silent(SharedMaterial of) : of_(std::move(of)) {}
   bool homogeneous() const override { return true; }
+  bool finite_strain() const override { return of_->finite_strain(); }
   void respond(const Deformation& deformation, MaterialResponse& response) const override {
     of_->respond(deformation, response);
   }
