@@ -37,9 +37,9 @@ template <int Dim> double rounding_force(const Materials<Dim>& materials, const 
 
 /// What of an answer holds the body and loads it. One of a cloud has the reactions of its solver already, one in steps
 /// both.
-template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const Materials<Dim>& materials,
-                                           const Result<Dim>& result, const Answer<Dim>& answer,
-                                           const Loads<Dim>& loads, bool of_elements) {
+template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, const Result<Dim>& result,
+                                           const Answer<Dim>& answer, const Loads<Dim>& loads,
+                                           const ElementReactions<Dim>* of_elements) {
   const FineSpace<Dim>& space = result.basis().space;
   Balance<Dim> balance{answer.balance.reactions, {}};
   if (result.cells) {
@@ -47,9 +47,7 @@ template <int Dim> Balance<Dim> balance_of(const Settings<Dim>& settings, const 
   } else if (!result.history.empty()) {
     balance.loads = answer.balance.loads;
   } else {
-    if (of_elements)
-      balance.reactions =
-          element_reactions(result.basis(), result.model, settings.supports, loads, answer.solution.coefficients);
+    if (of_elements) balance.reactions = (*of_elements)(loads, answer.solution.coefficients);
     balance.loads = applied_loads(space, loads);
   }
   std::vector<Resultant<Dim>> all;
@@ -109,11 +107,17 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   std::optional<Stage> stage(std::in_place, "output", monitor);
   const Approximation<Dim>& basis = result.basis();
   const auto materials = materials_of(result.model, *mesh.mesh);
+  std::optional<RecoveryFits<Dim>> fits;
+  std::optional<ElementReactions<Dim>> of_elements;
+  if (without_cloud || result.elements) of_elements.emplace(basis, result.model, settings.supports);
   const auto finish = [&](Answer<Dim>& answer, const Loads<Dim>& loads, const std::string& of) {
-    if (answer.fields.displacement.size() == 0) answer.fields = recover_fields(basis, answer.solution);
+    if (answer.fields.displacement.size() == 0) {
+      if (!fits) fits.emplace(recovery_fits(basis));
+      answer.fields = recover_fields(basis, answer.solution, *fits);
+    }
     check_finite(answer);
     if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
-    answer.balance = balance_of(settings, materials, result, answer, loads, without_cloud || result.elements);
+    answer.balance = balance_of(materials, result, answer, loads, of_elements ? &*of_elements : nullptr);
     check_balance(answer.balance, of, result);
   };
   finish(result, settings.loads, "");

@@ -27,13 +27,14 @@ template <int Dim> Matrix at_midpoints_too(const FineSpace<Dim>& quadratic, cons
 template <int Dim> void correct_more(const Settings<Dim>& settings, const Corrected<Dim>& best,
                                      const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
   const Approximation<Dim>& elements = result.basis();
+  const auto materials = materials_of(result.model, *result.mesh);
   for (std::size_t k = 0; k < result.more.size(); ++k) {
     Answer<Dim>& answer = result.more[k];
     const Points<Dim> start = interpolate(result.approximation.shape, answer.solution.coefficients);
     const Correction<Dim> correction = best.corrector->correct(start, settings.cases[k + 1].loads, options, monitor);
     answer.solution = evaluate(elements, result.model, correction.displacement);
-    answer.fields = recover_fields(elements, answer.solution);
-    const auto mesh = recovery_error(elements, answer.fields, materials_of(result.model, *result.mesh));
+    answer.fields = recover_fields(elements, answer.solution, *best.fits);
+    const auto mesh = recovery_error(elements, answer.fields, materials);
     answer.estimates = {.cloud = correction.error,
                         .uncorrected = correction.start_error,
                         .mesh = mesh.relative,
@@ -157,7 +158,9 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     }
   }
   if (options.kind != BasisKind::mls) {
-    result.fields = recover_fields(result.approximation, result.solution);
+    const auto fits = recovery_fits(result.approximation);
+    result.fields = recover_fields(result.approximation, result.solution, fits);
+    for (Answer<Dim>& answer : result.more) answer.fields = recover_fields(result.approximation, answer.solution, fits);
     const Reference<Dim> reference{result.approximation, result.fields, result.model.essential == Essential::nitsche,
                                    [&](const Functional<Dim>& functional, const Monitor&) {
                                      return solver->respond(functional, result.solution, settings.loads);

@@ -24,7 +24,9 @@ template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const
                                       .axisymmetric = functions.space.axisymmetric(),
                                       .dilatation = averaged_if(takes_mean_dilatation(functions, result.model))});
   result_of.solution = evaluate(result_of.elements, result.model, result_of.correction.displacement);
-  result_of.fields = recover_fields(result_of.elements, result_of.solution);
+  auto fits = recovery_fits(result_of.elements);
+  result_of.fields = recover_fields(result_of.elements, result_of.solution, fits);
+  if (settings.cases.size() > 1) result_of.fits = std::make_shared<const RecoveryFits<Dim>>(std::move(fits));
   result_of.mesh_error = recovery_error(result_of.elements, result_of.fields, materials_of(result.model, *result.mesh));
   return result_of;
 }

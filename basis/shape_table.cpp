@@ -90,17 +90,29 @@ template <int Dim> void ShapeTable<Dim>::transpose(NodePlaces& out) const {
   });
 }
 
+namespace {
+
+template <int Rows, int Dim>
+Matrix interpolate_rows(const ShapeTable<Dim>& shape, const Eigen::Ref<const Matrix>& coefficients) {
+  Matrix values(coefficients.rows(), shape.num_points());
+  parallel_for(shape.num_points(), [&](Index p) {
+    const auto row = shape.row(p);
+    Eigen::Matrix<double, Rows, 1> sum = Eigen::Matrix<double, Rows, 1>::Zero(coefficients.rows());
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      sum += row.N[k] * coefficients.col(row.nodes[k]).template head<Rows>(coefficients.rows());
+    values.col(p) = sum;
+  });
+  return values;
+}
+
+}  // namespace
+
 template <int Dim> Matrix interpolate(const ShapeTable<Dim>& shape, const Eigen::Ref<const Matrix>& coefficients) {
   if (coefficients.cols() != shape.num_nodes())
     throw InputError(
         fmt::format("interpolate: {} columns of coefficients for {} nodes", coefficients.cols(), shape.num_nodes()));
-  Matrix values(coefficients.rows(), shape.num_points());
-  parallel_for(shape.num_points(), [&](Index p) {
-    const auto row = shape.row(p);
-    values.col(p).setZero();
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) values.col(p) += row.N[k] * coefficients.col(row.nodes[k]);
-  });
-  return values;
+  if (coefficients.rows() == Dim) return interpolate_rows<Dim>(shape, coefficients);
+  return interpolate_rows<Eigen::Dynamic>(shape, coefficients);
 }
 
 template class ShapeTable<2>;

@@ -56,47 +56,10 @@ template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Dis
   return around;
 }
 
-/// Linear least-squares fits to `values` (rows x M) at the quadrature points around each node (of finite elements:
-/// place), weighted by `around`, as columns: the value at the node, then the derivative along each axis. The mean and
-/// no slope where the points do not determine a plane: a single point at the node, or a row of them.
-template <int Dim>
-Matrix fit_at_nodes(const Approximation<Dim>& approximation, const SparseRows& around, const Matrix& values) {
-  using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
-  const Index rows = values.rows();
-  const Index nodes = approximation.shape.num_nodes(), count = static_cast<Index>(around.rows());
-  Matrix fits = Matrix::Zero((Dim + 1) * rows, count);
-  parallel_for(count, [&](Index I) {
-    const Vec<Dim> x = approximation.nodes.col(I < nodes ? I : approximation.space.dof_at(I));
-    double largest = 0.0, scale = 0.0, total = 0.0;
-    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) largest = std::max(largest, entry.value());
-    // A function of order 2 may be negative in the mean over every cluster it reaches: then all count alike.
-    const auto weight_of = [&](const SparseRows::InnerIterator& entry) { return largest > 0.0 ? entry.value() : 1.0; };
-    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
-      total += weight_of(entry);
-      scale += weight_of(entry) * (approximation.quadrature.points.col(entry.col()) - x).squaredNorm();
-    }
-    scale = scale > 0.0 ? std::sqrt(scale / total) : 1.0;
-    Fit A = Fit::Zero();
-    Matrix b = Matrix::Zero(Dim + 1, rows);
-    for (SparseRows::InnerIterator entry(around, I); entry; ++entry) {
-      Eigen::Matrix<double, Dim + 1, 1> g;
-      g << 1.0, (approximation.quadrature.points.col(entry.col()) - x) / scale;
-      const double weight = weight_of(entry) / total;
-      A += weight * g * g.transpose();
-      b += weight * g * values.col(entry.col()).transpose();
-    }
-    const Eigen::LLT<Fit> cholesky(A);
-    // The first pivot is 1; the others are those of the points' spread about their mean, in units of `scale`.
-    const Vec<Dim> spread = cholesky.matrixLLT().diagonal().template tail<Dim>();
-    auto fit = fits.col(I).reshaped(rows, Dim + 1);
-    if (cholesky.info() == Eigen::Success && spread.maxCoeff() > 1e-3 && spread.minCoeff() > 0.1 * spread.maxCoeff()) {
-      fit = cholesky.solve(b).transpose();
-      fit.template rightCols<Dim>() /= scale;
-    } else {
-      fit.col(0) = b.row(0).transpose();
-    }
-  });
-  return fits;
+/// Whether the functions of an approximation are 1 at their own node and 0 at all others: finite elements.
+template <int Dim> bool is_nodal(const Approximation<Dim>& approximation) {
+  const ShapeTable<Dim>& shape = approximation.shape;
+  return shape.num_points() == shape.num_nodes() && shape.num_entries() == shape.num_nodes();
 }
 
 /// Field at the fine degrees of freedom: sum phi_I(x) (f_I + 1/2 g_I . (x - x_I)) with the values f_I and slopes g_I of
@@ -377,18 +340,95 @@ template <int Dim> std::vector<VoigtPoints<Dim>> stress_differences(const Approx
   return result;
 }
 
+template <int Dim> RecoveryFits<Dim> recovery_fits(const Approximation<Dim>& approximation) {
+  using Fit = Eigen::Matrix<double, Dim + 1, Dim + 1>;
+  using Linear = Eigen::Matrix<double, Dim + 1, 1>;
+  RecoveryFits<Dim> fits{fit_weights(approximation.space, approximation.quadrature), {}};
+  SparseRows& around = fits.values;
+  const Index nodes = approximation.shape.num_nodes();
+  if (!is_nodal(approximation)) fits.slopes = Points<Dim>::Zero(Dim, around.nonZeros());
+  parallel_for(static_cast<Index>(around.rows()), [&](Index I) {
+    const Vec<Dim> x = approximation.nodes.col(I < nodes ? I : approximation.space.dof_at(I));
+    const Index begin = around.outerIndexPtr()[I], end = around.outerIndexPtr()[I + 1];
+    double* const weights = around.valuePtr();
+    const auto away = [&](Index k) -> Vec<Dim> {
+      return approximation.quadrature.points.col(around.innerIndexPtr()[k]) - x;
+    };
+    double largest = 0.0, scale = 0.0, total = 0.0;
+    for (Index k = begin; k < end; ++k) largest = std::max(largest, weights[k]);
+    for (Index k = begin; k < end; ++k) {
+      // A function of order 2 may be negative in the mean over every cluster it reaches: then all count alike.
+      if (!(largest > 0.0)) weights[k] = 1.0;
+      total += weights[k];
+      scale += weights[k] * away(k).squaredNorm();
+    }
+    scale = scale > 0.0 ? std::sqrt(scale / total) : 1.0;
+    const auto functions = [&](Index k) -> Linear { return (Linear() << 1.0, away(k) / scale).finished(); };
+    Fit A = Fit::Zero();
+    for (Index k = begin; k < end; ++k) {
+      weights[k] /= total;
+      const Linear g = functions(k);
+      A += weights[k] * g * g.transpose();
+    }
+    const Eigen::LLT<Fit> cholesky(A);
+    // The first pivot is 1; the others are those of the points' spread about their mean, in units of `scale`.
+    const Vec<Dim> spread = cholesky.matrixLLT().diagonal().template tail<Dim>();
+    if (cholesky.info() != Eigen::Success || !(spread.maxCoeff() > 1e-3) ||
+        !(spread.minCoeff() > 0.1 * spread.maxCoeff()))
+      return;  // the mean
+    const Fit inverse = cholesky.solve(Fit::Identity());
+    for (Index k = begin; k < end; ++k) {
+      const Linear fit = weights[k] * (inverse * functions(k));
+      weights[k] = fit[0];
+      if (fits.slopes.size() > 0) fits.slopes.col(k) = fit.template tail<Dim>() / scale;
+    }
+  });
+  return fits;
+}
+
+template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution,
+                                              const RecoveryFits<Dim>& fits) {
+  const SparseRows& values = fits.values;
+  const auto count = static_cast<Index>(values.rows());
+  Fields<Dim> fields;
+  if (is_nodal(approximation)) {
+    fields = {solution.coefficients, VoigtPoints<Dim>(voigt_size<Dim>, count),
+              VoigtPoints<Dim>(voigt_size<Dim>, count)};
+    parallel_for(count, [&](Index I) {
+      Voigt<Dim> strain = Voigt<Dim>::Zero(), stress = Voigt<Dim>::Zero();
+      for (SparseRows::InnerIterator entry(values, I); entry; ++entry) {
+        strain += entry.value() * solution.strain.col(entry.col());
+        stress += entry.value() * solution.stress.col(entry.col());
+      }
+      fields.strain.col(I) = strain;
+      fields.stress.col(I) = stress;
+    });
+  } else {
+    // Strains and stresses, then their derivatives.
+    constexpr int rows = 2 * voigt_size<Dim>;
+    Matrix at_nodes(rows * (Dim + 1), count);
+    parallel_for(count, [&](Index I) {
+      Eigen::Matrix<double, rows, Dim + 1> sum = Eigen::Matrix<double, rows, Dim + 1>::Zero();
+      for (Index k = values.outerIndexPtr()[I]; k < values.outerIndexPtr()[I + 1]; ++k) {
+        const Index K = values.innerIndexPtr()[k];
+        Eigen::Matrix<double, rows, 1> there;
+        there << solution.strain.col(K), solution.stress.col(K);
+        sum.col(0) += values.valuePtr()[k] * there;
+        sum.template rightCols<Dim>().noalias() += there * fits.slopes.col(k).transpose();
+      }
+      at_nodes.col(I) = sum.reshaped();
+    });
+    const Matrix field = blend<Dim, rows>(approximation, at_nodes);
+    fields = {interpolate<Dim>(approximation.shape, solution.coefficients), field.topRows(voigt_size<Dim>),
+              field.bottomRows(voigt_size<Dim>)};
+  }
+  if (!fields.strain.allFinite() || !fields.stress.allFinite())
+    throw NumericalError("the recovered strains and stresses are not finite");
+  return fields;
+}
+
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution) {
-  // Strains and stresses together: the fits of a node share their matrix.
-  const Index strains = solution.strain.rows(), stresses = solution.stress.rows();
-  Matrix values(strains + stresses, approximation.quadrature.size());
-  values << solution.strain, solution.stress;
-  const FineSpace<Dim>& space = approximation.space;
-  const Matrix fits = fit_at_nodes(approximation, fit_weights(space, approximation.quadrature), values);
-  // Finite elements of several regions have the value of the fit at every node, and so at every place.
-  const Matrix field = space.num_places() > space.size() ? Matrix(fits.topRows(values.rows()))
-                                                         : blend<Dim, 2 * voigt_size<Dim>>(approximation, fits);
-  if (!field.allFinite()) throw NumericalError("the recovered strains and stresses are not finite");
-  return {interpolate(approximation.shape, solution.coefficients), field.topRows(strains), field.bottomRows(stresses)};
+  return recover_fields(approximation, solution, recovery_fits(approximation));
 }
 
 template <int Dim>
@@ -405,6 +445,8 @@ template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, 
 template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template std::vector<VoigtPoints<2>> stress_differences<2>(const Approximation<2>&, const Fields<2>&,
                                                            const Materials<2>&, Index);
+template RecoveryFits<2> recovery_fits<2>(const Approximation<2>&);
+template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&, const RecoveryFits<2>&);
 template Fields<2> recover_fields<2>(const Approximation<2>&, const Solution<2>&);
 template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Location<2>&);
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&,
@@ -415,6 +457,8 @@ template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, 
 template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template std::vector<VoigtPoints<3>> stress_differences<3>(const Approximation<3>&, const Fields<3>&,
                                                            const Materials<3>&, Index);
+template RecoveryFits<3> recovery_fits<3>(const Approximation<3>&);
+template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&, const RecoveryFits<3>&);
 template Fields<3> recover_fields<3>(const Approximation<3>&, const Solution<3>&);
 template ProbeValues<3> probe<3>(const FineSpace<3>&, const Fields<3>&, const Location<3>&);
 template Errors errors_against<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&,

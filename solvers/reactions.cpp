@@ -179,27 +179,32 @@ template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, 
   return reactions;
 }
 
-template <int Dim> Resultants<Dim> element_reactions(const Approximation<Dim>& elements, const ElasticModel& model,
-                                                     const std::vector<DisplacementCondition<Dim>>& conditions,
-                                                     const Loads<Dim>& loads, const Points<Dim>& u) {
+template <int Dim>
+ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, const ElasticModel& model,
+                                        const std::vector<DisplacementCondition<Dim>>& conditions)
+    : elements_(elements) {
   const FineSpace<Dim>& space = elements.space;
-  const auto materials = materials_of(model, space.mesh());
-  const auto terms = stiffness_terms(elements, materials);
-  std::vector<Restraint<Dim>> nodal, weak;
+  terms_ = stiffness_terms(elements, materials_of(model, space.mesh()));
   for (const auto& restraint : restraints(conditions))
-    (can_be_nodal(space, restraint) ? nodal : weak).push_back(restraint);
-  Points<Dim> forces = forces_of(terms, u) - load_vector(space, elements.shape, loads);
+    (can_be_nodal(space, restraint) ? nodal_ : weak_).push_back(restraint);
+  if (!weak_.empty()) system_ = nitsche(space, elements.shape, terms_, weak_);
+  node_at_ = element_nodes(space, tied_facets(space.mesh(), model.open_interface)).at;
+}
+
+template <int Dim>
+Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const Points<Dim>& u) const {
+  const FineSpace<Dim>& space = elements_.space;
+  Points<Dim> forces = forces_of(terms_, u) - load_vector(space, elements_.shape, loads);
   Resultants<Dim> reactions;
-  if (!weak.empty()) {
-    const auto system = nitsche(space, elements.shape, terms, weak);
-    const Vector held = system.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped() - system.rhs;
+  if (!weak_.empty()) {
+    const Vector held = system_.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped() - system_.rhs;
     forces += held.reshaped(Dim, space.size());
-    reactions = nitsche_reactions<Dim>(space, elements.shape, terms, weak, {}, u);
+    reactions = nitsche_reactions<Dim>(space, elements_.shape, terms_, weak_, {}, u);
   }
-  const ElementNodes nodes = element_nodes(space, tied_facets(space.mesh(), model.open_interface));
-  Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes.count);
-  for (Index dof = 0; dof < space.size(); ++dof) at_nodes.col(nodes.at[dof]) += forces.col(dof);
-  for (const auto& [part, of] : nodal_reactions(space, nodes.at, nodal, weak, at_nodes)) reactions[part] += of;
+  const Index nodes = node_at_.empty() ? 0 : *std::ranges::max_element(node_at_) + 1;
+  Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes);
+  for (Index dof = 0; dof < space.size(); ++dof) at_nodes.col(node_at_[dof]) += forces.col(dof);
+  for (const auto& [part, of] : nodal_reactions(space, node_at_, nodal_, weak_, at_nodes)) reactions[part] += of;
   return reactions;
 }
 
@@ -209,11 +214,7 @@ template Resultants<2> nodal_reactions<2>(const FineSpace<2>&, const std::vector
 template Resultants<3> nodal_reactions<3>(const FineSpace<3>&, const std::vector<Index>&,
                                           const std::vector<Restraint<3>>&, const std::vector<Restraint<3>>&,
                                           const Points<3>&);
-template Resultants<2> element_reactions<2>(const Approximation<2>&, const ElasticModel&,
-                                            const std::vector<DisplacementCondition<2>>&, const Loads<2>&,
-                                            const Points<2>&);
-template Resultants<3> element_reactions<3>(const Approximation<3>&, const ElasticModel&,
-                                            const std::vector<DisplacementCondition<3>>&, const Loads<3>&,
-                                            const Points<3>&);
+template class ElementReactions<2>;
+template class ElementReactions<3>;
 
 }  // namespace efree

@@ -17,10 +17,22 @@ template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, 
                                                    const std::vector<Restraint<Dim>>& nodal,
                                                    const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces);
 
-/// By part with displacement conditions: what holds the finite elements that a Corrector leads to at a displacement u
-/// (Dim x space.size()) under these loads; conditions set as it sets them.
-template <int Dim> Resultants<Dim> element_reactions(const Approximation<Dim>& elements, const ElasticModel& model,
-                                                     const std::vector<DisplacementCondition<Dim>>& conditions,
-                                                     const Loads<Dim>& loads, const Points<Dim>& u);
+/// Reactions of the finite elements that a Corrector leads to; conditions set as it sets them.
+template <int Dim> class ElementReactions {
+ public:
+  /// Keeps a reference to the elements.
+  ElementReactions(const Approximation<Dim>& elements, const ElasticModel& model,
+                   const std::vector<DisplacementCondition<Dim>>& conditions);
+  /// By part with displacement conditions: what holds the body at a displacement u (Dim x space.size()) under these
+  /// loads.
+  Resultants<Dim> operator()(const Loads<Dim>& loads, const Points<Dim>& u) const;
+
+ private:
+  const Approximation<Dim>& elements_;
+  std::vector<StiffnessTerm<Dim>> terms_;
+  std::vector<Restraint<Dim>> nodal_, weak_;
+  NitscheSystem<Dim> system_;   ///< of the weak restraints, if there are any
+  std::vector<Index> node_at_;  ///< by degree of freedom
+};
 
 }  // namespace efree

@@ -62,8 +62,16 @@ template <int Dim> struct Fields {
   Points<Dim> displacement;         ///< Dim x space.size()
   VoigtPoints<Dim> strain, stress;  ///< columns: space.num_places()
 };
-/// Of a solution, from its quadrature points.
+/// The fits as sums over quadrature points, for any number of solutions on one approximation.
+template <int Dim> struct RecoveryFits {
+  SparseRows values;   ///< nodes (of finite elements: places) x quadrature points: the value of the fit at the node
+  Points<Dim> slopes;  ///< by entry of `values`: the same of its derivatives; empty for finite elements
+};
+template <int Dim> RecoveryFits<Dim> recovery_fits(const Approximation<Dim>& approximation);
+/// Of a solution, from its quadrature points; with the fits of this approximation where there are several.
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
+template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution,
+                                              const RecoveryFits<Dim>& fits);
 
 /// Fields at one point.
 template <int Dim> struct ProbeValues {

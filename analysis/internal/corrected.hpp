@@ -16,6 +16,7 @@ template <int Dim> struct Corrected {
   Solution<Dim> solution;
   Fields<Dim> fields;
   RecoveryError mesh_error;
+  std::shared_ptr<const RecoveryFits<Dim>> fits;    ///< for further load cases; none if there is one
   std::shared_ptr<const Corrector<Dim>> corrector;  ///< for dual solutions; none if none are asked for
 };
 /// Corrects the displacement `start` of the functions towards the finite elements of their space.

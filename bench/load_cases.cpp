@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What further load cases cost: CPU seconds on one thread of an analysis under one case and under ten, meshes
+/// included, files not. Medians; runs of both alternate. Prints a Markdown table.
+///
+///   bench_load_cases [runs = 3] [size = 1: factor on the mesh sizes] [only: part of a name]
+#include "clock.hpp"
+#include "efree/analysis/analyse.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/linear_elastic.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+using namespace efree;
+using efree::bench::cpu_seconds;
+
+namespace {
+
+constexpr int many = 10;
+
+/// Tractions on the right end, each in another direction, and one more on the top.
+template <int Dim> std::vector<LoadCase<Dim>> load_cases(int count) {
+  std::vector<LoadCase<Dim>> cases;
+  for (int k = 0; k < count; ++k) {
+    Vec<Dim> pull = Vec<Dim>::Zero();
+    pull[0] = std::cos(0.6 * k);
+    pull[Dim - 1] = std::sin(0.6 * k);
+    LoadCase<Dim> one{.name = std::to_string(k), .loads = {}};
+    one.loads.tractions = {
+        {"right", [pull](const Vec<Dim>& x, const Vec<Dim>&) -> Vec<Dim> { return (1.0 + 0.1 * x[1]) * pull; }}};
+    if (k % 2 == 1)
+      one.loads.tractions.push_back(
+          {"top", [k](const Vec<Dim>& x, const Vec<Dim>& n) -> Vec<Dim> { return -std::sin(k * x[0]) * n; }});
+    cases.push_back(std::move(one));
+  }
+  return cases;
+}
+
+struct Method {
+  const char* name;
+  BasisKind kind;
+  bool corrected;
+};
+constexpr Method methods[] = {{"P1", BasisKind::p1, false},
+                              {"P2", BasisKind::p2, false},
+                              {"cloud", BasisKind::mls, false},
+                              {"corrected cloud", BasisKind::mls, true}};
+
+template <int Dim>
+void measure(const std::string& body, const MeshSource<Dim>& source, const Method& method, int runs) {
+  Settings<Dim> settings;
+  settings.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  DisplacementCondition<Dim> held{.on = "left", .components = {}, .normal = {}};
+  held.components.fill([](const Vec<Dim>&) { return 0.0; });
+  settings.supports = {held};
+  settings.approximation.kind = method.kind;
+  settings.estimated = settings.corrected = method.corrected;
+  Index cells = 0, degree = 1;
+  std::vector<double> one, ten;
+  for (int run = 0; run < runs; ++run)
+    for (const int count : {1, many}) {
+      settings.cases = load_cases<Dim>(count);
+      const double start = cpu_seconds();
+      const Result<Dim> result = analyse(source, settings);
+      (count == 1 ? one : ten).push_back(cpu_seconds() - start);
+      cells = result.mesh->num_cells();
+      degree = result.basis().space.degree();
+    }
+  const auto median = [](std::vector<double>& of) {
+    std::ranges::sort(of);
+    return of[of.size() / 2];
+  };
+  const double first = median(one), all = median(ten);
+  std::printf("| %s, %d cells, %s%s | %.2f | %.2f | %.2f | %.3f |\n", body.c_str(), cells, method.name,
+              method.corrected && degree == 2 ? ", P2" : "", first, all, all / first,
+              (all - first) / (many - 1) / first);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int runs = argc > 1 ? std::atoi(argv[1]) : 3;
+  const double size = argc > 2 ? std::atof(argv[2]) : 1.0;
+  const std::string only = argc > 3 ? argv[3] : "";
+  set_num_threads(1);
+  std::printf("| body | one | ten | ratio | a further one, of the first |\n|---|---|---|---|---|\n");
+  const MeshSource<2> plate{
+      .mesh =
+          [](const MeshSize& wanted, const Stage&) {
+            const auto domain = shapes::plate_with_random_holes(10.0, 160, 0.04, 0.4, 0.03, 1, wanted.length);
+            return MadeMesh<2>{.mesh = triangulate_data(domain, {.size = wanted.length}), .size = wanted.length};
+          },
+      .size = 0.05 * size};
+  const MeshSource<3> bar{
+      .mesh =
+          [](const MeshSize& wanted, const Stage&) {
+            return MadeMesh<3>{.mesh = solids::box({8.0, 1.0, 1.0}, wanted.length), .size = wanted.length};
+          },
+      .size = 0.17 * size};
+  for (const Method& method : methods) {
+    const std::string name = method.name;
+    if (("plane " + name).find(only) != std::string::npos) measure<2>("plate with 160 holes", plate, method, runs);
+    if (("space " + name).find(only) != std::string::npos) measure<3>("bar", bar, method, runs);
+  }
+}
