@@ -126,6 +126,9 @@ template <int Dim> struct Result : Answer<Dim> {
 
   /// Of an analysis through time: every step; then the fields are those of the last.
   std::vector<HistoryStep<Dim>> history;
+  /// What the materials remember at its end, by name ("equivalent_plastic_strain", "plastic_strain", ...): rows as
+  /// HistoryPart says, columns as those of stresses. Zero where a region has no such thing.
+  std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <map>
 
 namespace efree::internal {
 namespace {
@@ -26,10 +27,43 @@ template <int Dim> Program<Dim> program_of(const Settings<Dim>& settings) {
           }};
 }
 
-/// Strains and stresses of a state where they live.
-template <int Dim> Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const State& state) {
+/// What materials remember at the quadrature points, by name.
+template <int Dim> std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations,
+                                                            const ElasticModel& model, const Vector& history) {
+  const auto& points = equations.approximation().quadrature;
+  const auto places = equations.materials().history_places(points);
+  std::map<std::string, Matrix> all;
+  for (Index K = 0; K < points.size(); ++K) {
+    const SharedMaterial& material = model.regions.empty() ? model.material : model.regions[points.region[K]];
+    for (const auto& [name, offset, size] : material->history_parts()) {
+      Matrix& values = all.try_emplace(name, Matrix::Zero(size, points.size())).first->second;
+      values.col(K) = history.segment(places[K] + offset, size);
+    }
+  }
+  return all;
+}
+
+/// Values at the quadrature points as stresses are recovered; what is nowhere negative there does not become so.
+template <int Dim>
+Matrix recovered(const Approximation<Dim>& approximation, const Matrix& values, const RecoveryFits<Dim>& fits) {
+  Matrix result(values.rows(), approximation.space.num_places());
+  for (Index first = 0; first < values.rows(); first += voigt_size<Dim>) {
+    const Index rows = std::min<Index>(voigt_size<Dim>, static_cast<Index>(values.rows()) - first);
+    Solution<Dim> packed;
+    packed.coefficients = Points<Dim>::Zero(Dim, approximation.shape.num_nodes());
+    packed.strain = packed.stress = VoigtPoints<Dim>::Zero(voigt_size<Dim>, values.cols());
+    packed.stress.topRows(rows) = values.middleRows(first, rows);
+    result.middleRows(first, rows) = recover_fields(approximation, packed, fits).stress.topRows(rows);
+  }
+  for (Index row = 0; row < values.rows(); ++row)
+    if (values.row(row).minCoeff() >= 0.0) result.row(row) = result.row(row).cwiseMax(0.0);
+  return result;
+}
+
+/// Strains and stresses where they live.
+template <int Dim>
+Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const State& state, PointFields<Dim>& points) {
   const auto& approximation = equations.approximation();
-  PointFields<Dim> points = equations.fields(state);
   return {state.u.reshaped(Dim, approximation.shape.num_nodes()), std::move(points.strain), std::move(points.stress),
           approximation.quadrature.weights.dot(points.energy)};
 }
@@ -98,9 +132,13 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     result.stopped = error.what();
     result.refusal = error.what();
   }
-  result.solution = solution_of(equations, last);
+  PointFields<Dim> points = equations.fields(last);
+  result.solution = solution_of(equations, last, points);
   result.balance = {result.history.back().reactions, equations.applied(last)};
-  result.fields = recover_fields(result.approximation, result.solution);
+  const RecoveryFits<Dim> fits = recovery_fits(result.approximation);
+  result.fields = recover_fields(result.approximation, result.solution, fits);
+  for (const auto& [name, values] : remembered(equations, result.model, points.history))
+    result.remembered.emplace_back(name, recovered(result.approximation, values, fits));
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
     result.warnings.push_back(

@@ -217,6 +217,11 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   for (const auto& loads : loads_by_case(settings))
     loaded = loaded.cwiseMax(marked(space, loads.tractions)).cwiseMax(marked(space, loads.resultants));
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
+  for (const auto& [name, values] : result.remembered) {
+    const auto components = values.rows() == 6 ? std::vector<const char*>{"xx", "yy", "zz", "yz", "xz", "xy"}
+                                               : std::vector<const char*>(values.rows(), "");
+    add_array(grid, name, values, components);
+  }
   if (result.error_density.size() > 0)
     grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
   write_grid(file, grid);
@@ -264,6 +269,8 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                     {"smallest_J", last.smallest_jacobian},
                     {"plastic_share", last.plastic_share},
                     {"negative_pivots", last.negative_pivots}};
+    for (const auto& [name, values] : result.remembered)
+      if (values.rows() == 1) json["path"]["largest"][name] = values.maxCoeff();
     if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
   }
   if (result.errors) json["errors"] = errors_json(*result.errors);

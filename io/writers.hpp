@@ -15,7 +15,7 @@ std::string version();
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
 /// (1 on parts of the boundary with displacement conditions and loads, else 0); cell data region (counted from 0)
-/// and error (Result::error_density). Of load cases after the first "NAME: displacement" and so on. The points are the
+/// and error (Result::error_density; none of an analysis through time, which has Result::remembered instead). Of load cases after the first "NAME: displacement" and so on. The points are the
 /// places of the space: those on interfaces are there once for each region, with its stress. Quadratic spaces become
 /// quadratic cells. Throws InputError if the file cannot be written, as all writers do.
 template <int Dim>
