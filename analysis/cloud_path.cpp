@@ -28,11 +28,21 @@ template <int Dim> void correct_more(const Settings<Dim>& settings, const Correc
                                      const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
   const Approximation<Dim>& elements = result.basis();
   const auto materials = materials_of(result.model, *result.mesh);
+  constexpr std::size_t together = 5;  // as many as share a product; more only take memory
+  std::vector<Correction<Dim>> corrections;
   for (std::size_t k = 0; k < result.more.size(); ++k) {
+    if (k % together == 0) {
+      std::vector<Points<Dim>> starts;
+      std::vector<Loads<Dim>> cases;
+      for (std::size_t i = k; i < std::min(k + together, result.more.size()); ++i) {
+        starts.push_back(interpolate(result.approximation.shape, result.more[i].solution.coefficients));
+        cases.push_back(settings.cases[i + 1].loads);
+      }
+      corrections = best.corrector->correct_all(starts, cases, options, monitor);
+    }
     Answer<Dim>& answer = result.more[k];
-    const Points<Dim> start = interpolate(result.approximation.shape, answer.solution.coefficients);
-    const Correction<Dim> correction = best.corrector->correct(start, settings.cases[k + 1].loads, options, monitor);
-    answer.solution = evaluate(elements, result.model, correction.displacement);
+    Correction<Dim>& correction = corrections[k % together];
+    answer.solution = evaluate(elements, result.model, std::move(correction.displacement));
     answer.fields = recover_fields(elements, answer.solution, *best.fits);
     const auto mesh = recovery_error(elements, answer.fields, materials);
     answer.estimates = {.cloud = correction.error,

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/assembly/internal/block_matrix.hpp"
 
+#include "efree/assembly/internal/few.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <stdexcept>
 
@@ -47,25 +49,38 @@ template <int Dim> Mat<Dim>& BlockMatrix<Dim>::block(Index i, Index j) {
   return chunk.blocks[found - chunk.columns.begin()];
 }
 
-template <int Dim> void BlockMatrix<Dim>::multiply(const Points<Dim>& x, Points<Dim>& y) const {
-  y.resize(Dim, size());
-  parallel_chunks(size(), chunk_rows, [&](Index begin, Index end) {
-    const Chunk& chunk = chunks[begin / chunk_rows];
-    y.middleCols(begin, end - begin).setZero();
-    for (Index i = begin; i < end; ++i) {
-      const Index r = i - begin;
-      const Vec<Dim> moved = x.col(i);
-      Vec<Dim> sum = Vec<Dim>::Zero();
-      for (Index k = chunk.offsets[r]; k < chunk.own[r]; ++k)
-        sum.noalias() += chunk.blocks[k] * x.col(chunk.columns[k]);
-      for (Index k = chunk.own[r]; k < chunk.diagonal[r]; ++k) {
-        sum.noalias() += chunk.blocks[k] * x.col(chunk.columns[k]);
-        y.col(chunk.columns[k]).noalias() += chunk.blocks[k].transpose() * moved;
+template <int Dim>
+void BlockMatrix<Dim>::multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const {
+  for (Points<Dim>* one : y) one->resize(Dim, size());
+  for_few(x.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
+    using Column = Eigen::Map<Vec<Dim>>;
+    using Given = Eigen::Map<const Vec<Dim>>;
+    std::array<const double*, n> from;
+    std::array<double*, n> to;
+    for (int c = 0; c < n; ++c) from[c] = x[first + c]->data(), to[c] = y[first + c]->data();
+    parallel_chunks(size(), chunk_rows, [&, from, to](Index begin, Index end) {
+      const auto at = [](auto* data, Index i) { return data + static_cast<std::ptrdiff_t>(Dim) * i; };
+      const Chunk& chunk = chunks[begin / chunk_rows];
+      for (int c = 0; c < n; ++c) std::fill(at(to[c], begin), at(to[c], end), 0.0);
+      for (Index i = begin; i < end; ++i) {
+        const Index r = i - begin;
+        std::array<Vec<Dim>, n> moved, sum;
+        for (int c = 0; c < n; ++c) moved[c] = Given(at(from[c], i)), sum[c].setZero();
+        for (Index k = chunk.offsets[r]; k < chunk.own[r]; ++k)
+          for (int c = 0; c < n; ++c) sum[c].noalias() += chunk.blocks[k] * Given(at(from[c], chunk.columns[k]));
+        for (Index k = chunk.own[r]; k < chunk.diagonal[r]; ++k) {
+          const Mat<Dim> block = chunk.blocks[k];
+          const Index j = chunk.columns[k];
+          for (int c = 0; c < n; ++c) {
+            sum[c].noalias() += block * Given(at(from[c], j));
+            Column(at(to[c], j)).noalias() += block.transpose() * moved[c];
+          }
+        }
+        for (Index k = chunk.diagonal[r]; k < chunk.offsets[r + 1]; ++k)
+          for (int c = 0; c < n; ++c) sum[c].noalias() += chunk.blocks[k] * Given(at(from[c], chunk.columns[k]));
+        for (int c = 0; c < n; ++c) Column(at(to[c], i)) += sum[c];
       }
-      for (Index k = chunk.diagonal[r]; k < chunk.offsets[r + 1]; ++k)
-        sum.noalias() += chunk.blocks[k] * x.col(chunk.columns[k]);
-      y.col(i) += sum;
-    }
+    });
   });
 }
 

@@ -12,6 +12,7 @@
 #include "efree/solvers/internal/coarse_space.hpp"
 #include "efree/solvers/internal/condensation.hpp"
 #include "efree/solvers/internal/hats.hpp"
+#include "efree/solvers/internal/in_step.hpp"
 #include "efree/solvers/internal/linear_elements.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
@@ -377,9 +378,16 @@ template <int Dim> struct Corrector<Dim>::Impl {
     const Vector forces = weak.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped();
     return forces.reshaped(Dim, u.cols());
   }
-  /// Iterates from u, which has what is held, under forces f; `start` is what errors are said of.
-  Correction<Dim> iterate(const Points<Dim>& f, const Points<Dim>& start, Points<Dim> u,
-                          const CorrectionOptions& options, const Stage& stage) const;
+  /// What iterations begin with: the displacement u, which has what is held, and forces; `start` is what errors are
+  /// said of.
+  struct Beginning {
+    Points<Dim> forces, start, u;
+  };
+  /// All of them in step.
+  std::vector<Correction<Dim>> iterate(std::vector<Beginning> from, const CorrectionOptions& options,
+                                       const Stage& stage) const;
+  Iteration iterate(InStep<Dim>& in_step, const Points<Dim>& forces, const Points<Dim>& start, Points<Dim>& u,
+                    const CorrectionOptions& options, const Stage& stage, Correction<Dim>& result) const;
 };
 
 namespace {
@@ -467,16 +475,41 @@ template <int Dim> Corrector<Dim>::Corrector(Corrector&&) noexcept = default;
 template <int Dim> Correction<Dim> Corrector<Dim>::correct(const Points<Dim>& given, const Loads<Dim>& loads,
                                                            const CorrectionOptions& options,
                                                            const Monitor& monitor) const {
-  const Stage stage("correction", monitor);
-  const Points<Dim> start = impl_->at_nodes(given);
-  Points<Dim> u = start;
-  impl_->supports.impose(u);
-  return impl_->iterate(impl_->loads(loads), start, std::move(u), options, stage);
+  return std::move(correct_all({given}, {loads}, options, monitor).front());
 }
 
-template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Dim>& forces, const Points<Dim>& start,
-                                                                 Points<Dim> u, const CorrectionOptions& options,
-                                                                 const Stage& stage) const {
+template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::correct_all(const std::vector<Points<Dim>>& starts,
+                                                                            const std::vector<Loads<Dim>>& cases,
+                                                                            const CorrectionOptions& options,
+                                                                            const Monitor& monitor) const {
+  const Stage stage("correction", monitor);
+  require(starts.size() == cases.size(), "correction: as many displacements to start from as load cases expected");
+  std::vector<typename Impl::Beginning> from;
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    const Points<Dim> start = impl_->at_nodes(starts[k]);
+    from.push_back({impl_->loads(cases[k]), start, start});
+    impl_->supports.impose(from.back().u);
+  }
+  return impl_->iterate(std::move(from), options, stage);
+}
+
+template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(std::vector<Beginning> from,
+                                                                              const CorrectionOptions& options,
+                                                                              const Stage& stage) const {
+  InStep<Dim> in_step(K, smoother);
+  std::vector<Correction<Dim>> results(from.size());
+  std::vector<Iteration> iterations;
+  for (std::size_t k = 0; k < from.size(); ++k)
+    iterations.push_back(iterate(in_step, from[k].forces, from[k].start, from[k].u, options, stage, results[k]));
+  in_step.run();
+  for (const Iteration& one : iterations) one.check();
+  return results;
+}
+
+template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Points<Dim>& forces,
+                                                           const Points<Dim>& start, Points<Dim>& u,
+                                                           const CorrectionOptions& options, const Stage& stage,
+                                                           Correction<Dim>& result) const {
   const Impl& problem = *this;
   // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
   const Points<Dim> f = condensation.reduced(forces);
@@ -488,10 +521,13 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   // are in the spaces they are the best of, so that their energy is off by the square of their error.
   if (first.is_of_elements()) supports.keep_held(u);
   Points<Dim> r, z, q, p;
-  const auto residual = [&] {
-    K.multiply(u, r);
+  const auto residual_of_product = [&] {  // r has K u
     r = f - r;
     problem.supports.release(r);
+  };
+  const auto residual = [&] {
+    K.multiply(u, r);
+    residual_of_product();
   };
   // The answer that there was before a coarse space other than the cloud's, beside that space: all later iterates stay
   // the best ones with it, too, so that their energy is off by the square of their error only.
@@ -524,15 +560,17 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
     }
     return square;
   };
-  Correction<Dim> result;
+  // The best answer in the first space around it.
   const Level<Dim>* level = &problem.first;
-  result.taken.push_back(best_in(*level));
+  co_await in_step.multiply(u, r);
+  residual_of_product();
+  z = problem.solve_coarsely(*level, r);
+  result.taken.push_back(dot<Dim>(r, z));
+  u += z;
+  co_await in_step.multiply(u, r);
   const double one_by_one = problem.energy_one_by_one(u);
-  const auto energy = [&](const Points<Dim>& of) {
-    K.multiply(of, q);
-    return dot<Dim>(of, q);
-  };
-  double scale = std::max(energy(u), no_energy * one_by_one);
+  double scale = std::max(dot<Dim>(u, r), no_energy * one_by_one);
+  residual_of_product();
 
   // The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
@@ -546,8 +584,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   double rz = 0.0;
   for (int k = 1; k <= last; ++k) {
     stage.check();
-    smoother.apply(K, level->degree, r, z);
-    K.multiply(z, q);
+    co_await in_step.smooth(level->degree, r, z);
+    co_await in_step.multiply(z, q);
     q = r - q;
     problem.supports.release(q);
     z += problem.solve_coarsely(*level, q);
@@ -564,7 +602,7 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
     else
       p = z + (next / rz) * p;
     rz = next;
-    K.multiply(p, q);
+    co_await in_step.multiply(p, q);
     problem.supports.release(q);
     const double alpha = rz / dot<Dim>(p, q);
     if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
@@ -579,7 +617,8 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
       return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale;
     };
     if (open && std::ssize(recent) >= least && is_good()) {
-      scale = std::max(energy(u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
+      co_await in_step.multiply(u, z);
+      scale = std::max(dot<Dim>(u, z), no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) {
         result.iterations = k - delay;
         answer = u;
@@ -613,13 +652,16 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
 
   u = with_all(std::move(u));
   answer = with_all(std::move(answer));
-  const double best_energy = work(u, u);
+  co_await in_step.multiply(u, q);
+  const double best_energy = dot<Dim>(u, q) + condensation.work(u, u);
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
   const Points<Dim> off = start - u;
-  result.start_error = relative(work(off, off) + beyond);
+  co_await in_step.multiply(off, q);
+  result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) + beyond);
   result.error = relative(after);
-  result.strain_energy = 0.5 * work(answer, answer);
+  co_await in_step.multiply(answer, q);
+  result.strain_energy = 0.5 * (dot<Dim>(answer, q) + condensation.work(answer, answer));
   for (const double one : taken) result.taken.push_back(one);
   for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
   result.displacement = answer(Eigen::all, problem.nodes.at);
@@ -632,7 +674,6 @@ template <int Dim> Correction<Dim> Corrector<Dim>::Impl::iterate(const Points<Di
   if (open && result.error > options.tolerance)
     throw NumericalError(fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for",
                                      result.error, result.iterations, options.tolerance));
-  return result;
 }
 
 template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& functional, const Points<Dim>& u,
@@ -647,7 +688,9 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
     value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
   }
   if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
-  const Correction<Dim> dual = problem.iterate(forces, start, start, options, stage);
+  std::vector<typename Impl::Beginning> from;
+  from.push_back({forces, start, start});
+  const Correction<Dim> dual = std::move(problem.iterate(std::move(from), options, stage).front());
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
   value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads)) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};

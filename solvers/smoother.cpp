@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/smoother.hpp"
 
+#include "efree/assembly/internal/few.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace efree {
@@ -59,7 +61,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
   double rz = 0.0, beta = 0.0, alpha_before = 1.0;
   int done = 0;
   for (int k = 0; k < steps; ++k, ++done) {
-    sweep(K, r, z);
+    sweep(K, {&r}, {&z});
     const double next = r.cwiseProduct(z).sum();
     if (!(next > 0.0)) break;
     beta = k == 0 ? 0.0 : next / rz;
@@ -82,44 +84,69 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     largest_ = 1.15 * Eigen::SelfAdjointEigenSolver<Matrix>(T.topLeftCorner(done, done)).eigenvalues().maxCoeff();
 }
 
-template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const {
-  z.resize(Dim, K.size());
-  parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
-    const auto& chunk = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
-    for (Index i = begin; i < end; ++i) {
-      const Index row = i - begin;
-      Vec<Dim> rest = r.col(i);
-      for (Index k = chunk.diagonal[row] - 1; k >= chunk.own[row]; --k)
-        rest.noalias() -= chunk.blocks[k] * z.col(chunk.columns[k]);
-      z.col(i).noalias() = inverse_diagonal_[i] * rest;
-    }
-    Points<Dim> ahead = Points<Dim>::Zero(Dim, end - begin);  // forces by the nodes that are done
-    for (Index i = end - 1; i >= begin; --i) {
-      const Index row = i - begin;
-      z.col(i).noalias() -= inverse_diagonal_[i] * ahead.col(row);
-      const Vec<Dim> moved = z.col(i);
-      for (Index k = chunk.own[row]; k < chunk.diagonal[row]; ++k)
-        ahead.col(chunk.columns[k] - begin).noalias() += chunk.blocks[k].transpose() * moved;
-    }
+template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,
+                                             const std::vector<Points<Dim>*>& z) const {
+  for (Points<Dim>* one : z) one->resize(Dim, K.size());
+  for_few(r.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
+    using Column = Eigen::Map<Vec<Dim>>;
+    std::array<const double*, n> from;
+    std::array<double*, n> to;
+    for (int c = 0; c < n; ++c) from[c] = r[first + c]->data(), to[c] = z[first + c]->data();
+    parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&, from, to](Index begin, Index end) {
+      const auto at = [](auto* data, Index i) { return data + static_cast<std::ptrdiff_t>(Dim) * i; };
+      const auto& chunk = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
+      for (Index i = begin; i < end; ++i) {
+        const Index row = i - begin;
+        std::array<Vec<Dim>, n> rest;
+        for (int c = 0; c < n; ++c) rest[c] = Eigen::Map<const Vec<Dim>>(at(from[c], i));
+        for (Index k = chunk.diagonal[row] - 1; k >= chunk.own[row]; --k)
+          for (int c = 0; c < n; ++c) rest[c].noalias() -= chunk.blocks[k] * Column(at(to[c], chunk.columns[k]));
+        for (int c = 0; c < n; ++c) Column(at(to[c], i)).noalias() = inverse_diagonal_[i] * rest[c];
+      }
+      std::array<Points<Dim>, n> ahead;  // forces by the nodes that are done
+      for (auto& one : ahead) one = Points<Dim>::Zero(Dim, end - begin);
+      for (Index i = end - 1; i >= begin; --i) {
+        const Index row = i - begin;
+        std::array<Vec<Dim>, n> moved;
+        for (int c = 0; c < n; ++c) {
+          Column at_node(at(to[c], i));
+          at_node.noalias() -= inverse_diagonal_[i] * ahead[c].col(row);
+          moved[c] = at_node;
+        }
+        for (Index k = chunk.own[row]; k < chunk.diagonal[row]; ++k)
+          for (int c = 0; c < n; ++c)
+            ahead[c].col(chunk.columns[k] - begin).noalias() += chunk.blocks[k].transpose() * moved[c];
+      }
+    });
   });
 }
 
-template <int Dim>
-void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const {
+template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree,
+                                             const std::vector<const Points<Dim>*>& r,
+                                             const std::vector<Points<Dim>*>& z) const {
   const double lower = lower_share(degree);
   const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
-  Points<Dim> step, rest, swept;
-  sweep(K, r, step);
-  step /= middle;
-  z = step;
+  const std::size_t count = r.size();
+  std::vector<Points<Dim>> step(count), rest(degree > 1 ? count : 0), swept(rest.size());
+  const auto pointers = [](std::vector<Points<Dim>>& of) {
+    std::vector<Points<Dim>*> all;
+    for (auto& one : of) all.push_back(&one);
+    return all;
+  };
+  sweep(K, r, pointers(step));
+  for (std::size_t c = 0; c < count; ++c) *z[c] = step[c] /= middle;
   double rho = half / middle;
   for (int k = 1; k < degree; ++k) {
-    K.multiply(z, rest);
-    rest = r - rest;
-    sweep(K, rest, swept);  // held directions of `rest` do not matter: the inverse diagonal knows nothing of them
+    K.multiply(std::vector<const Points<Dim>*>(z.begin(), z.end()), pointers(rest));
+    for (std::size_t c = 0; c < count; ++c) rest[c] = *r[c] - rest[c];
+    // Held directions of `rest` do not matter: the inverse diagonal knows nothing of them.
+    const auto given = pointers(rest);
+    sweep(K, {given.begin(), given.end()}, pointers(swept));
     const double next = 1.0 / (2.0 * middle / half - rho);
-    step = next * rho * step + (2.0 * next / half) * swept;
-    z += step;
+    for (std::size_t c = 0; c < count; ++c) {
+      step[c] = next * rho * step[c] + (2.0 * next / half) * swept[c];
+      *z[c] += step[c];
+    }
     rho = next;
   }
 }

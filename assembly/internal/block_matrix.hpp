@@ -57,7 +57,11 @@ template <int Dim> struct BlockMatrix {
   /// Block (i, j), one that is stored. Throws std::out_of_range if it is not.
   Mat<Dim>& block(Index i, Index j);
   /// y = A x; both Dim x size().
-  void multiply(const Points<Dim>& x, Points<Dim>& y) const;
+  void multiply(const Points<Dim>& x, Points<Dim>& y) const {
+    multiply(std::vector<const Points<Dim>*>{&x}, std::vector<Points<Dim>*>{&y});
+  }
+  /// The same for several, none of which is another one's product; bitwise as one by one.
+  void multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
 };
 
 }  // namespace efree

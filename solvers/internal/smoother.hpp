@@ -17,10 +17,16 @@ template <int Dim> class Smoother {
   /// highest degree that is to be applied is 1, which needs none.
   Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, int highest);
   /// z = M r, both Dim x K.size(), by a polynomial of this degree.
-  void apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const;
+  void apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const {
+    apply(K, degree, std::vector<const Points<Dim>*>{&r}, std::vector<Points<Dim>*>{&z});
+  }
+  /// The same for several; bitwise as one by one.
+  void apply(const BlockMatrix<Dim>& K, int degree, const std::vector<const Points<Dim>*>& r,
+             const std::vector<Points<Dim>*>& z) const;
 
  private:
-  void sweep(const BlockMatrix<Dim>& K, const Points<Dim>& r, Points<Dim>& z) const;
+  void sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,
+             const std::vector<Points<Dim>*>& z) const;
 
   std::vector<Mat<Dim>> inverse_diagonal_;  ///< on what is free
   double largest_ = 1.0;                    ///< eigenvalue of B K, at least

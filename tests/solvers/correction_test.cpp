@@ -382,5 +382,53 @@ TEST(Correction, HatsOfManyBodiesAreOneEach) {
   EXPECT_EQ(make_hats(K, places).shape.num_nodes(), count);
 }
 
+/// Seven cases, so that they go in groups of five and two, that end after different numbers of iterations: one is of no
+/// force, one needs many.
+template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
+  const auto cloud = approximate(problem.mesh, problem.cloud);
+  const ElasticSolver<Dim> solver(cloud, problem.model, problem.supports);
+  const Corrector<Dim> corrector(cloud, problem.model, problem.supports);
+  std::vector<Loads<Dim>> cases;
+  std::vector<Points<Dim>> starts;
+  for (int k = 0; k < 7; ++k) {
+    Loads<Dim> loads{.tractions = {}, .body_force = {}};
+    if (k != 3) loads.tractions = {tension<Dim>(k % 2 == 0 ? "right" : "top", 1.0 + k)};
+    if (k == 5)
+      loads.body_force = [](const Vec<Dim>& x) -> Vec<Dim> { return std::sin(40.0 * x[0]) * Vec<Dim>::Unit(1); };
+    const Solution<Dim> solution = solver.solve(loads);
+    starts.push_back(interpolate(cloud.shape, solution.coefficients));
+    cases.push_back(std::move(loads));
+  }
+  for (const CorrectionOptions options : {CorrectionOptions{.tolerance = 1e-5}, CorrectionOptions{.iterations = 1}}) {
+    const auto together = corrector.correct_all(starts, cases, options);
+    ASSERT_EQ(together.size(), cases.size());
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      const auto alone = corrector.correct(starts[k], cases[k], options);
+      EXPECT_EQ(together[k].displacement, alone.displacement) << k;
+      EXPECT_EQ(together[k].iterations, alone.iterations) << k;
+      EXPECT_EQ(together[k].taken, alone.taken) << k;
+      EXPECT_EQ(together[k].error, alone.error) << k;
+      EXPECT_EQ(together[k].start_error, alone.start_error) << k;
+      EXPECT_EQ(together[k].strain_energy, alone.strain_energy) << k;
+    }
+  }
+  EXPECT_THROW(corrector.correct_all({starts[0]}, cases), InputError);
+}
+
+TEST(Correction, OfSeveralLoadCasesIsBitwiseThatOfEach) {
+  const ElasticModel plane{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  for (const int degree : {1, 2})
+    expect_same_as_alone<2>({triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.05}),
+                             {.interpolation = degree, .spacing = 0.2},
+                             plane,
+                             {clamp<2>("left")},
+                             {}});
+  expect_same_as_alone<3>({FineMesh<3>(solids::box({2.0, 1.0, 1.0}, 0.15)),
+                           {.spacing = 0.4},
+                           {.material = LinearElastic(1.0, 0.3)},
+                           {clamp<3>("left")},
+                           {}});
+}
+
 }  // namespace
 }  // namespace efree
