@@ -27,6 +27,21 @@ template <int Dim> Program<Dim> program_of(const Settings<Dim>& settings) {
           }};
 }
 
+template <class Test> bool materials_all(const ElasticModel& model, const Test& test) {
+  if (model.regions.empty()) return test(*model.material);
+  return std::ranges::all_of(model.regions, [&](const SharedMaterial& material) { return test(*material); });
+}
+
+/// The largest displacement gradient that a material of small strains sees.
+template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equations, const PointFields<Dim>& points) {
+  const auto& quadrature = equations.approximation().quadrature;
+  double largest = 0.0;
+  for (Index K = 0; K < quadrature.size(); ++K)
+    if (!equations.materials().finite_strain(quadrature.region[K]))
+      largest = std::max(largest, (points.F.col(K) - trace_direction<Dim>()).norm());
+  return largest;
+}
+
 /// What materials remember at the quadrature points, by name.
 template <int Dim> std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations,
                                                             const ElasticModel& model, const Vector& history) {
@@ -93,12 +108,19 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   State last = equations.rest();
   const auto converged = [&](const PathStep& step) {
     const State& state = step.now.state;
+    const double smallest = equations.smallest_jacobian(state);
+    if (!(smallest > 0.0))
+      throw PathError(
+          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
+                      "no answer",
+                      state.time, smallest),
+          result.history.empty() ? 0.0 : result.history.back().time, static_cast<int>(result.history.size()));
     HistoryStep<Dim> row{state.time,
                          step.now.iterations(),
                          step.now.residuals.back(),
                          0.0,
                          result.history.empty() ? 0.0 : result.history.back().dissipated,
-                         equations.smallest_jacobian(state),
+                         smallest,
                          0.0,
                          step.now.negative_pivots,
                          equations.reactions(state),
@@ -123,14 +145,24 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     result.history.push_back(std::move(row));
     last = state;
   };
+  const bool symmetric = materials_all(result.model, [](const Material& material) { return material.symmetric(); });
+  const auto stopped = [&](std::string why) {
+    if (!symmetric)
+      why +=
+          "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
+          "dilatancy nearer to the friction";
+    if (result.history.empty()) throw NumericalError(why);
+    result.stopped = result.refusal = why;
+  };
   Cholesky linear;
   try {
     follow(equations, linear, equations.rest(), settings.time ? settings.time->path : PathOptions{}, converged,
            monitor);
   } catch (const PathError& error) {
+    stopped(error.what());
+  } catch (const InputError& error) {  // an expression that is not finite at some time
     if (result.history.empty()) throw;
-    result.stopped = error.what();
-    result.refusal = error.what();
+    stopped(error.what());
   }
   PointFields<Dim> points = equations.fields(last);
   result.solution = solution_of(equations, last, points);
@@ -147,6 +179,16 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
         "it should be; take moving least squares, or quadratic elements");
   const auto doubtful = doubts(settings.approximation, result.approximation);
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
+  if (equations.finite_strain())
+    for (const auto& load : result.balance.loads)
+      if (load.kind == "pressure")
+        result.warnings.push_back(fmt::format(
+            "pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the body", load.on));
+  if (const double strain = largest_of_small(equations, points); strain > 0.05)
+    result.warnings.push_back(
+        fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "
+                    "(strain = \"finite\", or a hyperelastic model)",
+                    strain));
   result.warnings.push_back(
       "how far the answer of materials that are not linear is from the truth is not estimated: compare clouds and "
       "meshes of two sizes");

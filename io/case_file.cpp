@@ -516,22 +516,58 @@ template <int Dim> void read_acting(const Section& root, const Expressions<Dim>&
   read_load_cases(root.sections("case", {"name", "boundary"}), keys, conditions, result);
 }
 
-/// Whether an expression below a node has the time in it.
-bool mentions_time(const toml::node& node) {
-  static const std::regex time(R"((^|[^A-Za-z0-9_.])t($|[^A-Za-z0-9_(]))");
-  if (const auto* text = node.as_string()) return std::regex_search(text->get(), time);
-  if (const auto* array = node.as_array()) return std::ranges::any_of(*array, mentions_time);
-  if (const auto* table = node.as_table())
-    return std::ranges::any_of(*table, [](const auto& entry) {
-      return entry.first.str() != "on" && entry.first.str() != "name" && mentions_time(entry.second);
-    });
-  return false;
-}
+/// The time, and definitions that depend on it.
+class TimeNames {
+ public:
+  explicit TimeNames(const Section& root) {
+    const Section definitions = root.section("definitions", {});
+    for (std::size_t before = 0; before != names_.size();) {
+      before = names_.size();
+      for (const auto& [key, node] : definitions.table())
+        if (in(node)) names_.insert(std::string(key.str()));
+    }
+  }
+  /// Whether an expression below a node has one of them in it.
+  bool in(const toml::node& node) const {
+    static const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
+    if (const auto* text = node.as_string()) {
+      const std::string& all = text->get();
+      return std::any_of(std::sregex_iterator(all.begin(), all.end(), name), std::sregex_iterator(),
+                         [&](const std::smatch& found) { return names_.contains(found.str()); });
+    }
+    const auto below = [&](const toml::node& one) { return in(one); };
+    if (const auto* array = node.as_array()) return std::ranges::any_of(*array, below);
+    if (const auto* table = node.as_table())
+      return std::ranges::any_of(*table, [&](const auto& entry) {
+        return entry.first.str() != "on" && entry.first.str() != "name" && in(entry.second);
+      });
+    return false;
+  }
+  /// Throws InputError if a value of a table (or of an array of them), but for these keys, does.
+  void refuse_in(const Section& root, std::string_view key, const std::vector<std::string_view>& but,
+                 const std::string& why) const {
+    const auto refuse = [&](const toml::table& table) {
+      for (const auto& [name, node] : table)
+        if (std::ranges::find(but, name.str()) == but.end() && in(node))
+          throw InputError(fmt::format("{}: {} depends on t: {}", root.where(node), name.str(), why));
+    };
+    const toml::node* there = root.table().get(key);
+    if (!there) return;
+    if (const auto* table = there->as_table()) refuse(*table);
+    if (const auto* array = there->as_array())
+      for (const toml::node& one : *array)
+        if (const auto* table = one.as_table()) refuse(*table);
+  }
+
+ private:
+  std::set<std::string> names_{"t"};
+};
 
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
-  const Section section = root.section("time", {"end", "step", "min_step", "max_step", "control"});
+  const Section section =
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -541,8 +577,20 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
                                         std::max(result.path.step, 0.1 * result.path.end));
   result.path.control =
       section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
-  const auto mentioned = [&](const char* key) { return table->contains(key) && mentions_time(*table->get(key)); };
-  if (!mentioned("boundary") && !mentioned("definitions") && !mentioned("analysis")) return result;
+  result.path.max_steps = static_cast<int>(section.integer("max_steps", 1, 10000000, result.path.max_steps));
+  if (section.has("stops")) result.path.stops = section.numbers("stops", {0.0, result.path.end, false, true});
+  for (const char* key : {"correction", "largest_error", "extremes"})
+    if (const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
+        analysis.has(key))
+      analysis.fail(key, fmt::format("{} means nothing with a [time]: there are no error estimates", key));
+  const TimeNames names(root);
+  names.refuse_in(root, "material", {"model", "region", "fit", "strain"}, "materials do not change with time");
+  for (const Section& entry : root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}))
+    for (const char* key : {"stiffness", "normal_stiffness"})
+      if (entry.has(key) && names.in(*entry.table().get(key)))
+        entry.fail(key, fmt::format("{} depends on t, and springs do not change with time", key));
+  const auto mentioned = [&](const char* key) { return table->contains(key) && names.in(*table->get(key)); };
+  if (!mentioned("boundary") && !mentioned("analysis")) return result;
   result.acting = [table, file = of.where, plane = of.model.plane, grey = of.geometry.grey](double time) {
     const Section all(*table, "", file, {});
     Case<Dim> then;
@@ -589,6 +637,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
     result.model.essential = analysis.choice<Essential>(
         "essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}}, std::nullopt);
 
+  if (result.time && result.cells == OnCells::always)
+    basis.fail("kind", "cells are for linear elasticity: with a [time] take a cloud");
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);
   read_extremes(analysis, result);

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <regex>
 #include <string_view>
 
 namespace efree::internal {
@@ -183,6 +184,9 @@ template <int Dim> Hardening MaterialReader<Dim>::hardening(const Section& secti
     return Hardening::table(strain, stress);
   }
   if (!section.has(key) || !section.table().get(key)->is_string()) return section.number(key, positive);
+  static const std::regex place("(^|[^A-Za-z0-9_])[xyz]($|[^A-Za-z0-9_])");
+  if (std::regex_search(section.expression(key), place))
+    section.fail(key, fmt::format("{} is a function of the equivalent plastic strain a, not of the place", key));
   Expressions<2> of_strain;
   of_strain.define("a", [](const Vec<2>& x) { return x[0]; });
   const auto field = of_strain.field(section.expression(key), section.where(key));

@@ -124,8 +124,11 @@ class TimeStepper final : public Stepper {
   using Stepper::Stepper;
   Converged step(const State& from, double size) override {
     constexpr double rounding = 1e-9;  // of a step: what is left by less is not a step of its own
-    const bool last = from.time + (1.0 + rounding) * size >= options_.end;
-    return newton(equations_, tangent_, from, last ? options_.end : from.time + size, options_.newton);
+    double to = options_.end;
+    for (const double stop : options_.stops)
+      if (stop > from.time + rounding * size) to = std::min(to, stop);
+    if (from.time + (1.0 + rounding) * size < to) to = from.time + size;
+    return newton(equations_, tangent_, from, to, options_.newton);
   }
 };
 
@@ -207,8 +210,8 @@ State follow(const Equations& equations, LinearSolver& linear, State from, const
   else
     stepper = std::make_unique<ArcStepper>(equations, linear, options);
   double size = options.step;
-  for (int number = 1; from.time < options.end && (number == 1 || from.time > begin);) {
-    stage.tick((from.time - begin) / (options.end - begin));
+  for (int number = 1; from.time < options.end;) {
+    stage.tick(std::max(0.0, (from.time - begin) / (options.end - begin)));
     if (number > options.max_steps)
       throw PathError(fmt::format("at time {:.6g} the path is not at its end after {} steps", from.time, number - 1),
                       from.time, number - 1);

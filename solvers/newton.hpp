@@ -60,10 +60,11 @@ enum class Control {
 /// Steps through time.
 struct PathOptions {
   Control control = Control::load;
-  double end = 1.0;       ///< [time]
-  double step = 0.1;      ///< the first [time]; of arc lengths what they are at the beginning
-  double min_step = 0.0;  ///< 0: a thousandth of the first
-  double max_step = 0.0;  ///< 0: a tenth of the way, but no less than the first
+  double end = 1.0;             ///< [time]
+  double step = 0.1;            ///< the first [time]; of arc lengths what they are at the beginning
+  double min_step = 0.0;        ///< 0: a thousandth of the first
+  double max_step = 0.0;        ///< 0: a tenth of the way, but no less than the first
+  std::vector<double> stops{};  ///< times at which a step ends, ascending: where loads turn; not of arc lengths
   int max_steps = 10000;
   NewtonOptions newton{};
 };

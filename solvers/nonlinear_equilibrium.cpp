@@ -119,9 +119,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
         materials(materials_of(model, of.space.mesh())),
         initial(stiffness_terms(of, materials, 0.0)),
-        held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(1.0))),
+        held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(program.full_at))),
              tied_facets(of.space.mesh(), model.open_interface)),
-        unknowns(of.shape.num_nodes(), nodal(restraints(program.conditions(1.0)))),
+        unknowns(of.shape.num_nodes(), nodal(restraints(program.conditions(program.full_at)))),
         pattern(of.shape.num_nodes(), {}, {}) {
     for (Index region = 0; region < materials.num_regions(); ++region)
       finite.push_back(materials.finite_strain(region));
@@ -405,7 +405,7 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
                          : "the model is axisymmetric: approximate with axisymmetric = true");
   require(model.stabilisation == 0.0, "a stabilisation is for linear materials: expected 0");
   require_decided(approximation, model);
-  const auto conditions = restraints(program.conditions(1.0));
+  const auto conditions = restraints(program.conditions(program.full_at));
   require_restrained(approximation.space, conditions, tied_facets(approximation.space.mesh(), model.open_interface));
   data_ = std::make_shared<const Data>(approximation, model, std::move(program));
   if (Dim == 2 && model.plane == Plane::stress && data_->averaged() && finite_strain())
@@ -524,7 +524,9 @@ template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const St
   std::vector<Index> node_at(space.size(), -1);
   for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
   const Points<Dim> forces = data_->internal_forces(state) - acting->loads;
-  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces))
+  const Points<Dim> moved_by = interpolate(approximation().shape, U);
+  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces,
+                                                     finite_strain() ? &moved_by : nullptr))
     reactions[part] += of;
   return reactions;
 }

@@ -124,13 +124,18 @@ std::vector<HoldingPart<Dim>> holding_parts(const FineSpace<Dim>& space, const s
 
 template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
                                                    const std::vector<Restraint<Dim>>& nodal,
-                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces) {
+                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces,
+                                                   const Points<Dim>* moved_by) {
   const FineMesh<Dim>& mesh = space.mesh();
   const auto nodes = static_cast<Index>(forces.cols());
   std::vector<Index> dof_of(nodes, -1);
   for (Index dof = space.size() - 1; dof >= 0; --dof)
     if (node_at[dof] >= 0) dof_of[node_at[dof]] = dof;
-  const auto place = [&](Index node) { return Vec<Dim>(space.points().col(dof_of[node])); };
+  const auto place = [&](Index node) {
+    Vec<Dim> x = space.points().col(dof_of[node]);
+    if (moved_by) x += moved_by->col(dof_of[node]);
+    return x;
+  };
   const auto parts = holding_parts(space, node_at, dof_of, nodal, weak);
   Resultants<Dim> reactions;
 
@@ -210,10 +215,10 @@ Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const
 
 template Resultants<2> nodal_reactions<2>(const FineSpace<2>&, const std::vector<Index>&,
                                           const std::vector<Restraint<2>>&, const std::vector<Restraint<2>>&,
-                                          const Points<2>&);
+                                          const Points<2>&, const Points<2>*);
 template Resultants<3> nodal_reactions<3>(const FineSpace<3>&, const std::vector<Index>&,
                                           const std::vector<Restraint<3>>&, const std::vector<Restraint<3>>&,
-                                          const Points<3>&);
+                                          const Points<3>&, const Points<3>*);
 template class ElementReactions<2>;
 template class ElementReactions<3>;
 

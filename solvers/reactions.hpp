@@ -12,10 +12,12 @@ namespace efree {
 /// is none; several may share one. Where parts meet each has what its own directions hold, of what several hold a like
 /// share. What iterations left out of balance at free nodes goes to the parts that hold its direction, the nearer (in
 /// steps through the mesh) the more: so reactions and loads balance to rounding, and where one part alone holds a
-/// direction its reaction is exact. That of weak restraints is in the result as far as it comes from there.
+/// direction its reaction is exact. That of weak restraints is in the result as far as it comes from there. Moments are
+/// those of forces at rest, or with `moved_by` (Dim x space.size()) where the body has moved since.
 template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
                                                    const std::vector<Restraint<Dim>>& nodal,
-                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces);
+                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces,
+                                                   const Points<Dim>* moved_by = nullptr);
 
 /// Reactions of the finite elements that a Corrector leads to; conditions set as it sets them.
 template <int Dim> class ElementReactions {

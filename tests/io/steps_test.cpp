@@ -139,6 +139,51 @@ TEST(Steps, AMetalStripYieldsAndIsUnloadedToAPlasticStrain) {
   EXPECT_GT(all, 0.017) << "it yields again on the way back";
 }
 
+TEST(Steps, StepsEndWhereLoadsTurnIfToldSo) {
+  const Workspace work(
+      replaced(replaced(rubber, "1.6*t", "0.8*(1 - abs(1 - 2*t))"), "step = 0.25", "step = 0.35\nstops = [0.5]"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto columns = history(work / "out/history.csv");
+  const auto& t = columns.at("t");
+  const auto turn = std::ranges::find(t, 0.5);
+  ASSERT_NE(turn, t.end());
+  EXPECT_NEAR(columns.at("reaction.right.x")[turn - t.begin()], pull(1.4), 1e-8);
+  EXPECT_NEAR(columns.at("reaction.right.x").back(), 0.0, 1e-8);
+}
+
+TEST(Steps, DefinitionsMayDependOnTimeAndOnEachOther) {
+  const Workspace work("[definitions]\nshare = \"sqrt(t)\"\nend = \"1.6*share\"\n" + replaced(rubber, "1.6*t", "end"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto columns = history(work / "out/history.csv");
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k)
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], pull(1.0 + 0.8 * std::sqrt(columns.at("t")[k])), 1e-8);
+}
+
+TEST(Steps, WhatTheAnswerLacksIsWarnedOf) {
+  const auto said = [](const std::string& text) {
+    const Workspace work(text);
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, 0) << run.output;
+    return run.output;
+  };
+  EXPECT_THAT(said(replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "pressure = -0.1")),
+              HasSubstr("pressure on \"right\" acts on the area and along the normal at rest"));
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
+  EXPECT_THAT(said(elastic), HasSubstr("displacement gradients of 0.8"));
+  EXPECT_THAT(said(replaced(elastic, "1.6*t", "0.08*t")), Not(HasSubstr("displacement gradients")));
+}
+
+TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                                       "model = \"st_venant_kirchhoff\"\nE = 1\nnu = 0");
+  const Workspace work(replaced(elastic, "1.6*t", "-2.4*t"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  for (const double J : history(work / "out/history.csv").at("smallest_J")) EXPECT_GT(J, 0.0);
+}
+
 TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
   std::string tube = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
                               "model = \"j2\"\nE = 1\nnu = 0.3\nyield = 0.01");
@@ -172,6 +217,19 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7\n", "")), HasSubstr("case.toml:"));
   EXPECT_THAT(refused(rubber + "[accuracy]\nenergy = 0.01\n"), HasSubstr("accuracy"));
   EXPECT_THAT(refused(rubber + "[[case]]\nname = \"a\"\n"), HasSubstr("load cases"));
+  EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "mu = \"0.7 + t\"")), HasSubstr("mu depends on t"));
+  EXPECT_THAT(refused("[definitions]\nsoft = \"1 - t\"\n" + replaced(rubber, "mu = 0.7", "mu = \"soft\"")),
+              HasSubstr("mu depends on t"));
+  EXPECT_THAT(refused(replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "stiffness = \"t\"")),
+              HasSubstr("stiffness depends on t"));
+  EXPECT_THAT(refused(replaced(rubber, "plane = \"strain\"", "plane = \"strain\"\ncorrection = 3")),
+              HasSubstr("correction means nothing with a [time]"));
+  EXPECT_THAT(refused(replaced(rubber, "spacing = 0.4", "spacing = 0.4\n[basis]\nkind = \"cells\"")),
+              HasSubstr("cells are for linear elasticity"));
+  EXPECT_THAT(refused(replaced(rubber, "step = 0.25", "stops = [1.5]")), HasSubstr("stops"));
+  EXPECT_THAT(refused(replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                               "model = \"j2\"\nE = 1\nnu = 0.3\nyield = \"1 + x\"")),
+              HasSubstr("not of the place"));
   EXPECT_THAT(refused(replaced(rubber, "neo_hookean", "neo_hokean")), HasSubstr("\"neo_hookean\""));
 }
 
