@@ -115,7 +115,8 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   const auto materials = materials_of(result.model, *mesh.mesh);
   std::optional<RecoveryFits<Dim>> fits;
   std::optional<ElementReactions<Dim>> of_elements;
-  if (without_cloud || result.elements) of_elements.emplace(basis, result.model, settings.supports);
+  if (result.history.empty() && (without_cloud || result.elements))
+    of_elements.emplace(basis, result.model, settings.supports);
   const auto finish = [&](Answer<Dim>& answer, const Loads<Dim>& loads, const std::string& of) {
     if (answer.fields.displacement.size() == 0) {
       if (!fits) fits.emplace(recovery_fits(basis));
