@@ -25,7 +25,8 @@ class Table {
   void row(const std::vector<std::string>& cells) {
     for (std::size_t k = 0; k < cells.size(); ++k) {
       std::printf("| %s ", cells[k].c_str());
-      file_ << (k > 0 ? "," : "") << cells[k];
+      const char* quote = cells[k].find(',') == std::string::npos ? "" : "\"";
+      file_ << (k > 0 ? "," : "") << quote << cells[k] << quote;
     }
     std::printf("|\n");
     std::fflush(stdout);
@@ -45,5 +46,8 @@ void cook_truth(const StudyOf& study);
 void volumetric_locking(const StudyOf& study);
 void surface_instability(const StudyOf& study);
 void too_few_points(const StudyOf& study);
+void crack(const StudyOf& study);
+void random_clouds(const StudyOf& study);
+void pressure_oscillation(const StudyOf& study);
 
 }  // namespace efree::bench

@@ -53,7 +53,7 @@ void volumetric_locking(const StudyOf& study) {
         p2.approximation.dilatation = Dilatation::pointwise;
         add(finite, truth, "P2", H, 1, Cook::mesh(2.9 * H), p2);
         p2.approximation.dilatation = Dilatation::averaged;
-        add(finite, truth, "P2, mean dilatation", H, 1, Cook::mesh(2.9 * H), p2);
+        add(finite, truth, "P2 with mean dilatation", H, 1, Cook::mesh(2.9 * H), p2);
       }
     }
 }

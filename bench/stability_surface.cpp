@@ -26,7 +26,7 @@ void surface_instability(const StudyOf& study) {
         {.spacing = H, .secondary = SecondaryKind::full, .dilatation = Dilatation::pointwise});
     add("P1", H, 1, CompressedBlock::mesh(1.45 * H), {.kind = BasisKind::p1, .dilatation = Dilatation::pointwise});
     add("P2", H, 1, CompressedBlock::mesh(2.9 * H), {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise});
-    add("P2, mean dilatation", H, 1, CompressedBlock::mesh(2.9 * H), {.kind = BasisKind::p2});
+    add("P2 with mean dilatation", H, 1, CompressedBlock::mesh(2.9 * H), {.kind = BasisKind::p2});
   }
 }
 

@@ -32,8 +32,8 @@ struct StrainedBlock {
         rubber("at rest", 0.3, 1.0),
         rubber("stretched to 2", 0.3, 2.0),
         rubber("squeezed to 0.7", 0.3, 0.7),
-        rubber("nearly incompressible, stretched to 2", 0.4999, 2.0),
-        rubber("nearly incompressible, squeezed to 0.7", 0.4999, 0.7),
+        rubber("nearly incompressible stretched to 2", 0.4999, 2.0),
+        rubber("nearly incompressible squeezed to 0.7", 0.4999, 0.7),
         {"yielding", J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = Hardening::linear(0.002, 0.01)}), {0.02, -0.02}}};
   }
 
