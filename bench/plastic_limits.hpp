@@ -14,14 +14,21 @@
 
 namespace efree::bench {
 
-/// 0 = x_0 < ... < x_n = length with edges of about `size` as far as `fine`, growing by a factor beyond.
-inline std::vector<double> graded_line(double size, double fine, double length, double factor = 1.15) {
-  std::vector<double> x{0.0};
-  const int even = static_cast<int>(std::lround(fine / size));
-  for (int i = 1; i <= even; ++i) x.push_back(fine * i / even);
-  for (double edge = size * factor; x.back() + 1.5 * edge < length; edge *= factor) x.push_back(x.back() + edge);
-  if (x.back() < length) x.push_back(length);
-  return x;
+/// Points from `first` to `last` with edges of `least` at `dense`, growing by a factor away from there up to `most`.
+inline std::vector<double> graded_line(double first, double last, double dense, double least, double most,
+                                       double factor = 1.12) {
+  const auto leg = [&](double length) {  // distances from `dense`
+    std::vector<double> at{0.0};
+    for (double edge = least; at.back() < length; edge = std::min(most, edge * factor)) at.push_back(at.back() + edge);
+    for (double& x : at) x *= length / std::max(at.back(), 1e-300);
+    return at;
+  };
+  std::vector<double> line;
+  for (const double x : leg(dense - first)) line.push_back(dense - x);
+  std::ranges::reverse(line);
+  for (const double x : leg(last - dense))
+    if (x > 0.0) line.push_back(dense + x);
+  return line;
 }
 /// Name of a part by the middle of an edge of the boundary.
 using NameOfPart = std::function<std::string(const Vec<2>&)>;
@@ -63,47 +70,57 @@ struct LimitCase {
   /// Mean stress on the part.
   double stress(const HistoryStep<2>& step) const { return std::abs(step.reactions.at(part).force[1]) / area; }
 };
-inline Settings<2> plane_strain(const Metal& metal, const ApproximationOptions& options, double spacing,
-                                const std::string& dense_on) {
+/// Spacing of a cloud (of elements: their edges), and at the edge where the flow turns.
+struct Resolution {
+  double spacing, at_edge;
+  double cells = 3.0;  ///< fine edges to a spacing
+};
+inline Settings<2> plane_strain(const Metal& metal, ApproximationOptions options, const Resolution& resolution,
+                                const Vec<2>& edge) {
   Settings<2> settings;
-  settings.model = {.material = metal.material(), .plane = Plane::strain};
+  settings.model.material = metal.material();
+  settings.model.plane = Plane::strain;
+  options.spacing = resolution.spacing;
+  const double reach = resolution.at_edge;
+  options.grading.boxes = {{{edge[0] - reach, edge[1] - reach}, {edge[0] + reach, edge[1] + reach}, reach}};
   settings.approximation = options;
-  settings.approximation.spacing = 8.0 * spacing;
-  settings.approximation.grading.boundaries = {{dense_on, spacing}};
-  settings.time = {{.step = 0.05}};
+  settings.time = TimeSettings<2>{.path = {.step = 0.05}};
   return settings;
+}
+inline FineMesh<2> dense_at(const Vec<2>& edge, const Vec<2>& size, const Resolution& resolution,
+                            const NameOfPart& name) {
+  const double least = resolution.at_edge / resolution.cells, most = resolution.spacing / resolution.cells;
+  return grid(graded_line(0.0, size[0], edge[0], least, most), graded_line(0.0, size[1], edge[1], least, most), name);
 }
 
 /// Half of a strip footing of half width 1, smooth and rigid, pressed into a block 5 wide and 4 deep: (2 + pi) k
-/// (Prandtl 1920, Hill 1950, chapter IX.5). `spacing` of the cloud on the footing, `size` of the mesh there.
-inline LimitCase footing(const ApproximationOptions& options, double spacing, double size) {
+/// (Prandtl 1920, Hill 1950, chapter IX.5).
+inline LimitCase footing(const ApproximationOptions& options, const Resolution& resolution) {
   const Metal metal;
-  auto down = graded_line(size, 1.5, 4.0);
-  for (double& y : down) y = 4.0 - y;
-  std::ranges::reverse(down);
-  FineMesh<2> mesh = grid(graded_line(size, 2.0, 5.0), down, [](const Vec<2>& x) -> std::string {
+  const Vec<2> edge(1.0, 4.0);
+  FineMesh<2> mesh = dense_at(edge, {5.0, 4.0}, resolution, [](const Vec<2>& x) -> std::string {
     if (x[1] > 4.0 - 1e-9) return x[0] < 1.0 ? "footing" : "top";
     return x[1] < 1e-9 ? "bottom" : x[0] < 1e-9 ? "left" : "right";
   });
-  Settings<2> settings = plane_strain(metal, options, spacing, "footing");
+  Settings<2> settings = plane_strain(metal, options, resolution, edge);
   settings.supports = {symmetry_plane<2>("left"),
                        symmetry_plane<2>("right"),
                        symmetry_plane<2>("bottom"),
-                       {"footing", {ScalarField<2>{}, [](const Vec<2>&) { return -0.03; }}, {}}};
+                       {"footing", {ScalarField<2>{}, [](const Vec<2>&) { return -0.05; }}, {}}};
   return {std::move(mesh), std::move(settings), "footing", 1.0,
           (2.0 + std::numbers::pi) * metal.yield / std::sqrt(3.0)};
 }
 
-/// A quarter of a strip of half width 5 and half length 10 with two cuts, pulled: the ligament, of half width 1/2, is so
-/// narrow that it bears (2 + pi) k (Hill 1952; Nagtegaal, Parks & Rice 1974).
-inline LimitCase notched_strip(const ApproximationOptions& options, double spacing, double size) {
+/// A quarter of a strip of half width 5 and half length 10 with two cuts, pulled: the ligament, of half width 1/2, is
+/// so narrow that it bears (2 + pi) k (Hill 1952; Nagtegaal, Parks & Rice 1974).
+inline LimitCase notched_strip(const ApproximationOptions& options, const Resolution& resolution) {
   const Metal metal{.E = 206.9, .nu = 0.29, .yield = 0.45};
-  FineMesh<2> mesh =
-      grid(graded_line(size, 1.0, 5.0), graded_line(size, 0.75, 10.0), [](const Vec<2>& x) -> std::string {
-        if (x[1] < 1e-9) return x[0] < 0.5 ? "ligament" : "cut";
-        return x[1] > 10.0 - 1e-9 ? "top" : x[0] < 1e-9 ? "left" : "right";
-      });
-  Settings<2> settings = plane_strain(metal, options, spacing, "ligament");
+  const Vec<2> edge(0.5, 0.0);
+  FineMesh<2> mesh = dense_at(edge, {5.0, 10.0}, resolution, [](const Vec<2>& x) -> std::string {
+    if (x[1] < 1e-9) return x[0] < 0.5 ? "ligament" : "cut";
+    return x[1] > 10.0 - 1e-9 ? "top" : x[0] < 1e-9 ? "left" : "right";
+  });
+  Settings<2> settings = plane_strain(metal, options, resolution, edge);
   settings.supports = {symmetry_plane<2>("left"),
                        symmetry_plane<2>("ligament"),
                        {"top", {ScalarField<2>{}, [](const Vec<2>&) { return 0.12; }}, {}}};
@@ -131,12 +148,11 @@ struct BentBar {
   double residual_stress(double y) const {
     return std::min(metal.E * times * first_yield() * y, metal.yield) - 3.0 * moment() * y;
   }
-  FineMesh<2> mesh(double size) const {
-    return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
-  }
+  FineMesh<2> mesh(double size) const { return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size}); }
   Settings<2> settings(const ApproximationOptions& options) const {
     Settings<2> settings;
-    settings.model = {.material = metal.material(), .plane = Plane::stress};
+    settings.model.material = metal.material();
+    settings.model.plane = Plane::stress;
     settings.approximation = options;
     const auto supports = [*this](double time) {
       const double k = curvature(time);
@@ -146,8 +162,9 @@ struct BentBar {
           {"left", {along, {}}, {}}, {"right", {along, {}}, {}}, {"bottom", {along, down}, {}}};
     };
     settings.supports = supports(2.0);
-    settings.time = {{.end = 2.0, .step = 0.1, .stops = {1.0}},
-                     [supports](double time) { return Acting<2>{supports(time), {}}; }};
+    settings.time = {{.end = 2.0, .step = 0.1, .stops = {1.0}}, [supports](double time) {
+                       return Acting<2>{supports(time), {}};
+                     }};
     return settings;
   }
 };

@@ -162,10 +162,13 @@ template <int Dim> Settings<Dim> wall_settings(Wall wall, const Metal& metal, co
     std::vector<DisplacementCondition<Dim>> all{symmetry_plane<Dim>("bottom")};
     if (bore.displacement) {
       const double u = bore.displacement(time);
-      const int turning = wall == Wall::tube_of_revolution ? 1 : wall == Wall::tube_in_space ? 2 : Dim;
-      DisplacementCondition<Dim> outwards{"inner", {}, {}};
-      for (int i = 0; i < turning; ++i)
-        outwards.components[i] = [=](const Vec<Dim>& x) { return u * x[i] / x.head(turning).norm(); };
+      DisplacementCondition<Dim> outwards{"inner", {}, [u](const Vec<Dim>&) { return -u; }};
+      if (options.kind != BasisKind::mls) {  // nodal values know no normals of curved walls
+        const int turning = wall == Wall::tube_of_revolution ? 1 : wall == Wall::tube_in_space ? 2 : Dim;
+        outwards.normal = {};
+        for (int i = 0; i < turning; ++i)
+          outwards.components[i] = [=](const Vec<Dim>& x) { return u * x[i] / x.head(turning).norm(); };
+      }
       all.push_back(std::move(outwards));
     }
     if (Dim == 3) all.push_back(symmetry_plane<Dim>("left")), all.push_back(symmetry_plane<Dim>("front"));
