@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Where plastic flow breaks methods: coarse versions of bench_stability_plastic, at the defaults of the program.
+#include "efree/bench/large_strains.hpp"
 #include "efree/bench/plastic_limits.hpp"
 #include "efree/bench/plastic_walls.hpp"
+#include "efree/materials/rankine.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
 #include <vector>
@@ -20,7 +23,7 @@ template <class Load> double tail(const std::vector<HistoryStep<2>>& history, co
   return (load(history.back()) - at_80) / 0.2 / (load(history.front()) / history.front().time);
 }
 
-TEST(PlasticFlow, ThickSphereFollowsHillsPathToItsLimitPressureAndNoFurther) {
+TEST(PlasticLimits, ThickSphereFollowsHillsPathToItsLimitPressureAndNoFurther) {
   const Metal metal;
   const Wall wall = Wall::sphere_of_revolution;
   const double u = 0.015, limit = sphere_limit(metal);
@@ -37,11 +40,11 @@ TEST(PlasticFlow, ThickSphereFollowsHillsPathToItsLimitPressureAndNoFurther) {
   EXPECT_LT(tail(result.history, [&](const auto& step) { return bore_pressure(wall, step); }), 0.005);
 }
 
-TEST(PlasticFlow, ThickTubeInPlaneStrainFollowsHillsPathToItsLimitPressure) {
+TEST(PlasticLimits, ThickTubeInPlaneStrainFollowsHillsPathToItsLimitPressure) {
   const Metal metal{.nu = 0.4999};
   const double u = 0.0045, limit = TubeYieldedTo::limit(metal);
   const auto result = analyse(mesh_of<2>(Wall::tube, 0.02),
-                              wall_settings<2>(Wall::tube, metal, {.spacing = 1.0 / 15.0},
+                              wall_settings<2>(Wall::tube, metal, {.spacing = 1.0 / 12.0},
                                                {.displacement = [u](double t) { return u * t; }}, {.step = 0.05}));
   ASSERT_EQ(result.stopped, "");
   for (const auto& step : result.history)
@@ -49,7 +52,7 @@ TEST(PlasticFlow, ThickTubeInPlaneStrainFollowsHillsPathToItsLimitPressure) {
         << step.time;
 }
 
-TEST(PlasticFlow, StripFootingComesToPrandtlsLoadAndNoFurther) {
+TEST(PlasticLimits, StripFootingComesToPrandtlsLoadAndNoFurther) {
   const LimitCase body = footing({}, {0.25, 1.0 / 32.0});
   const auto result = analyse(body.mesh, body.settings);
   ASSERT_EQ(result.stopped, "");
@@ -57,8 +60,8 @@ TEST(PlasticFlow, StripFootingComesToPrandtlsLoadAndNoFurther) {
   EXPECT_LT(tail(result.history, [&](const auto& step) { return body.stress(step); }), 0.02);
 }
 
-TEST(PlasticFlow, NotchedStripInPlaneStrainComesToItsLimitLoadAndNoFurther) {
-  const LimitCase body = notched_strip({}, {0.25, 1.0 / 64.0});
+TEST(PlasticLimits, NotchedStripInPlaneStrainComesToItsLimitLoadAndNoFurther) {
+  const LimitCase body = notched_strip({}, {0.4, 1.0 / 64.0});
   const auto result = analyse(body.mesh, body.settings);
   ASSERT_EQ(result.stopped, "");
   EXPECT_NEAR(body.stress(result.history.back()), body.limit, 0.03 * body.limit);
@@ -135,6 +138,49 @@ TEST(CyclicPlasticity, SphereUnloadedFromBeyondYieldKeepsHillsResidualStress) {
     error += (std::pow(radial - should[0], 2) + std::pow(s[2] - should[1], 2)) / mesh.num_vertices();
   }
   EXPECT_LT(std::sqrt(error), 0.01 * metal.yield);
+}
+
+/// By a cloud of this spacing.
+Result<2> solved(const LargeCase& body, double spacing) {
+  Settings<2> settings = body.settings;
+  settings.approximation.spacing = spacing;
+  auto result = analyse(triangulate(body.domain, {.size = spacing / 3.0}), settings);
+  EXPECT_EQ(result.stopped, "") << body.name;
+  for (const auto& step : result.history) EXPECT_GT(step.smallest_jacobian, 0.0) << body.name;
+  return result;
+}
+// References: quadratic elements, refined until they stay (bench_stability_plastic large).
+
+TEST(LargeStrains, SquareIsPulledToTenTimesItsLength) {
+  const LargeCase body = pulled_square();
+  EXPECT_NEAR(body.force(solved(body, 0.2).history.back()), 3.8639, 0.02 * 3.8639);
+}
+
+TEST(LargeStrains, BeamIsBentToAFullCircle) {
+  const auto result = solved(bent_to_circle(), 0.2);
+  EXPECT_NEAR(result.history.back().stored, 0.17452, 0.02 * 0.17452);
+}
+
+TEST(LargeStrains, NearlyIncompressibleCookDoesNotLock) {
+  const LargeCase body = cook_rubber();
+  EXPECT_NEAR(body.force(solved(body, 5.0).history.back()), 6.965, 0.02 * 6.965);
+}
+
+/// The energy that tearing takes depends on the spacing (docs/stability.md), and the program says so.
+TEST(Softening, WhatTearsIsWarnedOf) {
+  const auto warnings = [](double softening) {
+    Settings<2> settings;
+    settings.model.material =
+        Rankine({.moduli = {.E = 100.0, .nu = 0.0}, .strength = 0.3, .softening = softening, .strain = Strain::small});
+    settings.model.plane = Plane::strain;
+    settings.approximation.spacing = 0.5;
+    settings.supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), moved_by("right", 0.0045, 0.0)};
+    settings.supports[2].components[1] = {};
+    return analyse(triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.2}), settings).warnings;
+  };
+  using ::testing::Contains, ::testing::HasSubstr, ::testing::Not;
+  EXPECT_THAT(warnings(5.0), Contains(HasSubstr("what tearing dissipates changes with the spacing")));
+  EXPECT_THAT(warnings(0.0), Not(Contains(HasSubstr("tearing"))));
 }
 
 }  // namespace
