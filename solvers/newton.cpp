@@ -138,14 +138,17 @@ class ArcStepper final : public Stepper {
  public:
   using Stepper::Stepper;
   Converged step(const State& from, double size) override {
-    const Vector rate = tangent_.change(from, force_by_time(from));
+    // From a committed state plastic materials answer as elastic ones, and the path would turn back along the way that
+    // unloads; that in balance before the commit goes on flowing.
+    const State& at = last_.time == from.time && last_.u.size() > 0 && last_.u == from.u ? last_ : from;
+    const Vector rate = tangent_.change(at, force_by_time(at));
     if (per_time_ == 0.0) per_time_ = rate.norm();
     if (!(per_time_ > 0.0)) throw NumericalError("nothing changes with time: there is no arc to follow");
     const double length = size * per_time_;
     const double sense = came_by_.size() > 0 && came_by_.dot(rate) < 0.0 ? -1.0 : 1.0;
     double time = sense * length / rate.norm();
     Vector all = time * rate;
-    Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all)};
+    Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all), .residuals = {}};
     for (;;) {
       const Vector r = equations_.residual(result.state);
       const double scale = equations_.force_scale(result.state), out = r.lpNorm<Eigen::Infinity>();
@@ -170,6 +173,7 @@ class ArcStepper final : public Stepper {
     if (result.state.time > options_.end)  // the end itself, by a step in time
       result = newton(equations_, tangent_, from, options_.end, options_.newton);
     came_by_ = all;
+    last_ = result.state;
     return result;
   }
 
@@ -192,6 +196,7 @@ class ArcStepper final : public Stepper {
 
   double per_time_ = 0.0;  ///< norm of the change per time at the beginning
   Vector came_by_;         ///< the change of the last step
+  State last_;             ///< that it led to, not committed
 };
 
 }  // namespace
@@ -229,6 +234,10 @@ State follow(const Equations& equations, LinearSolver& linear, State from, const
       size *= 0.5;
       continue;
     }
+    if (now->state.time < begin)
+      throw PathError(
+          fmt::format("at time {:.6g} the path has come back to before its beginning: it unloads", now->state.time),
+          from.time, number - 1);
     if (now->iterations() <= easy) size = std::min(most, 1.5 * size);
     if (now->iterations() >= hard) size = std::max(least, 0.5 * size);
     PathStep done{std::move(from), std::move(*now), {}, number++, size};
