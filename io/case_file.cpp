@@ -2,6 +2,7 @@
 #include "efree/io/case_file.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/expression.hpp"
 #include "efree/io/internal/material_reader.hpp"
 #include "efree/io/internal/read_geometry.hpp"
@@ -13,12 +14,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
 #include <regex>
 #include <set>
+#include <sstream>
 #include <tuple>
 
 namespace efree {
@@ -563,11 +566,18 @@ class TimeNames {
   std::set<std::string> names_{"t"};
 };
 
+/// Of which steps the fields are written.
+int read_output(const Section& time) {
+  if (!time.has("output")) return 0;
+  if (time.table().get("output")->is_integer()) return static_cast<int>(time.integer("output", 1, 1000000000));
+  return time.choice<int>("output", {{"last", 0}, {"all", 1}}, std::nullopt);
+}
+
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
   const Section section =
-      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops"});
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "output"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -603,6 +613,34 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   return result;
 }
 
+/// What steps through time may do otherwise when they are gone on with.
+CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
+  internal::Fingerprint what, how;
+  const auto text = [](const toml::node_view<const toml::node> node) {
+    std::ostringstream stream;
+    stream << node;
+    return stream.str();
+  };
+  toml::table rest = table;
+  if (toml::table* time = rest["time"].as_table()) {
+    const toml::table all = *time;
+    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control"}) {
+      how.add(key).add(text(all[key]));
+      time->erase(key);
+    }
+    time->erase("output");
+    if (end_is_a_step) time->erase("end");
+  }
+  what.add(text(toml::node_view<const toml::node>(rest)));
+  std::ifstream stream(geometry, std::ios::binary);
+  std::string bytes(std::size_t{1} << 20U, '\0');
+  while (!geometry.empty() && stream) {
+    stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    what.add(std::string_view(bytes).substr(0, static_cast<std::size_t>(stream.gcount())));
+  }
+  return {what.value(), how.value()};
+}
+
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
                                   const Section& root, const Section& geometry, const Reading& reading) {
   const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
@@ -620,7 +658,10 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   result.title = root.text("title", file.stem().string());
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
   result.model.plane = read_plane<Dim>(analysis);
-  if (root.has("time")) result.time = read_time<Dim>(root, table, result);
+  if (root.has("time")) {
+    result.time = read_time<Dim>(root, table, result);
+    result.steps.fields_every = read_output(root.section("time", {}));
+  }
   const Clock clock{result.time ? std::optional(result.time->path.end) : std::nullopt,
                     "t is the time of [time], and the case has none"};
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
@@ -646,6 +687,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   read_probes(probes, result);
   if (root.has("accuracy"))
     read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
+  result.mark = mark_of(*table, result.time && result.time->acting,
+                        geometry.has("file") ? file.parent_path() / geometry.text("file") : std::filesystem::path());
   return result;
 }
 
