@@ -174,6 +174,9 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
                          step.now.negative_pivots,
                          equations.reactions(state),
                          {}};
+    Resultants<Dim> named;  // the name may be that of another part
+    for (const Reaction& reaction : settings.reactions) named[reaction.name] = row.reactions.at(reaction.on);
+    for (const auto& [name, of] : named) row.reactions[name] = of;
     const PointFields<Dim> points = equations.fields(state);
     const Vector& weights = result.approximation.quadrature.weights;
     row.stored = weights.dot(points.energy);
@@ -224,7 +227,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   }
   if (recovered_at != there.at.steps || result.fields.displacement.size() == 0) recover(there.at);
   result.history = std::move(history);
-  result.balance = {result.history.back().reactions, equations.applied(there.at)};
+  result.balance = {equations.reactions(there.at), equations.applied(there.at)};
   warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))

@@ -161,9 +161,11 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
       const Stage stage("output", monitor.timing(result.times));
       out.supersede("fields.png");
       out.supersede("error.png");
+      out.supersede("history.png");
       const auto draw = [&] {
         draw_fields(out.file("fields.png"), analysis, result);
         if (result.error_density.size() > 0) draw_error(out.file("error.png"), analysis, result);
+        if (!result.history.empty()) draw_history(out.file("history.png"), analysis, result.history);
       };
       const auto write = [&] {
         write_fields(out.file("fields.vtu"), analysis, result);

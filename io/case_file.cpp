@@ -266,15 +266,28 @@ template <int Dim> class BoundaryReader {
       }
     }
   }
-  /// Force and moment of a part, numbers.
+  /// A number, or an expression of the time and definitions but not of the place.
+  double uniform(const Section& entry, std::string_view key, const std::string& text) const {
+    if (expressions_.varies(text, entry.where(key)))
+      entry.fail(key, fmt::format("{} depends on the place: it is of the whole part, expected numbers", key));
+    return expressions_.field(text, entry.where(key))(Vec<Dim>::Zero());
+  }
+  template <std::size_t Size>
+  Eigen::Matrix<double, static_cast<int>(Size), 1> uniform(const Section& entry, std::string_view key) const {
+    const auto texts = entry.template expressions<Size>(key);
+    Eigen::Matrix<double, static_cast<int>(Size), 1> values;
+    for (std::size_t i = 0; i < Size; ++i) values[static_cast<int>(i)] = uniform(entry, key, texts[i]);
+    return values;
+  }
+  /// Force and moment of a part.
   void read_resultant(const Section& entry, const std::string& on, Loads<Dim>& loads) {
     ResultantLoad<Dim> load{on};
-    if (entry.has("force")) load.force = entry.template point<Dim>("force");
+    if (entry.has("force")) load.force = uniform<Dim>(entry, "force");
     if (entry.has("moment")) {
       if constexpr (Dim == 2)
-        load.moment[0] = entry.number("moment", any_number);
+        load.moment[0] = uniform(entry, "moment", entry.expression("moment"));
       else
-        load.moment = entry.template point<3>("moment");
+        load.moment = uniform<3>(entry, "moment");
     }
     if (entry.has("at")) load.at = entry.template point<Dim>("at");
     if (load.at && !entry.has("force")) entry.fail("at", "at is where a force acts, and there is no force");
