@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/prepare.hpp"
+#include "efree/analysis/steps.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/solvers/cell_solver.hpp"
 
@@ -82,20 +83,6 @@ template <int Dim> struct Answer {
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the settings
   std::vector<Extreme<Dim>> extremes;                            ///< largest displacement and von Mises stress
   Balance<Dim> balance;
-};
-
-/// One step through time that converged.
-template <int Dim> struct HistoryStep {
-  double time;
-  int iterations;
-  double left;               ///< largest force out of balance, relative
-  double stored;             ///< energy [force * length]
-  double dissipated;         ///< since the beginning [force * length]
-  double smallest_jacobian;  ///< least volume of a quadrature point over that at rest
-  double plastic_share;      ///< of the volume, in which energy was dissipated in this step
-  Index negative_pivots;     ///< directions in which the energy falls: above 0 the body is not stable
-  Resultants<Dim> reactions;
-  std::vector<Vec<Dim>> probes;  ///< displacements, in the order of the settings
 };
 
 /// What an analysis found; of several load cases it is the answer to the first.

@@ -3,6 +3,7 @@
 /// it.
 #pragma once
 
+#include "efree/analysis/steps.hpp"
 #include "efree/geometry/mesh/selection.hpp"
 #include "efree/solvers/correction.hpp"
 #include "efree/solvers/newton.hpp"
@@ -95,6 +96,7 @@ template <int Dim> struct Settings {
 
   /// Steps to take; empty: one step if all materials are linear, else those of TimeSettings.
   std::optional<TimeSettings<Dim>> time{};
+  Steps<Dim> steps{};  ///< where these begin, and who hears of them
 
   ApproximationOptions approximation{};  ///< functions and quadrature
   OnCells cells = OnCells::automatic;

@@ -3,6 +3,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/fingerprint.hpp"
 #include "efree/materials/plasticity.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
@@ -91,6 +92,40 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
+/// Says where the path becomes unstable.
+template <int Dim> void warn_of_instability(Result<Dim>& result) {
+  Index before = 0;
+  for (const HistoryStep<Dim>& step : result.history) {
+    if (step.negative_pivots > 0 && before == 0)
+      result.warnings.push_back(fmt::format("at time {:.6g} the body is not stable: its energy falls in {} direction{}",
+                                            step.time, step.negative_pivots, step.negative_pivots == 1 ? "" : "s"));
+    before = step.negative_pivots;
+  }
+}
+
+/// Tells a body and its functions from others.
+template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
+  return Fingerprint()
+      .add(approximation.space.mesh().vertices())
+      .add(approximation.nodes)
+      .add(approximation.quadrature.points)
+      .add(approximation.quadrature.weights)
+      .value();
+}
+
+/// Where the steps begin: at rest, or where others have come to.
+template <int Dim>
+Checkpoint<Dim> beginning(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& equations) {
+  Checkpoint<Dim> there{equations.rest(), {}, fingerprint(equations.approximation())};
+  if (!settings.steps.from) return there;
+  const Checkpoint<Dim>& from = *settings.steps.from;
+  if (from.body != there.body || from.at.u.size() != there.at.u.size() ||
+      from.at.history.size() != there.at.history.size())
+    throw InputError(
+        "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
+  return from;
+}
+
 }  // namespace
 
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
@@ -113,7 +148,21 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   const Locator<Dim> locator(space.mesh(), settings.probes.size());
   std::vector<Location<Dim>> places;
   for (const auto& probe : settings.probes) places.push_back(locator(probe.at));
-  State last = equations.rest();
+  Checkpoint<Dim> there = beginning(settings, equations);
+  auto& history = there.history;
+  std::optional<RecoveryFits<Dim>> fits;
+  /// Fields of a state, into the result.
+  const auto recover = [&](const State& state) {
+    if (!fits) fits = recovery_fits(result.approximation);
+    PointFields<Dim> points = equations.fields(state);
+    result.solution = solution_of(equations, state, points);
+    result.fields = recover_fields(result.approximation, result.solution, *fits);
+    result.remembered.clear();
+    for (const auto& [name, values] : remembered(equations, result.model, points.history))
+      result.remembered.emplace_back(name, recovered(result.approximation, values, *fits));
+  };
+  int recovered_at = 0;
+  bool telling = false;
   const auto converged = [&](const PathStep& step) {
     const State& state = step.now.state;
     const double smallest = equations.smallest_jacobian(state);
@@ -122,17 +171,20 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
           fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
                       "no answer",
                       state.time, smallest),
-          result.history.empty() ? 0.0 : result.history.back().time, static_cast<int>(result.history.size()));
+          step.before.time, there.at.steps);
     HistoryStep<Dim> row{state.time,
                          step.now.iterations(),
                          step.now.residuals.back(),
                          0.0,
-                         result.history.empty() ? 0.0 : result.history.back().dissipated,
+                         history.empty() ? 0.0 : history.back().dissipated,
                          smallest,
                          0.0,
                          step.now.negative_pivots,
                          equations.reactions(state),
                          {}};
+    Resultants<Dim> named;  // the name may be that of another part
+    for (const Reaction& reaction : settings.reactions) named[reaction.name] = row.reactions.at(reaction.on);
+    for (const auto& [name, of] : named) row.reactions[name] = of;
     const PointFields<Dim> points = equations.fields(state);
     const Vector& weights = result.approximation.quadrature.weights;
     row.stored = weights.dot(points.energy);
@@ -147,11 +199,19 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       for (std::size_t i = 0; i < dofs.size(); ++i) value += N[i] * u.col(dofs[i]);
       row.probes.push_back(value);
     }
-    if (row.negative_pivots > 0 && (result.history.empty() || result.history.back().negative_pivots == 0))
-      result.warnings.push_back(fmt::format("at time {:.6g} the body is not stable: its energy falls in {} direction{}",
-                                            row.time, row.negative_pivots, row.negative_pivots == 1 ? "" : "s"));
-    result.history.push_back(std::move(row));
-    last = state;
+    history.push_back(std::move(row));
+    there.at = step.after;
+    static_cast<State&>(there.at) = state;
+    if (!settings.steps.done) return;
+    if (settings.steps.fields_every > 0 && there.at.steps % settings.steps.fields_every == 0) {
+      recover(state);
+      recovered_at = there.at.steps;
+    } else {
+      result.fields = {};
+    }
+    telling = true;
+    settings.steps.done(there, result);
+    telling = false;
   };
   const bool symmetric = materials_all(result.model, [](const Material& material) { return material.symmetric(); });
   const auto stopped = [&](std::string why) {
@@ -159,26 +219,24 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       why +=
           "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
           "dilatancy nearer to the friction";
-    if (result.history.empty()) throw NumericalError(why);
+    if (history.empty()) throw NumericalError(why);
     result.stopped = result.refusal = why;
   };
   Cholesky linear;
   try {
-    follow(equations, linear, equations.rest(), settings.time ? settings.time->path : PathOptions{}, converged,
-           monitor);
+    PathPoint from = there.at;
+    if (from.steps > 0) static_cast<State&>(from) = equations.commit(from);
+    follow(equations, linear, std::move(from), settings.time ? settings.time->path : PathOptions{}, converged, monitor);
   } catch (const PathError& error) {
     stopped(error.what());
   } catch (const InputError& error) {  // an expression that is not finite at some time
-    if (result.history.empty()) throw;
+    if (history.empty() || telling) throw;
     stopped(error.what());
   }
-  PointFields<Dim> points = equations.fields(last);
-  result.solution = solution_of(equations, last, points);
-  result.balance = {result.history.back().reactions, equations.applied(last)};
-  const RecoveryFits<Dim> fits = recovery_fits(result.approximation);
-  result.fields = recover_fields(result.approximation, result.solution, fits);
-  for (const auto& [name, values] : remembered(equations, result.model, points.history))
-    result.remembered.emplace_back(name, recovered(result.approximation, values, fits));
+  if (recovered_at != there.at.steps || result.fields.displacement.size() == 0) recover(there.at);
+  result.history = std::move(history);
+  result.balance = {equations.reactions(there.at), equations.applied(there.at)};
+  warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
     result.warnings.push_back(
@@ -192,7 +250,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       if (load.kind == "pressure")
         result.warnings.push_back(fmt::format(
             "pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the body", load.on));
-  if (const double strain = largest_of_small(equations, points); strain > 0.05)
+  if (const double strain = largest_of_small(equations, equations.fields(there.at)); strain > 0.05)
     result.warnings.push_back(
         fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "
                     "(strain = \"finite\", or a hyperelastic model)",
