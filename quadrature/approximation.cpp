@@ -7,7 +7,6 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace efree {
@@ -185,42 +184,16 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
 /// Unions that carry the volumetric part: few enough not to lock.
 constexpr double unions_per_node = 0.5;
 
-/// The seed nearest to each fine vertex, after seeds have moved into the middle of the points that are theirs (Lloyd
-/// 1982): unions are then alike in size, at walls too, where seeds of the cloud own but half of one.
-template <int Dim> NearestSource levelled(const FineMesh<Dim>& mesh, std::vector<Index> seeds,
-                                          const std::vector<Index>& vertices, const Quadrature<Dim>& points) {
-  constexpr int moves = 3;  // more change little
-  const Index count = static_cast<Index>(seeds.size());
-  NearestSource owner = nearest_source(mesh, seeds);
-  for (int move = 0; move < moves; ++move) {
-    Points<Dim> moments = Points<Dim>::Zero(Dim, count);
-    Vector volumes = Vector::Zero(count), least = Vector::Constant(count, std::numeric_limits<double>::infinity());
-    for (Index K = 0; K < points.size(); ++K) {
-      const Index g = owner.source[vertices[K]];
-      volumes[g] += points.weights[K];
-      moments.col(g) += points.weights[K] * points.points.col(K);
-    }
-    for (Index v = 0; v < mesh.num_vertices(); ++v) {
-      const Index g = owner.source[v];
-      if (g < 0 || volumes[g] == 0.0) continue;
-      const double distance = (mesh.vertex(v) - moments.col(g) / volumes[g]).squaredNorm();
-      if (distance < least[g]) least[g] = distance, seeds[g] = v;
-    }
-    owner = nearest_source(mesh, seeds);
-  }
-  return owner;
-}
-
 /// Joins quadrature points, each of a cluster around one of these vertices, into unions around the nearest seeds;
 /// where there are no seeds, those of the same cluster.
 template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
                                     const std::vector<Index>& vertices, Approximation<Dim>& result) {
   NearestSource owner;
-  if (seeds.size() > 0) owner = levelled(mesh, seeds.vertices, vertices, result.quadrature);
+  if (seeds.size() > 0) owner = nearest_source(mesh, seeds.vertices);
   std::vector<Index> renumbered(mesh.num_vertices(), -1);
   Index unions = 0;
   for (const Index v : vertices) {
-    Index& number = renumbered[seeds.size() > 0 ? owner.source[v] : v];
+    Index& number = renumbered[seeds.size() > 0 ? seeds.vertices[owner.source[v]] : v];
     if (number < 0) number = unions++;
     result.union_of.push_back(number);
   }

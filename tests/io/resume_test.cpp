@@ -118,7 +118,7 @@ TEST(Resume, AKilledRunGoesOnToTheSameEndBitForBit) {
     ASSERT_EQ(whole.status, status) << whole.output;
     EXPECT_FALSE(fs::exists(work / "whole/unfinished"));
     int in_time = 0;
-    for (const int lines : {2, 7, 18}) {
+    for (const int lines : {2, 7, 12}) {
       if (!killed(work, "out", lines, in_time > 0)) break;  // it was done before
       ++in_time;
       EXPECT_FALSE(fs::exists(work / "out/result.json"));
