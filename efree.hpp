@@ -76,6 +76,7 @@
 #include "efree/solvers/cell_solver.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/correction.hpp"
+#include "efree/solvers/elements_beside.hpp"
 #include "efree/solvers/equations.hpp"
 #include "efree/solvers/equilibrium.hpp"
 #include "efree/solvers/functional.hpp"

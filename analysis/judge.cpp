@@ -82,7 +82,7 @@ template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& r
 
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
   judge_more(settings, result);
-  if (!result.estimates) return;
+  if (!result.estimates || !result.refusal.empty()) return;
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
   const std::string what =

@@ -65,6 +65,13 @@ struct Estimates {
   double total() const { return std::hypot(cloud, mesh); }
 };
 
+/// How far a cloud's forces and displacements are, at the end of its steps, from those of the finite elements of its
+/// fine mesh: by name, the length of the difference over that of theirs, or over a hundredth of
+/// the largest of their kind if that is more.
+struct CloudAlone {
+  std::map<std::string, double> reactions, probes;
+};
+
 /// What holds a body and what loads it.
 template <int Dim> struct Balance {
   /// By part with displacement conditions: the force and moment by which it holds the body, from the equilibrium of the
@@ -101,9 +108,9 @@ template <int Dim> struct Result : Answer<Dim> {
   std::map<std::string, Vec<Dim>> probe_errors;
   std::vector<Answer<Dim>> more;               ///< answers to the load cases after the first, in their order
   std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
-  /// None of an analysis through time. By cell of the mesh: what recovered stresses are off those of the displacement,
-  /// in the energy norm, relative to the mean energy density of the body. The root of its mean square over the volume
-  /// is the error of the body in all.
+  /// Of an analysis through time only if it is corrected. By cell of the mesh: what recovered stresses are off those of
+  /// the displacement, in the energy norm, relative to the mean energy density of the body. The root of its mean square
+  /// over the volume is the error of the body in all.
   Vector error_density;
   std::vector<BoundaryPart> parts;                        ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
@@ -117,6 +124,7 @@ template <int Dim> struct Result : Answer<Dim> {
   /// HistoryPart says, columns as those of stresses. Zero where a region has no such thing.
   std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
+  std::optional<CloudAlone> cloud_alone{};
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one

@@ -2,6 +2,7 @@
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/materials/plasticity.hpp"
@@ -236,6 +237,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   if (recovered_at != there.at.steps || result.fields.displacement.size() == 0) recover(there.at);
   result.history = std::move(history);
   result.balance = {equations.reactions(there.at), equations.applied(there.at)};
+  estimate_steps(settings, program_of(settings), there.at, result, monitor);
   warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
@@ -259,9 +261,6 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     result.warnings.push_back(
         "a material softens: strains localise in bands a few spacings of the cloud wide, and what tearing dissipates "
         "changes with the spacing (measured: up to twofold); compare clouds of several spacings");
-  result.warnings.push_back(
-      "how far the answer of materials that are not linear is from the truth is not estimated: compare clouds and "
-      "meshes of two sizes");
 }
 
 template bool needs_steps<2>(const Settings<2>&, const FineMesh<2>&);

@@ -602,10 +602,11 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
       section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
   result.path.max_steps = static_cast<int>(section.integer("max_steps", 1, 10000000, result.path.max_steps));
   if (section.has("stops")) result.path.stops = section.numbers("stops", {0.0, result.path.end, false, true});
-  for (const char* key : {"correction", "largest_error", "extremes"})
-    if (const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
-        analysis.has(key))
-      analysis.fail(key, fmt::format("{} means nothing with a [time]: there are no error estimates", key));
+  const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
+  if (analysis.has("extremes"))
+    analysis.fail("extremes", "extremes means nothing with a [time]: errors of single values are not estimated");
+  if (analysis.has("correction") && analysis.table().get("correction")->is_number())
+    analysis.fail("correction", "with a [time] corrections are not counted: expected \"auto\" or \"off\"");
   const TimeNames names(root);
   names.refuse_in(root, "material", {"model", "region", "fit", "strain"}, "materials do not change with time");
   for (const Section& entry : root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}))

@@ -301,7 +301,10 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   }
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)
-      json["reactions"][reaction.name] = json_of<Dim>(result.history.back().reactions.at(reaction.name));
+      json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
+  if (result.cloud_alone)
+    json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
+                                        {"probes", result.cloud_alone->probes}};
   for (const auto& extreme : result.extremes) {
     if (!extreme.error) continue;
     json["extremes"][extreme.of]["error"] = *extreme.error;

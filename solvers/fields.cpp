@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -251,6 +252,33 @@ template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approx
   return {sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0, std::move(squares)};
 }
 
+template <int Dim> RecoveryError recovery_error_of_points(const Approximation<Dim>& elements,
+                                                          const VoigtPoints<Dim>& stress, const Fields<Dim>& fields,
+                                                          const Materials<Dim>& materials) {
+  const auto& space = elements.space;
+  const auto& points = space.cell_rule().points;
+  const auto in_cell = static_cast<Index>(points.cols());
+  require(stress.cols() == in_cell * space.mesh().num_cells(), "stresses of every point of every cell expected");
+  // What interpolates values at the points, linearly as far as they go.
+  const Matrix to_corners = Matrix(points).completeOrthogonalDecomposition().pseudoInverse();
+  const auto rule = simplex_rule<Dim>(2 * space.degree());
+  Vector squares(space.mesh().num_cells());
+  enum { error, norm, count };
+  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
+    const auto sigma = gather<Dim>(fields.stress, space.places(c));
+    const Matrix own = stress.middleCols(in_cell * c, in_cell) * to_corners;
+    double square = 0.0;
+    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
+      const Voigt<Dim> there = own * at, difference = sigma * space.values(at) - there;
+      square += dV * difference.dot(stiffness.S * difference);
+      sum[norm] += dV * there.dot(stiffness.S * there);
+    });
+    squares[c] = square;
+    sum[error] += square;
+  });
+  return {sums[norm] > 0.0 ? std::sqrt(sums[error] / sums[norm]) : 0.0, std::move(squares)};
+}
+
 template <int Dim> Vector recovery_products(const Approximation<Dim>& approximation, const Fields<Dim>& a,
                                             const Fields<Dim>& b, const Materials<Dim>& materials) {
   const auto& space = approximation.space;
@@ -441,6 +469,8 @@ ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, c
 
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&, const Materials<2>&);
 template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&);
+template RecoveryError recovery_error_of_points<2>(const Approximation<2>&, const VoigtPoints<2>&, const Fields<2>&,
+                                                   const Materials<2>&);
 template Vector recovery_products<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template double functional_error<2>(const Approximation<2>&, const Fields<2>&, const Fields<2>&, const Materials<2>&);
 template std::vector<VoigtPoints<2>> stress_differences<2>(const Approximation<2>&, const Fields<2>&,
@@ -453,6 +483,8 @@ template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, con
                                   const ExactSolution<2>&);
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&, const Materials<3>&);
 template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&);
+template RecoveryError recovery_error_of_points<3>(const Approximation<3>&, const VoigtPoints<3>&, const Fields<3>&,
+                                                   const Materials<3>&);
 template Vector recovery_products<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template double functional_error<3>(const Approximation<3>&, const Fields<3>&, const Fields<3>&, const Materials<3>&);
 template std::vector<VoigtPoints<3>> stress_differences<3>(const Approximation<3>&, const Fields<3>&,

@@ -12,9 +12,13 @@ template <int Dim> double incompressibility(const ElasticModel& model, const Fin
   return Dim == 2 && model.plane == Plane::stress ? 0.0 : materials_of(model, mesh).incompressibility(mesh);
 }
 
+bool is_elastic(const ElasticModel& model) {
+  const auto elastic = [](const SharedMaterial& material) { return !material || material->elastic(); };
+  return elastic(model.material) && std::ranges::all_of(model.regions, elastic);
+}
+
 bool flows(const ElasticModel& model) {
-  const auto is_plastic = [](const SharedMaterial& material) { return material && !material->elastic(); };
-  return model.plane != Plane::stress && (is_plastic(model.material) || std::ranges::any_of(model.regions, is_plastic));
+  return model.plane != Plane::stress && !is_elastic(model);
 }
 
 double bearable_incompressibility(BasisKind kind) {

@@ -15,6 +15,9 @@ template <int Dim> double incompressibility(const ElasticModel& model, const Fin
 /// plane stress.
 bool flows(const ElasticModel& model);
 
+/// Whether no material flows.
+bool is_elastic(const ElasticModel& model);
+
 /// What functions of this kind bear of it: 4.67 (nu = 0.4) for moving least squares and linear elements, 50 (nu = 0.49)
 /// for quadratic ones.
 double bearable_incompressibility(BasisKind kind);

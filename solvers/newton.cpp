@@ -17,6 +17,10 @@ Matrix TangentSolver::change(const State& at, const Matrix& r) {
   if (!K_.coeffs().allFinite()) throw NumericalError("the tangent is not finite");
   if (first) linear_.analyse(K_, equations_.node_of_unknowns());
   linear_.factorize(K_);
+  return change_as_before(r);
+}
+
+Matrix TangentSolver::change_as_before(const Matrix& r) const {
   Matrix change = linear_.solve(-r);
   if (!change.allFinite()) throw NumericalError("the change of the solution is not finite");
   return change;
@@ -94,7 +98,9 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
           "Newton's method does not converge: after {} iterations forces of {:.2g} are out of balance where "
           "{:.2g} act",
           result.iterations(), out, scale));
-    change = tangent.change(result.state, r);
+    const auto n = result.residuals.size();
+    const bool kept = n > 1 && result.residuals[n - 1] <= options.keep * result.residuals[n - 2];
+    change = kept ? Vector(tangent.change_as_before(r)) : Vector(tangent.change(result.state, r));
     Trial next = line_search(equations, result.state, r, change, options.max_cuts);
     result.state = std::move(next.state);
     r = std::move(next.residual);

@@ -18,6 +18,9 @@ struct NewtonOptions {
   double tolerance = 1e-10;  ///< largest force out of balance, over Equations::force_scale
   int max_iterations = 25;
   int max_cuts = 8;  ///< halvings of one change
+  /// The factor of a tangent is kept as long as each iteration leaves no more than this share of the forces out of
+  /// balance (modified Newton method): cheaper where factors are dear and the start is near. 0: never.
+  double keep = 0.0;
 };
 
 /// A state in balance.
@@ -37,6 +40,8 @@ class TangentSolver {
   /// With the tangent at a state, column by column: the change that takes forces r out of balance away. Throws what the
   /// linear solver throws.
   Matrix change(const State& at, const Matrix& r);
+  /// The same with the last factor.
+  Matrix change_as_before(const Matrix& r) const;
   Index negative_pivots() const { return linear_.negative_pivots(); }
 
  private:

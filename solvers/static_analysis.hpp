@@ -112,6 +112,13 @@ struct RecoveryError {
 template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                                 const Materials<Dim>& materials);
 
+/// The same of stresses at the quadrature points of finite elements (Solution::stress), whatever materials answered
+/// with them: their interpolation over the cell against what was recovered from them, in the energy norm of the
+/// materials at rest, relative to the stresses themselves.
+template <int Dim> RecoveryError recovery_error_of_points(const Approximation<Dim>& elements,
+                                                          const VoigtPoints<Dim>& stress, const Fields<Dim>& fields,
+                                                          const Materials<Dim>& materials);
+
 /// By cell: the integral of the work of the difference between recovered stress and that of the displacement's
 /// gradients of `a` on the strains that belong to the same difference of `b` [force * length]. With a = b these are the
 /// squares of recovery_error; with the dual solution of a functional as b the sum is what the mesh leaves of that

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/internal/steps_estimate.hpp"
+
+#include "efree/analysis/internal/memory.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
+#include "efree/core/error.hpp"
+#include "efree/solvers/correction.hpp"
+#include "efree/solvers/elements_beside.hpp"
+#include "efree/solvers/locking.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <optional>
+#include <string>
+
+namespace efree::internal {
+namespace {
+
+/// Nodes of finite elements in space whose tangents are factored in a time that is worth an estimate.
+constexpr Index most_nodes_in_space = 30000;
+
+/// Why the error is not looked for; empty if it is.
+template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
+  const Approximation<Dim>& cloud = result.approximation;
+  const FineMesh<Dim>& mesh = *result.mesh;
+  if (settings.approximation.kind != BasisKind::mls) return "finite elements have no cloud to be compared with";
+  if (!settings.estimated) return "nobody asked for it";
+  if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
+  constexpr double rounding = 1e-10;
+  double most = 0.0;
+  for (const auto& step : result.history) most = std::max(most, step.stored);
+  if (!(result.history.back().stored > rounding * most)) return "at the end nothing is deformed";
+  if (takes_mean_dilatation(cloud, result.model))
+    return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
+  if (result.history.back().negative_pivots > 0) return "the body is not stable";
+  const bool quadratic = cloud.averaged || cloud.space.degree() == 2;
+  const Index nodes = quadratic && cloud.space.degree() == 1 ? 8 * mesh.num_vertices() : cloud.space.size();
+  if ((quadratic && !has_memory_for_quadratic_elements(mesh)) || (Dim == 3 && nodes > most_nodes_in_space))
+    return fmt::format("tangents of about {} nodes of finite elements take too long", nodes);
+  return "";
+}
+
+}  // namespace
+
+template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
+                                       Result<Dim>& result, const Monitor& monitor) {
+  std::string unknown = reason_not_to(settings, result);
+  std::optional<ElementsBeside<Dim>> beside;
+  std::optional<BesideCloud<Dim>> there;
+  if (unknown.empty()) {
+    const Stage stage("correction", monitor);
+    try {
+      beside.emplace(result.approximation, result.model, std::move(program), stage.within());
+      there = beside->balance(last, result.fields.stress);
+    } catch (const NumericalError& error) {
+      unknown = fmt::format("the finite elements of the fine mesh find no balance near the cloud's: {}", error.what());
+    }
+  }
+  if (!there) {
+    result.warnings.push_back(
+        fmt::format("how far the answer is from the truth is not estimated ({}): compare clouds and meshes of two "
+                    "sizes, or with basis.kind = \"p2\"",
+                    unknown));
+    return;
+  }
+  const NonlinearEquilibrium<Dim>& equations = beside->equations();
+  const Approximation<Dim>& elements = beside->elements();
+  PointFields<Dim> points = equations.fields(there->state);
+  Solution<Dim> solution{there->state.u.reshaped(Dim, elements.shape.num_nodes()), std::move(points.strain),
+                         std::move(points.stress), elements.quadrature.weights.dot(points.energy)};
+  Fields<Dim> fields = recover_fields(elements, solution);
+  const RecoveryError mesh = recovery_error_of_points(elements, solution.stress, fields, equations.materials());
+  const bool corrected = settings.corrected && result.stopped.empty();
+  result.estimates = {.cloud = corrected ? 0.0 : there->distance,
+                      .uncorrected = there->distance,
+                      .mesh = mesh.relative,
+                      .corrections = corrected ? there->iterations : 0};
+  const HistoryStep<Dim>& cloud = result.history.back();
+  CloudAlone& off = result.cloud_alone.emplace();
+  constexpr double small = 0.01;  // of the largest
+  const auto relative = [](const auto& of_cloud, const auto& should, double largest) {
+    const double size = std::max(should.norm(), small * largest);
+    return size > 0.0 ? (of_cloud - should).norm() / size : 0.0;
+  };
+  const Resultants<Dim> reactions = equations.reactions(there->state);
+  double most = 0.0;
+  for (const auto& [part, of] : reactions) most = std::max(most, of.force.norm());
+  for (const auto& [part, of] : reactions)
+    off.reactions[part] = relative(cloud.reactions.at(part).force, of.force, most);
+  for (const Reaction& reaction : settings.reactions)
+    off.reactions[reaction.name] =
+        relative(cloud.reactions.at(reaction.name).force, reactions.at(reaction.on).force, most);
+  most = fields.displacement.colwise().norm().maxCoeff();
+  const Locator<Dim> locator(elements.space.mesh(), settings.probes.size());
+  for (std::size_t k = 0; k < settings.probes.size(); ++k)
+    off.probes[settings.probes[k].name] =
+        relative(cloud.probes[k], probe(elements.space, fields, locator(settings.probes[k].at)).displacement, most);
+  if (!corrected) return;
+  result.elements = elements;
+  result.balance = {reactions, equations.applied(there->state)};
+  result.solution = std::move(solution);
+  result.fields = std::move(fields);
+  result.error_density = error_density(result, mesh.squares);
+}
+
+template void estimate_steps<2>(const Settings<2>&, Program<2>, const State&, Result<2>&, const Monitor&);
+template void estimate_steps<3>(const Settings<3>&, Program<3>, const State&, Result<3>&, const Monitor&);
+
+}  // namespace efree::internal

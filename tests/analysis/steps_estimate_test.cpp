@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Errors of clouds at the end of steps through time, and answers that are corrected.
+#include "efree/analysis/analyse.hpp"
+#include "efree/core/error.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/j2.hpp"
+#include "efree/materials/linear_elastic.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <cmath>
+
+namespace efree {
+namespace {
+
+using ::testing::Contains, ::testing::HasSubstr, ::testing::Not;
+
+/// A quarter of a plate with a hole, pulled along x by what is prescribed on its right.
+Settings<2> pulled(SharedMaterial material, double by, Plane plane = Plane::strain) {
+  DisplacementCondition<2> right{"right", {}, {}};
+  right.components[0] = [by](const Vec<2>&) { return by; };
+  Settings<2> settings{.model = {.material = std::move(material), .plane = plane},
+                       .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
+                       .probes = {{"crown", {0.0, 1.0}}},
+                       .reactions = {{"pull", "right"}},
+                       .time = TimeSettings<2>{.path = {.step = 0.25}},
+                       .approximation = {.spacing = 0.3}};
+  return settings;
+}
+FineMesh<2> plate(double size) {
+  return triangulate(shapes::quarter_plate_with_hole(1.0, 3.0, 0.5 * size), {.size = size});
+}
+
+/// The same by quadratic elements alone, all the way.
+Result<2> by_elements(const FineMesh<2>& mesh, Settings<2> settings) {
+  settings.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise};
+  settings.model.essential = Essential::strong;
+  return analyse(mesh, settings);
+}
+
+double crown(const Result<2>& result) {
+  return result.probes.at(0).second.displacement[1];
+}
+double pull(const Result<2>& result) {
+  return result.balance.reactions.at("right").force[0];
+}
+
+TEST(StepsEstimate, ALinearBodyInStepsHasTheErrorsOfOneThatIsSolvedAtOnce) {
+  const FineMesh<2> mesh = plate(0.1);
+  Settings<2> settings = pulled(LinearElastic(1.0, 0.3), 0.01);
+  const Result<2> in_steps = analyse(mesh, settings);
+  settings.time.reset();
+  settings.correction.tolerance = 1e-5;  // what iterations leave is rough, and adds to what recovery sees
+  const Result<2> at_once = analyse(mesh, settings);
+  ASSERT_TRUE(in_steps.estimates && at_once.estimates);
+  EXPECT_NEAR(in_steps.estimates->uncorrected, at_once.estimates->uncorrected, 0.02 * at_once.estimates->uncorrected);
+  EXPECT_NEAR(in_steps.estimates->mesh, at_once.estimates->mesh, 0.05 * at_once.estimates->mesh);
+  EXPECT_NEAR(crown(in_steps), crown(at_once), 1e-3 * std::abs(crown(at_once)));
+  EXPECT_NEAR(pull(in_steps), pull(at_once), 1e-3 * pull(at_once));
+}
+
+TEST(StepsEstimate, ACorrectedRubberPlateIsThatOfItsElementsAndTheCloudIsOffByWhatIsSaid) {
+  const FineMesh<2> mesh = plate(0.15);
+  for (const auto& [plane, dilatation, material] :
+       {std::tuple{Plane::strain, Dilatation::pointwise, NeoHookean({.E = 1.0, .nu = 0.3})},
+        std::tuple{Plane::stress, Dilatation::pointwise, NeoHookean({.E = 1.0, .nu = 0.45})},
+        std::tuple{Plane::strain, Dilatation::averaged, NeoHookean({.E = 1.0, .nu = 0.45})}}) {
+    Settings<2> settings = pulled(material, 3.0, plane);
+    settings.approximation.dilatation = dilatation;
+    const Result<2> corrected = analyse(mesh, settings), elements = by_elements(mesh, settings);
+    ASSERT_TRUE(corrected.estimates && corrected.elements);
+    EXPECT_NEAR(crown(corrected), crown(elements), 1e-6 * std::abs(crown(elements)));
+    EXPECT_NEAR(pull(corrected), pull(elements), 1e-6 * pull(elements));
+    EXPECT_LT(corrected.balance.error, 1e-8);
+    EXPECT_EQ(corrected.estimates->cloud, 0.0);
+    EXPECT_GT(corrected.estimates->uncorrected, 0.01);
+    EXPECT_LT(corrected.estimates->uncorrected, 0.1);
+    settings.corrected = false;
+    const Result<2> alone = analyse(mesh, settings);
+    ASSERT_TRUE(alone.estimates && alone.cloud_alone);
+    EXPECT_FALSE(alone.elements);
+    EXPECT_EQ(alone.estimates->cloud, alone.estimates->uncorrected);
+    EXPECT_NEAR(alone.cloud_alone->reactions.at("pull"), std::abs(pull(alone) / pull(elements) - 1.0), 1e-5);
+    const Vec<2> should = elements.probes.at(0).second.displacement;
+    const double off = (alone.probes.at(0).second.displacement - should).norm() / should.norm();
+    EXPECT_NEAR(alone.cloud_alone->probes.at("crown"), off, 1e-4);
+    EXPECT_GT(off, 1e-3) << "the cloud alone is off";
+  }
+}
+
+TEST(StepsEstimate, TheErrorOfACloudFallsWithItsSpacing) {
+  const FineMesh<2> mesh = plate(0.06);
+  std::vector<double> errors;
+  for (const double spacing : {0.5, 0.25}) {
+    Settings<2> settings = pulled(NeoHookean({.E = 1.0, .nu = 0.3}), 3.0);
+    settings.approximation.spacing = spacing;
+    errors.push_back(analyse(mesh, settings).estimates->uncorrected);
+  }
+  const double order = std::log2(errors[0] / errors[1]);
+  EXPECT_GT(order, 0.7);
+  EXPECT_LT(order, 1.6);
+}
+
+TEST(StepsEstimate, SolidsAreCorrectedToo) {
+  const FineMesh<3> mesh = FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.2));
+  DisplacementCondition<3> top{"top", {}, {}};
+  for (int i = 0; i < 3; ++i) top.components[i] = [i](const Vec<3>&) { return i == 2 ? 0.5 : 0.0; };
+  DisplacementCondition<3> bottom{"bottom", {}, {}};
+  for (int i = 0; i < 3; ++i) bottom.components[i] = [](const Vec<3>&) { return 0.0; };
+  const Settings<3> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3})},
+                             .supports = {bottom, top},
+                             .time = TimeSettings<3>{.path = {.step = 0.5}},
+                             .approximation = {.spacing = 0.4}};
+  const Result<3> result = analyse(mesh, settings);
+  ASSERT_TRUE(result.estimates);
+  EXPECT_LT(result.balance.error, 1e-8);
+  EXPECT_GT(result.estimates->uncorrected, 0.01);
+  EXPECT_LT(result.estimates->uncorrected, 0.3);
+}
+
+TEST(StepsEstimate, WhatCannotBeEstimatedIsSaid) {
+  const FineMesh<2> mesh = plate(0.2);
+  const auto warnings = [&](const Settings<2>& settings) {
+    const Result<2> result = analyse(mesh, settings);
+    EXPECT_FALSE(result.estimates);
+    return result.warnings;
+  };
+  EXPECT_THAT(warnings(pulled(J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1}), 0.05)),
+              Contains(HasSubstr("not estimated (materials flow")));
+  Settings<2> settings = pulled(NeoHookean({.E = 1.0, .nu = 0.3}), 0.5);
+  settings.model.material = NeoHookean({.E = 1.0, .nu = 0.4999});
+  EXPECT_THAT(warnings(settings), Contains(HasSubstr("not estimated (materials are nearly incompressible")));
+  settings.model.material = NeoHookean({.E = 1.0, .nu = 0.3});
+  settings.estimated = false;
+  EXPECT_THAT(warnings(settings), Contains(HasSubstr("not estimated")));
+  settings.estimated = true;
+  EXPECT_THAT(analyse(mesh, settings).warnings, Not(Contains(HasSubstr("not estimated"))));
+}
+
+}  // namespace
+}  // namespace efree
