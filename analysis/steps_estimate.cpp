@@ -16,8 +16,8 @@
 namespace efree::internal {
 namespace {
 
-/// Nodes of finite elements in space whose tangents are factored in a time that is worth an estimate.
-constexpr Index most_nodes_in_space = 30000;
+/// Nodes of finite elements whose tangents are factored in a time that is worth an estimate.
+template <int Dim> constexpr Index most_nodes = Dim == 2 ? 200000 : 30000;
 
 /// Why the error is not looked for; empty if it is.
 template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
@@ -34,8 +34,9 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
     return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
   if (result.history.back().negative_pivots > 0) return "the body is not stable";
   const bool quadratic = cloud.averaged || cloud.space.degree() == 2;
-  const Index nodes = quadratic && cloud.space.degree() == 1 ? 8 * mesh.num_vertices() : cloud.space.size();
-  if ((quadratic && !has_memory_for_quadratic_elements(mesh)) || (Dim == 3 && nodes > most_nodes_in_space))
+  const Index nodes =
+      quadratic && cloud.space.degree() == 1 ? (Dim == 2 ? 4 : 8) * mesh.num_vertices() : cloud.space.size();
+  if ((quadratic && !has_memory_for_quadratic_elements(mesh)) || nodes > most_nodes<Dim>)
     return fmt::format("tangents of about {} nodes of finite elements take too long", nodes);
   return "";
 }

@@ -122,8 +122,10 @@ int main(int argc, char** argv) try {
   assembly(folder / "assembly.step");
   dirty_surface(folder / "dirty.stl");
   for (const char* name : {"porous_image", "scanned_part", "step_assembly", "dirty_surface", "porous_block"})
-    fs::copy_file(fs::path(EFREE_EXAMPLES) / name / "case.toml", folder / (std::string(name) + ".toml"),
-                  fs::copy_options::overwrite_existing);
+    for (const auto& file : fs::directory_iterator(fs::path(EFREE_EXAMPLES) / name)) {
+      const std::string stem = file.path().stem().string(), more = stem == "case" ? "" : "_" + stem;
+      fs::copy_file(file, folder / (name + more + ".toml"), fs::copy_options::overwrite_existing);
+    }
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

@@ -203,7 +203,8 @@ void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>&
   impl_->prepare(pattern, true);
 }
 
-void Cholesky::factorize(const SymmetricMatrix& lower) {
+/// Refuses what was not analysed, and forgets the last factor.
+void Cholesky::begin(const SymmetricMatrix& lower) {
   if (static_cast<std::size_t>(lower.rows()) != impl_->unknowns ||
       static_cast<std::size_t>(lower.nonZeros()) != impl_->entries)
     throw InputError(fmt::format("Cholesky: {} entries in {} rows, but {} in {} were analysed", lower.nonZeros(),
@@ -213,6 +214,17 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
   impl_->is_current = false;
   impl_->negative = 0;
   if (!impl_->factor->is_super) impl_->prepare(lower, true);
+}
+
+bool Cholesky::factorize_if_definite(const SymmetricMatrix& lower) {
+  begin(lower);
+  if (!impl_->is_factored(lower)) return false;
+  impl_->require_regular();
+  return impl_->is_current = true;
+}
+
+void Cholesky::factorize(const SymmetricMatrix& lower) {
+  begin(lower);
   if (!impl_->is_factored(lower)) {
     impl_->prepare(lower, false);
     if (!impl_->is_factored(lower))

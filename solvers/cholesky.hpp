@@ -27,12 +27,17 @@ class Cholesky final : public LinearSolver {
   void analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of = {}) override;
   /// Throws InputError for a matrix of another size or pattern than was analysed.
   void factorize(const SymmetricMatrix& lower) override;
+  /// Factors a matrix that is positive definite. Whether it is: there is no factor else, and no L D L^T, which takes
+  /// several times as long.
+  bool factorize_if_definite(const SymmetricMatrix& lower);
   Index negative_pivots() const override;
   Matrix solve(const Eigen::Ref<const Matrix>& B) const override;
   /// Entries of the factor.
   double factor_entries() const;
 
  private:
+  void begin(const SymmetricMatrix& lower);
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

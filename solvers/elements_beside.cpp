@@ -40,6 +40,35 @@ template <int Dim> Matrix at_nodes(const Matrix& values, const Approximation<Dim
   return result;
 }
 
+/// Factors of tangents that are positive definite. Where one is not, as in cells that a cloud's motion has crushed, as
+/// much of the stiffness at rest is added as it takes (Levenberg 1944): changes then lead to less energy all the same.
+class Steadied final : public LinearSolver {
+ public:
+  explicit Steadied(const SymmetricMatrix& at_rest) : at_rest_(at_rest) {}
+  void analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of) override {
+    cholesky_.analyse(pattern, node_of);
+  }
+  void factorize(const SymmetricMatrix& lower) override {
+    added_ = 0.0;
+    if (cholesky_.factorize_if_definite(lower)) return;
+    constexpr double least = 0.1, most = 100.0, growth = 4.0;
+    SymmetricMatrix more = lower;
+    for (double share = least; share < most; share *= growth) {
+      more.coeffs() = lower.coeffs() + share * at_rest_.coeffs();
+      added_ = share;
+      if (cholesky_.factorize_if_definite(more)) return;
+    }
+    throw NumericalError("the tangent is far from positive definite");
+  }
+  Index negative_pivots() const override { return added_ > 0.0 ? 1 : 0; }
+  Matrix solve(const Eigen::Ref<const Matrix>& B) const override { return cholesky_.solve(B); }
+
+ private:
+  const SymmetricMatrix& at_rest_;
+  Cholesky cholesky_;
+  double added_ = 0.0;
+};
+
 double mean_stress(const auto& stress) {
   return stress.template head<3>().sum() / 3.0;
 }
@@ -70,9 +99,12 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
       interpolate(cloud_.shape, Points<Dim>(cloud.u.reshaped(Dim, cloud_.shape.num_nodes())));
   start.u = at_nodes<Dim>(at_vertices, *elements_).reshaped();
   start.history = equations_->rest().history;
-  Cholesky linear;
+  SymmetricMatrix at_rest;
+  equations_->tangent(equations_->rest(), at_rest);
+  Steadied linear(at_rest);
   TangentSolver tangent(*equations_, linear);
   Converged there = newton(*equations_, tangent, start, start.time, {.tolerance = nothing, .keep = 0.3});
+  if (there.negative_pivots > 0) throw NumericalError("the balance that they find is not stable");
   const auto& points = elements_->quadrature;
   const PointFields<Dim> from = equations_->fields(start), to = equations_->fields(there.state);
   double work = 0.0;
