@@ -98,6 +98,23 @@ template <int Dim> struct HistoryStep {
   std::vector<Vec<Dim>> probes;  ///< displacements, in the order of the settings
 };
 
+/// How far linear elasticity is from all that the materials say, at one time: by a step of Newton's method from the
+/// linear answer on the equations of the cloud, whose error is of higher order.
+struct LinearCheck {
+  double time = 0.0;
+  bool enough = false;        ///< all of the next three within the tolerance, and the body stable
+  double displacement = 0.0;  ///< largest difference over the largest displacement
+  double stress = 0.0;        ///< likewise, of the stresses of a region (true ones at finite strains)
+  double overload = 1.0;      ///< largest stress over what is borne, along its return, where a material flows
+  double strain = 0.0;        ///< of the linear answer: largest change of a length
+  double rotation = 0.0;      ///< likewise [rad]
+  Index negative_pivots = 0;  ///< of the tangent there: above 0 the body is not stable
+  bool same = false;          ///< to what Newton's method takes for balance: then there is no difference
+  std::string failure{};      ///< why the materials have no answer there; empty if they have one
+};
+/// The same in words.
+std::string text_of(const LinearCheck& check);
+
 /// What an analysis found; of several load cases it is the answer to the first.
 template <int Dim> struct Result : Answer<Dim> {
   std::shared_ptr<const FineMesh<Dim>> mesh;  ///< the fine mesh, without what was left out
@@ -130,6 +147,10 @@ template <int Dim> struct Result : Answer<Dim> {
   /// HistoryPart says, columns as those of stresses. Zero where a region has no such thing.
   std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
+
+  /// What was modelled: never automatic.
+  Regime regime = Regime::linear;
+  std::vector<LinearCheck> linear_checks;  ///< with Regime::automatic, in the order of time
 
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/internal/judge.hpp"
-#include "efree/analysis/internal/memory.hpp"
+#include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
+#include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
@@ -11,6 +12,8 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <map>
+#include <memory>
+#include <optional>
 
 namespace efree::internal {
 namespace {
@@ -83,6 +86,69 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
+/// The same at infinitesimal strains; the materials of all regions are known.
+ElasticModel linearised(ElasticModel model) {
+  for (SharedMaterial& material : model.regions)
+    if (!material->linear()) material = Linearised(material);
+  return model;
+}
+
+/// Where the full model goes on, and how.
+struct Agreement {
+  State state;
+  PathOptions rest;
+};
+
+/// Follows the path by linear elasticity as long as that is enough, checking every step. Nothing if it comes to the
+/// end; else the last step at which both models agreed to rounding, or the beginning, and the history up to there: what
+/// follows is the full model's, whatever the tolerance.
+template <int Dim, class Record> std::optional<Agreement> follow_linear(LinearBeside<Dim>& beside,
+                                                                        const PathOptions& path, const Record& record,
+                                                                        Result<Dim>& result, const Monitor& monitor) {
+  struct NotEnough {};
+  Agreement last{beside.taken_over(beside.equations().rest()), path};
+  std::size_t agreed = 0;  // steps
+  std::string why;
+  Cholesky factor;
+  try {
+    follow(
+        beside.equations(), factor, beside.equations().rest(), path,
+        [&](const PathStep& step) {
+          result.linear_checks.push_back(beside(step.now.state));
+          if (!result.linear_checks.back().enough) throw NotEnough{};
+          record(beside.equations(), step);
+          if (!result.linear_checks.back().same || agreed + 1 < result.history.size()) return;
+          last.state = beside.taken_over(step.now.state);
+          last.rest.step = step.next;
+          agreed = result.history.size();
+        },
+        monitor);
+    if (monitor.say) {
+      const auto worst = std::ranges::max_element(result.linear_checks, {}, [](const LinearCheck& check) {
+        return std::max(check.displacement, check.stress);
+      });
+      monitor.say(fmt::format("model: linear elasticity is enough at all {} steps, most {}",
+                              result.linear_checks.size(), text_of(*worst)));
+    }
+    return std::nullopt;
+  } catch (const NotEnough&) {
+    const LinearCheck& check = result.linear_checks.back();
+    why = fmt::format("at time {:.6g} linear elasticity is not enough, {}", check.time, text_of(check));
+  } catch (const PathError& error) {
+    why = fmt::format("linear elasticity ends, {}", error.what());
+  }
+  result.history.resize(agreed);
+  last.rest.min_step = path.min_step > 0.0 ? path.min_step : 1e-3 * path.step;
+  last.rest.max_step = path.max_step > 0.0 ? path.max_step : std::max(path.step, 0.1 * path.end);
+  last.rest.max_steps -= static_cast<int>(agreed);
+  if (monitor.say)
+    monitor.say(fmt::format("model: {}; the full model is taken from {}", why,
+                            agreed == 0
+                                ? "the beginning"
+                                : fmt::format("time {:.6g}, up to which both agree to rounding", last.state.time)));
+  return last;
+}
+
 }  // namespace
 
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
@@ -91,22 +157,23 @@ template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMes
 
 template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   if (settings.asks_for_accuracy())
-    throw InputError("an accuracy can be asked for where materials are linear and nothing changes with time");
+    throw InputError(
+        "an accuracy can be asked for where materials are linear (analysis.model = \"linear\" takes them so) and "
+        "nothing changes with time");
   if (!settings.cases.empty())
-    throw InputError("load cases share one matrix: materials have to be linear, and nothing may change with time");
-  ApproximationOptions options = settings.approximation;
-  if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*result.mesh);
-  require_memory(least_memory(options, *result.mesh),
-                 fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
-                 "use a wider cloud spacing or a coarser mesh");
-  result.approximation = approximate(result.mesh, options, monitor);
-  const NonlinearEquilibrium<Dim> equations(result.approximation, result.model, program_of(settings));
+    throw InputError(
+        "load cases share one matrix: materials have to be linear (analysis.model = \"linear\" takes them so), and "
+        "nothing may change with time");
+  const ApproximationOptions& options = settings.approximation;
+  approximate_once(settings, result, monitor);
+  const auto program = program_of(settings);
+  const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program);
   const FineSpace<Dim>& space = result.approximation.space;
   const Locator<Dim> locator(space.mesh(), settings.probes.size());
   std::vector<Location<Dim>> places;
   for (const auto& probe : settings.probes) places.push_back(locator(probe.at));
-  State last = equations.rest();
-  const auto converged = [&](const PathStep& step) {
+  State last = full.rest();
+  const auto record = [&](const NonlinearEquilibrium<Dim>& equations, const PathStep& step) {
     const State& state = step.now.state;
     const double smallest = equations.smallest_jacobian(state);
     if (!(smallest > 0.0))
@@ -154,10 +221,29 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     if (result.history.empty()) throw NumericalError(why);
     result.stopped = result.refusal = why;
   };
-  Cholesky linear;
+  PathOptions path = settings.time ? settings.time->path : PathOptions{};
+  State start = full.rest();
+  std::unique_ptr<LinearBeside<Dim>> beside;  // as long as linear elasticity is enough
+  if (settings.regime == Regime::automatic && path.control == Control::load) {
+    const ElasticModel linear = linearised(result.model);
+    beside = std::make_unique<LinearBeside<Dim>>(full, linear, program, settings.regime_tolerance);
+    if (const std::optional<Agreement> until = follow_linear(*beside, path, record, result, monitor)) {
+      last = start = until->state;
+      path = until->rest;
+      beside.reset();
+    } else {
+      result.model = linear;
+    }
+  } else if (settings.regime == Regime::automatic && monitor.say) {
+    monitor.say("model: by arc length, which is for limit points, the full model is taken");
+  }
+  const NonlinearEquilibrium<Dim>& equations = beside ? beside->equations() : full;
+  result.regime = beside ? Regime::linear : Regime::finite;
+  Cholesky factor;
   try {
-    follow(equations, linear, equations.rest(), settings.time ? settings.time->path : PathOptions{}, converged,
-           monitor);
+    if (!beside)
+      follow(
+          full, factor, start, path, [&](const PathStep& step) { record(full, step); }, monitor);
   } catch (const PathError& error) {
     stopped(error.what());
   } catch (const InputError& error) {  // an expression that is not finite at some time

@@ -473,6 +473,10 @@ template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {
   return state;
 }
 
+template <int Dim> bool NonlinearEquilibrium<Dim>::linear() const {
+  return data_->materials.linear();
+}
+
 template <int Dim> const std::vector<Index>& NonlinearEquilibrium<Dim>::node_of_unknowns() const {
   return data_->unknowns.node_of();
 }

@@ -60,7 +60,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   double force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
   State commit(State state) const override;
-  bool linear() const override { return false; }
+  bool linear() const override;
   const std::vector<Index>& node_of_unknowns() const override;
 
   /// Stored energy [force * length], in the plane per thickness.
