@@ -90,7 +90,7 @@ template <int Dim> Settings<Dim> with_cases(Settings<Dim> settings) {
 template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Settings<Dim>& full, Result<Dim>& result,
                                          const Monitor& monitor) {
   approximate_once(linear, result, monitor);
-  const LinearCheck check = check_linear(linear, full, result, monitor);
+  const LinearCheck check = check_linear(full, result, monitor);
   result.linear_checks.push_back(check);
   if (monitor.say)
     monitor.say(check.enough ? fmt::format("model: linear elasticity is enough, {}", text_of(check))

@@ -114,12 +114,12 @@ template <int Dim> LinearCheck LinearBeside<Dim>::operator()(const State& at) {
   return check;
 }
 
-template <int Dim> LinearCheck check_linear(const Settings<Dim>& linear, const Settings<Dim>& full,
-                                            const Result<Dim>& result, const Monitor& monitor) {
+template <int Dim>
+LinearCheck check_linear(const Settings<Dim>& full, const Result<Dim>& result, const Monitor& monitor) {
   const Stage stage("model", monitor);
-  const auto program = Program<Dim>::grows(full.supports, full.loads);
-  const NonlinearEquilibrium<Dim> equations(result.approximation, full.model, program);
-  LinearBeside<Dim> beside(equations, linear.model, program, full.regime_tolerance);
+  const NonlinearEquilibrium<Dim> equations(result.approximation, full.model,
+                                            Program<Dim>::grows(full.supports, full.loads));
+  LinearBeside<Dim> beside(equations, full.regime_tolerance);
   Cholesky factor;
   TangentSolver tangent(beside.equations(), factor);
   return beside(newton(beside.equations(), tangent, beside.equations().rest(), 1.0).state);
@@ -147,8 +147,8 @@ template <int Dim> void warn_of_overload(const Settings<Dim>& settings, const El
 
 template class LinearBeside<2>;
 template class LinearBeside<3>;
-template LinearCheck check_linear<2>(const Settings<2>&, const Settings<2>&, const Result<2>&, const Monitor&);
-template LinearCheck check_linear<3>(const Settings<3>&, const Settings<3>&, const Result<3>&, const Monitor&);
+template LinearCheck check_linear<2>(const Settings<2>&, const Result<2>&, const Monitor&);
+template LinearCheck check_linear<3>(const Settings<3>&, const Result<3>&, const Monitor&);
 template void warn_of_overload<2>(const Settings<2>&, const ElasticModel&, Result<2>&);
 template void warn_of_overload<3>(const Settings<3>&, const ElasticModel&, Result<3>&);
 

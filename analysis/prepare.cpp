@@ -247,6 +247,7 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
     const bool linear = std::ranges::all_of(mesh.materials, [](const auto& of) { return of->linear(); });
     settings.regime = linear ? Regime::linear : Regime::automatic;
   }
+  if (model.material) model.material = modelled(model.material, *settings.regime);
   model.regions.clear();
   for (const SharedMaterial& material : mesh.materials) model.regions.push_back(modelled(material, *settings.regime));
   model.open_interface = mesh.open_interface;

@@ -3,7 +3,6 @@
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
-#include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
@@ -86,13 +85,6 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
-/// The same at infinitesimal strains; the materials of all regions are known.
-ElasticModel linearised(ElasticModel model) {
-  for (SharedMaterial& material : model.regions)
-    if (!material->linear()) material = Linearised(material);
-  return model;
-}
-
 /// Where the full model goes on, and how.
 struct Agreement {
   State state;
@@ -166,8 +158,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
         "nothing may change with time");
   const ApproximationOptions& options = settings.approximation;
   approximate_once(settings, result, monitor);
-  const auto program = program_of(settings);
-  const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program);
+  const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program_of(settings));
   const FineSpace<Dim>& space = result.approximation.space;
   const Locator<Dim> locator(space.mesh(), settings.probes.size());
   std::vector<Location<Dim>> places;
@@ -225,14 +216,13 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   State start = full.rest();
   std::unique_ptr<LinearBeside<Dim>> beside;  // as long as linear elasticity is enough
   if (settings.regime == Regime::automatic && path.control == Control::load) {
-    const ElasticModel linear = linearised(result.model);
-    beside = std::make_unique<LinearBeside<Dim>>(full, linear, program, settings.regime_tolerance);
+    beside = std::make_unique<LinearBeside<Dim>>(full, settings.regime_tolerance);
     if (const std::optional<Agreement> until = follow_linear(*beside, path, record, result, monitor)) {
       last = start = until->state;
       path = until->rest;
       beside.reset();
     } else {
-      result.model = linear;
+      result.model = beside->equations().model();
     }
   } else if (settings.regime == Regime::automatic && monitor.say) {
     monitor.say("model: by arc length, which is for limit points, the full model is taken");

@@ -95,13 +95,23 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     }
   };
 
+  /// What acts at the last times that were asked for. A copy begins with none.
+  struct Made {
+    std::mutex making;
+    std::vector<std::pair<double, std::shared_ptr<const Acting>>> at;
+    Made() = default;
+    Made(const Made& /*other*/) {}
+  };
+
   const Approximation<Dim>& approximation;
+  ElasticModel model;
   Program<Dim> program;
   bool weakly;
   Materials<Dim> materials;
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   std::vector<bool> finite;   ///< by region
+  std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
   Ragged<Index> members;      ///< points by union; no rows without averages
   Vector volumes;             ///< of unions
   Ragged<Index> union_nodes;  ///< that the dilatation of a union depends on, ascending
@@ -109,12 +119,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
   Unknowns<Dim> unknowns;
   MatrixPattern<Dim> pattern;
+  mutable Made kept;
 
-  mutable std::mutex making;
-  mutable std::vector<std::pair<double, std::shared_ptr<const Acting>>> made;  ///< for the last times asked for
-
-  Data(const Approximation<Dim>& of, const ElasticModel& model, Program<Dim> acts)
+  Data(const Approximation<Dim>& of, const ElasticModel& made_of, Program<Dim> acts)
       : approximation(of),
+        model(made_of),
         program(std::move(acts)),
         weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
         materials(materials_of(model, of.space.mesh())),
@@ -125,6 +134,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         pattern(of.shape.num_nodes(), {}, {}) {
     for (Index region = 0; region < materials.num_regions(); ++region)
       finite.push_back(materials.finite_strain(region));
+    swells = finite;
     const Index nodes = of.shape.num_nodes();
     weak = held.penalty();
     if (of.dilatation.size() > 0) {
@@ -174,8 +184,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
   /// What acts at a time; the same for the same time.
   std::shared_ptr<const Acting> acting(double time) const {
-    constexpr std::size_t kept = 4;
-    const std::lock_guard lock(making);
+    constexpr std::size_t most = 4;
+    const std::lock_guard lock(kept.making);
+    auto& made = kept.at;
     for (const auto& [when, what] : made)
       if (when == time) return what;
     std::shared_ptr<const Acting> result;
@@ -190,7 +201,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       result = make(time);
     }
     made.emplace_back(time, result);
-    if (made.size() > kept) made.erase(made.begin() + (full != 0.0 ? 1 : 0));
+    if (made.size() > most) made.erase(made.begin() + (full != 0.0 ? 1 : 0));
     return result;
   }
 
@@ -217,6 +228,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   Gradient<Dim> swelling(Index K) const {
     Stiffness<Dim> room;
     const auto& points = held.quadrature();
+    if (swells[points.region[K]]) return trace_direction<Dim>() / 3.0;
     return gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
   }
   Volume<Dim> volume(const Gradients<Dim>& H, Index K) const {
@@ -412,6 +424,16 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
     throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
 }
 
+template <int Dim> NonlinearEquilibrium<Dim> NonlinearEquilibrium<Dim>::at_rest() const {
+  const auto data = std::make_shared<Data>(*data_);
+  data->model = linearised(std::move(data->model));
+  data->materials = materials_of(data->model, approximation().space.mesh());
+  data->finite.assign(data->finite.size(), false);
+  NonlinearEquilibrium result(*this);
+  result.data_ = data;
+  return result;
+}
+
 template <int Dim> State NonlinearEquilibrium<Dim>::rest() const {
   return {.u = Vector::Zero(Dim * approximation().shape.num_nodes()),
           .history = Vector::Zero(data_->materials.history_size(data_->held.quadrature()))};
@@ -560,6 +582,9 @@ template <int Dim> bool NonlinearEquilibrium<Dim>::finite_strain() const {
 }
 template <int Dim> const Approximation<Dim>& NonlinearEquilibrium<Dim>::approximation() const {
   return data_->approximation;
+}
+template <int Dim> const ElasticModel& NonlinearEquilibrium<Dim>::model() const {
+  return data_->model;
 }
 template <int Dim> const Materials<Dim>& NonlinearEquilibrium<Dim>::materials() const {
   return data_->materials;

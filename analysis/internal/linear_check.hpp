@@ -13,9 +13,8 @@ namespace efree::internal {
 template <int Dim> class LinearBeside {
  public:
   /// Refers to the equations.
-  LinearBeside(const NonlinearEquilibrium<Dim>& full, const ElasticModel& linear, const Program<Dim>& program,
-               double tolerance)
-      : full_(full), linear_(full.approximation(), linear, program), tangent_(full_, factor_), tolerance_(tolerance) {}
+  LinearBeside(const NonlinearEquilibrium<Dim>& full, double tolerance)
+      : full_(full), linear_(full.at_rest()), tangent_(full_, factor_), tolerance_(tolerance) {}
   LinearBeside(const LinearBeside&) = delete;
 
   const NonlinearEquilibrium<Dim>& equations() const { return linear_; }
@@ -36,8 +35,8 @@ template <int Dim> class LinearBeside {
 };
 
 /// The check of loads that act at once, on result.approximation. Stage "model".
-template <int Dim> LinearCheck check_linear(const Settings<Dim>& linear, const Settings<Dim>& full,
-                                            const Result<Dim>& result, const Monitor& monitor);
+template <int Dim>
+LinearCheck check_linear(const Settings<Dim>& full, const Result<Dim>& result, const Monitor& monitor);
 
 /// Warns if a linear answer, which may be corrected, has stresses beyond the tolerance of what the full model's
 /// materials bear.
