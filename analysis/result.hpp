@@ -109,7 +109,7 @@ struct LinearCheck {
   double strain = 0.0;        ///< of the linear answer: largest change of a length
   double rotation = 0.0;      ///< likewise [rad]
   Index negative_pivots = 0;  ///< of the tangent there: above 0 the body is not stable
-  bool same = false;          ///< to what Newton's method takes for balance: then there is no difference
+  bool same = false;          ///< forces and stresses, to rounding: then there is no difference
   std::string failure{};      ///< why the materials have no answer there; empty if they have one
 };
 /// The same in words.

@@ -152,6 +152,24 @@ TEST(Model, TheErrorThatIsSaidIsTheOneThatIsMade) {
   }
 }
 
+TEST(Model, EvenStretchIsInBalanceAndYetNotLinear) {
+  // No Poisson's ratio: nothing moves across, and every material keeps the straight lines of the linear one.
+  Settings<2> settings{.model = {.material = StVenantKirchhoff({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+                       .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+                       .probes = {{"end", {20.0, 1.0}}}};
+  settings.supports.push_back({"right", {}, [](const Vec<2>&) { return -2.0; }});
+  const auto mesh = beam();
+  for (const bool in_time : {false, true}) {
+    if (in_time) settings = through_time(settings);
+    const Result<2> automatic = analyse(mesh, settings);
+    EXPECT_EQ(automatic.regime, Regime::finite);
+    EXPECT_FALSE(automatic.linear_checks.back().same);
+    // First Piola-Kirchhoff stress (1 - 0.1) * ((1 - 0.1)^2 - 1) / 2, where linear elasticity has -0.1.
+    EXPECT_NEAR(automatic.balance.reactions.at("left").force.x(), 0.0855, 1e-9);
+    expect_same_path(automatic, analyse(mesh, in(Regime::finite, settings)));
+  }
+}
+
 TEST(Model, ASlenderBeamTurnsAndIsNotLinear) {
   const auto mesh = beam();
   const Settings<2> settings = cantilever(LinearElastic(moduli), {0.0, 2e-5});

@@ -181,7 +181,8 @@ TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
   const Workspace work(replaced(elastic, "1.6*t", "-2.4*t"));
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   EXPECT_EQ(run.status, 3) << run.output;
-  for (const double J : history(work / "out/history.csv").at("smallest_J")) EXPECT_GT(J, 0.0);
+  const auto columns = history(work / "out/history.csv");
+  for (const double J : columns.at("smallest_J")) EXPECT_GT(J, 0.0);
 }
 
 TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
