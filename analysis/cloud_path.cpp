@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 namespace efree::internal {
@@ -71,6 +72,8 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   CorrectionOptions options = settings.correction;
   const double bearable = aim(settings);
   options.tolerance = std::min(options.tolerance, tolerance_of(settings));
+  // The energy norm sees next to nothing of pressures that the bulk modulus bears: they are to be as good as shears.
+  if (cloud.averaged) options.tolerance /= std::sqrt(std::max(1.0, incompressibility(result.model, *result.mesh)));
   // As many as the estimate takes. What a cloud with averaged dilatations is off is seen at the end only.
   if (!settings.corrected) options.iterations = cloud.averaged ? -1 : 2;
   std::optional<Approximation<Dim>> lifted;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/prepare.hpp"
+#include "efree/analysis/steps.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/solvers/cell_solver.hpp"
 
@@ -83,37 +84,6 @@ template <int Dim> struct Answer {
   std::vector<Extreme<Dim>> extremes;                            ///< largest displacement and von Mises stress
   Balance<Dim> balance;
 };
-
-/// One step through time that converged.
-template <int Dim> struct HistoryStep {
-  double time;
-  int iterations;
-  double left;               ///< largest force out of balance, relative
-  double stored;             ///< energy [force * length]
-  double dissipated;         ///< since the beginning [force * length]
-  double smallest_jacobian;  ///< least volume of a quadrature point over that at rest
-  double plastic_share;      ///< of the volume, in which energy was dissipated in this step
-  Index negative_pivots;     ///< directions in which the energy falls: above 0 the body is not stable
-  Resultants<Dim> reactions;
-  std::vector<Vec<Dim>> probes;  ///< displacements, in the order of the settings
-};
-
-/// How far linear elasticity is from all that the materials say, at one time: by a step of Newton's method from the
-/// linear answer on the equations of the cloud, whose error is of higher order.
-struct LinearCheck {
-  double time = 0.0;
-  bool enough = false;        ///< all of the next three within the tolerance, and the body stable
-  double displacement = 0.0;  ///< largest difference over the largest displacement
-  double stress = 0.0;        ///< likewise, of the stresses of a region (true ones at finite strains)
-  double overload = 1.0;      ///< largest stress over what is borne, along its return, where a material flows
-  double strain = 0.0;        ///< of the linear answer: largest change of a length
-  double rotation = 0.0;      ///< likewise [rad]
-  Index negative_pivots = 0;  ///< of the tangent there: above 0 the body is not stable
-  bool same = false;          ///< forces and stresses, to rounding: then there is no difference
-  std::string failure{};      ///< why the materials have no answer there; empty if they have one
-};
-/// The same in words.
-std::string text_of(const LinearCheck& check);
 
 /// What an analysis found; of several load cases it is the answer to the first.
 template <int Dim> struct Result : Answer<Dim> {

@@ -3,6 +3,7 @@
 /// it.
 #pragma once
 
+#include "efree/analysis/steps.hpp"
 #include "efree/geometry/mesh/selection.hpp"
 #include "efree/solvers/correction.hpp"
 #include "efree/solvers/newton.hpp"
@@ -106,6 +107,7 @@ template <int Dim> struct Settings {
   std::optional<Regime> regime{};
   /// By which linear elasticity may be off where Regime::automatic leaves it at that (LinearCheck).
   double regime_tolerance = 0.01;
+  Steps<Dim> steps{};  ///< where these begin, and who hears of them
 
   ApproximationOptions approximation{};  ///< functions and quadrature
   OnCells cells = OnCells::automatic;

@@ -3,6 +3,8 @@
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/fingerprint.hpp"
+#include "efree/materials/plasticity.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
@@ -34,6 +36,13 @@ template <class Test> bool materials_all(const ElasticModel& model, const Test& 
   return std::ranges::all_of(model.regions, [&](const SharedMaterial& material) { return test(*material); });
 }
 
+bool softens(const ElasticModel& model) {
+  return !materials_all(model, [](const Material& material) {
+    const auto* plastic = dynamic_cast<const Plastic*>(&material);
+    return plastic == nullptr || !plastic->softens();
+  });
+}
+
 /// The largest displacement gradient that a material of small strains sees.
 template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equations, const PointFields<Dim>& points) {
   const auto& quadrature = equations.approximation().quadrature;
@@ -45,8 +54,9 @@ template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equa
 }
 
 /// What materials remember at the quadrature points, by name.
-template <int Dim> std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations,
-                                                            const ElasticModel& model, const Vector& history) {
+template <int Dim>
+std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations, const Vector& history) {
+  const ElasticModel& model = equations.model();
   const auto& points = equations.approximation().quadrature;
   const auto places = equations.materials().history_places(points);
   std::map<std::string, Matrix> all;
@@ -85,61 +95,243 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
-/// Where the full model goes on, and how.
-struct Agreement {
-  State state;
-  PathOptions rest;
-};
-
-/// Follows the path by linear elasticity as long as that is enough, checking every step. Nothing if it comes to the
-/// end; else the last step at which both models agreed to rounding, or the beginning, and the history up to there: what
-/// follows is the full model's, whatever the tolerance.
-template <int Dim, class Record> std::optional<Agreement> follow_linear(LinearBeside<Dim>& beside,
-                                                                        const PathOptions& path, const Record& record,
-                                                                        Result<Dim>& result, const Monitor& monitor) {
-  struct NotEnough {};
-  Agreement last{beside.taken_over(beside.equations().rest()), path};
-  std::size_t agreed = 0;  // steps
-  std::string why;
-  Cholesky factor;
-  try {
-    follow(
-        beside.equations(), factor, beside.equations().rest(), path,
-        [&](const PathStep& step) {
-          result.linear_checks.push_back(beside(step.now.state));
-          if (!result.linear_checks.back().enough) throw NotEnough{};
-          record(beside.equations(), step);
-          if (!result.linear_checks.back().same || agreed + 1 < result.history.size()) return;
-          last.state = beside.taken_over(step.now.state);
-          last.rest.step = step.next;
-          agreed = result.history.size();
-        },
-        monitor);
-    if (monitor.say) {
-      const auto worst = std::ranges::max_element(result.linear_checks, {}, [](const LinearCheck& check) {
-        return std::max(check.displacement, check.stress);
-      });
-      monitor.say(fmt::format("model: linear elasticity is enough at all {} steps, most {}",
-                              result.linear_checks.size(), text_of(*worst)));
-    }
-    return std::nullopt;
-  } catch (const NotEnough&) {
-    const LinearCheck& check = result.linear_checks.back();
-    why = fmt::format("at time {:.6g} linear elasticity is not enough, {}", check.time, text_of(check));
-  } catch (const PathError& error) {
-    why = fmt::format("linear elasticity ends, {}", error.what());
+/// Says where the path becomes unstable.
+template <int Dim> void warn_of_instability(Result<Dim>& result) {
+  Index before = 0;
+  for (const HistoryStep<Dim>& step : result.history) {
+    if (step.negative_pivots > 0 && before == 0)
+      result.warnings.push_back(fmt::format("at time {:.6g} the body is not stable: its energy falls in {} direction{}",
+                                            step.time, step.negative_pivots, step.negative_pivots == 1 ? "" : "s"));
+    before = step.negative_pivots;
   }
-  result.history.resize(agreed);
-  last.rest.min_step = path.min_step > 0.0 ? path.min_step : 1e-3 * path.step;
-  last.rest.max_step = path.max_step > 0.0 ? path.max_step : std::max(path.step, 0.1 * path.end);
-  last.rest.max_steps -= static_cast<int>(agreed);
-  if (monitor.say)
-    monitor.say(fmt::format("model: {}; the full model is taken from {}", why,
-                            agreed == 0
-                                ? "the beginning"
-                                : fmt::format("time {:.6g}, up to which both agree to rounding", last.state.time)));
-  return last;
 }
+
+/// Tells a body and its functions from others.
+template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
+  return Fingerprint()
+      .add(approximation.space.mesh().vertices())
+      .add(approximation.nodes)
+      .add(approximation.quadrature.points)
+      .add(approximation.quadrature.weights)
+      .value();
+}
+
+/// An analysis on its way through time: by linear elasticity as long as that is enough, if the settings leave that
+/// open, and by the full model.
+template <int Dim> class Walk {
+ public:
+  /// At rest, or where others have come to. Refers to all.
+  Walk(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& full, Result<Dim>& result,
+       const Monitor& monitor)
+      : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
+    if (settings.time) path_ = settings.time->path;
+    for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
+    begin();
+  }
+
+  /// Comes to the end, or to where it cannot go on: result.stopped.
+  void go() {
+    if (there_.agreed) {
+      if (const std::string why = not_linear(); !why.empty()) take_over(why);
+    } else if (settings_.regime == Regime::automatic && path_.control == Control::arc_length && monitor_.say) {
+      monitor_.say("model: by arc length, which is for limit points, the full model is taken");
+    }
+    if (!there_.agreed) follow_full();
+  }
+
+  /// The model that goes on, or did to the end.
+  const NonlinearEquilibrium<Dim>& equations() const { return there_.agreed ? beside_->equations() : full_; }
+  /// Where it is, of these equations.
+  const State& at() const { return there_.at; }
+
+  /// All into the result that says how it came here.
+  void finish() {
+    if (recovered_at_ != there_.at.steps || result_.fields.displacement.size() == 0) recover();
+    result_.history = std::move(there_.history);
+    result_.model = equations().model();
+    if (settings_.regime != Regime::automatic) return;
+    result_.regime = there_.agreed ? Regime::linear : Regime::finite;
+    result_.linear_checks = std::move(there_.linear_checks);
+  }
+
+ private:
+  const FineMesh<Dim>& mesh() const { return full_.approximation().space.mesh(); }
+
+  void begin() {
+    const auto& from = settings_.steps.from;
+    const std::uint64_t body = fingerprint(full_.approximation());
+    if (from ? from->agreed.has_value() : settings_.regime == Regime::automatic && path_.control == Control::load)
+      beside_ = std::make_unique<LinearBeside<Dim>>(full_, settings_.regime_tolerance);
+    const PathPoint rest = beside_ ? beside_->equations().rest() : full_.rest();
+    if (!from) {
+      there_ = {rest, {}, body};
+      if (beside_) there_.agreed = rest;
+      return;
+    }
+    const auto fits = [&](const PathPoint& point) {
+      return point.u.size() == rest.u.size() && point.history.size() == rest.history.size();
+    };
+    if (from->body != body || !fits(from->at) || (from->agreed && !fits(*from->agreed)))
+      throw InputError(
+          "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
+    there_ = *from;
+  }
+
+  /// Follows equilibria of one model from where it is.
+  template <class Converged> void follow_on(const Converged& converged) {
+    PathPoint from = there_.at;
+    if (from.steps > 0) static_cast<State&>(from) = equations().commit(from);
+    Cholesky linear;
+    follow(equations(), linear, std::move(from), path_, converged, monitor_);
+  }
+
+  /// Goes on by linear elasticity, checking every step. Why that is not enough; nothing if it comes to the end.
+  std::string not_linear() {
+    if (path_.control == Control::arc_length) return "steps are measured by arc length now";
+    struct NotEnough {};
+    auto& checks = there_.linear_checks;
+    try {
+      follow_on([&](const PathStep& step) {
+        checks.push_back((*beside_)(step.now.state));
+        if (!checks.back().enough) throw NotEnough{};
+        note(step);
+      });
+    } catch (const NotEnough&) {
+      return fmt::format("at time {:.6g} linear elasticity is not enough, {}", checks.back().time,
+                         text_of(checks.back()));
+    } catch (const PathError& error) {
+      return fmt::format("linear elasticity ends, {}", error.what());
+    } catch (const InputError& error) {  // an expression that is not finite at some time
+      if (there_.history.empty() || telling_) throw;
+      return fmt::format("linear elasticity ends, {}", error.what());
+    }
+    if (monitor_.say) {
+      const auto worst = std::ranges::max_element(
+          checks, {}, [](const LinearCheck& check) { return std::max(check.displacement, check.stress); });
+      monitor_.say(
+          fmt::format("model: linear elasticity is enough at all {} steps, most {}", checks.size(), text_of(*worst)));
+    }
+    return {};
+  }
+
+  /// Back to the last step at which both models agreed to rounding, or the beginning: what follows is the full model's,
+  /// whatever the tolerance.
+  void take_over(const std::string& why) {
+    const PathPoint agreed = *std::exchange(there_.agreed, std::nullopt);
+    there_.at = agreed;
+    static_cast<State&>(there_.at) = beside_->as_full(agreed);
+    there_.history.resize(agreed.steps);
+    beside_.reset();
+    recovered_at_ = 0;
+    if (monitor_.say)
+      monitor_.say(fmt::format("model: {}; the full model is taken from {}", why,
+                               agreed.steps == 0
+                                   ? "the beginning"
+                                   : fmt::format("time {:.6g}, up to which both agree to rounding", agreed.time)));
+  }
+
+  void follow_full() {
+    const auto stopped = [&](std::string why) {
+      if (!materials_all(full_.model(), [](const Material& material) { return material.symmetric(); }))
+        why +=
+            "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
+            "dilatancy nearer to the friction";
+      if (there_.history.empty()) throw NumericalError(why);
+      result_.stopped = result_.refusal = why;
+    };
+    try {
+      follow_on([&](const PathStep& step) { note(step); });
+    } catch (const PathError& error) {
+      stopped(error.what());
+    } catch (const InputError& error) {  // an expression that is not finite at some time
+      if (there_.history.empty() || telling_) throw;
+      stopped(error.what());
+    }
+  }
+
+  /// Is there after a step, and tells who wants to hear.
+  void note(const PathStep& step) {
+    const State& state = step.now.state;
+    there_.history.push_back(row_of(step));
+    there_.at = step.after;
+    static_cast<State&>(there_.at) = state;
+    if (there_.agreed && there_.linear_checks.back().same && there_.agreed->steps + 1 == there_.at.steps)
+      there_.agreed = there_.at;
+    if (!settings_.steps.done) return;
+    if (settings_.steps.fields_every > 0 && there_.at.steps % settings_.steps.fields_every == 0)
+      recover();
+    else
+      result_.fields = {};
+    telling_ = true;
+    settings_.steps.done(there_, result_);
+    telling_ = false;
+  }
+
+  HistoryStep<Dim> row_of(const PathStep& step) const {
+    const State& state = step.now.state;
+    const double smallest = equations().smallest_jacobian(state);
+    if (equations().finite_strain() && !(smallest > 0.0))  // small strains know no J
+      throw PathError(
+          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
+                      "no answer",
+                      state.time, smallest),
+          step.before.time, there_.at.steps);
+    HistoryStep<Dim> row{state.time,
+                         step.now.iterations(),
+                         step.now.residuals.back(),
+                         0.0,
+                         there_.history.empty() ? 0.0 : there_.history.back().dissipated,
+                         smallest,
+                         0.0,
+                         step.now.negative_pivots,
+                         equations().reactions(state),
+                         {}};
+    Resultants<Dim> named;  // the name may be that of another part
+    for (const Reaction& reaction : settings_.reactions) named[reaction.name] = row.reactions.at(reaction.on);
+    for (const auto& [name, of] : named) row.reactions[name] = of;
+    const PointFields<Dim> points = equations().fields(state);
+    const auto& approximation = full_.approximation();
+    const Vector& weights = approximation.quadrature.weights;
+    row.stored = weights.dot(points.energy);
+    row.dissipated += weights.dot(points.dissipated);
+    row.plastic_share = (points.dissipated.array() > 0.0).select(weights, 0.0).sum() / weights.sum();
+    const Points<Dim> u =
+        interpolate(approximation.shape, Points<Dim>(state.u.reshaped(Dim, approximation.nodes.cols())));
+    for (const auto& place : places_) {
+      const auto N = approximation.space.values(place.at);
+      const auto dofs = approximation.space.cell(place.cell);
+      Vec<Dim> value = Vec<Dim>::Zero();
+      for (std::size_t i = 0; i < dofs.size(); ++i) value += N[i] * u.col(dofs[i]);
+      row.probes.push_back(value);
+    }
+    return row;
+  }
+
+  /// Fields of where it is, into the result.
+  void recover() {
+    if (!fits_) fits_ = recovery_fits(full_.approximation());
+    PointFields<Dim> points = equations().fields(at());
+    result_.solution = solution_of(equations(), at(), points);
+    result_.fields = recover_fields(full_.approximation(), result_.solution, *fits_);
+    result_.remembered.clear();
+    for (const auto& [name, values] : remembered(equations(), points.history))
+      result_.remembered.emplace_back(name, recovered(full_.approximation(), values, *fits_));
+    recovered_at_ = there_.at.steps;
+  }
+
+  const Settings<Dim>& settings_;
+  const NonlinearEquilibrium<Dim>& full_;
+  Result<Dim>& result_;
+  const Monitor& monitor_;
+  Locator<Dim> locator_;
+  std::vector<Location<Dim>> places_;
+  PathOptions path_;
+  Checkpoint<Dim> there_;
+  std::unique_ptr<LinearBeside<Dim>> beside_;  ///< while linear elasticity is enough
+  std::optional<RecoveryFits<Dim>> fits_;
+  int recovered_at_ = 0;  ///< step whose fields the result has
+  bool telling_ = false;
+};
 
 }  // namespace
 
@@ -159,94 +351,12 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   const ApproximationOptions& options = settings.approximation;
   approximate_once(settings, result, monitor);
   const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program_of(settings));
-  const FineSpace<Dim>& space = result.approximation.space;
-  const Locator<Dim> locator(space.mesh(), settings.probes.size());
-  std::vector<Location<Dim>> places;
-  for (const auto& probe : settings.probes) places.push_back(locator(probe.at));
-  State last = full.rest();
-  const auto record = [&](const NonlinearEquilibrium<Dim>& equations, const PathStep& step) {
-    const State& state = step.now.state;
-    const double smallest = equations.smallest_jacobian(state);
-    if (!(smallest > 0.0))
-      throw PathError(
-          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
-                      "no answer",
-                      state.time, smallest),
-          result.history.empty() ? 0.0 : result.history.back().time, static_cast<int>(result.history.size()));
-    HistoryStep<Dim> row{state.time,
-                         step.now.iterations(),
-                         step.now.residuals.back(),
-                         0.0,
-                         result.history.empty() ? 0.0 : result.history.back().dissipated,
-                         smallest,
-                         0.0,
-                         step.now.negative_pivots,
-                         equations.reactions(state),
-                         {}};
-    const PointFields<Dim> points = equations.fields(state);
-    const Vector& weights = result.approximation.quadrature.weights;
-    row.stored = weights.dot(points.energy);
-    row.dissipated += weights.dot(points.dissipated);
-    row.plastic_share = (points.dissipated.array() > 0.0).select(weights, 0.0).sum() / weights.sum();
-    const Points<Dim> u =
-        interpolate(result.approximation.shape, Points<Dim>(state.u.reshaped(Dim, result.approximation.nodes.cols())));
-    for (const auto& place : places) {
-      const auto N = space.values(place.at);
-      const auto dofs = space.cell(place.cell);
-      Vec<Dim> value = Vec<Dim>::Zero();
-      for (std::size_t i = 0; i < dofs.size(); ++i) value += N[i] * u.col(dofs[i]);
-      row.probes.push_back(value);
-    }
-    if (row.negative_pivots > 0 && (result.history.empty() || result.history.back().negative_pivots == 0))
-      result.warnings.push_back(fmt::format("at time {:.6g} the body is not stable: its energy falls in {} direction{}",
-                                            row.time, row.negative_pivots, row.negative_pivots == 1 ? "" : "s"));
-    result.history.push_back(std::move(row));
-    last = state;
-  };
-  const bool symmetric = materials_all(result.model, [](const Material& material) { return material.symmetric(); });
-  const auto stopped = [&](std::string why) {
-    if (!symmetric)
-      why +=
-          "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
-          "dilatancy nearer to the friction";
-    if (result.history.empty()) throw NumericalError(why);
-    result.stopped = result.refusal = why;
-  };
-  PathOptions path = settings.time ? settings.time->path : PathOptions{};
-  State start = full.rest();
-  std::unique_ptr<LinearBeside<Dim>> beside;  // as long as linear elasticity is enough
-  if (settings.regime == Regime::automatic && path.control == Control::load) {
-    beside = std::make_unique<LinearBeside<Dim>>(full, settings.regime_tolerance);
-    if (const std::optional<Agreement> until = follow_linear(*beside, path, record, result, monitor)) {
-      last = start = until->state;
-      path = until->rest;
-      beside.reset();
-    } else {
-      result.model = beside->equations().model();
-    }
-  } else if (settings.regime == Regime::automatic && monitor.say) {
-    monitor.say("model: by arc length, which is for limit points, the full model is taken");
-  }
-  const NonlinearEquilibrium<Dim>& equations = beside ? beside->equations() : full;
-  result.regime = beside ? Regime::linear : Regime::finite;
-  Cholesky factor;
-  try {
-    if (!beside)
-      follow(
-          full, factor, start, path, [&](const PathStep& step) { record(full, step); }, monitor);
-  } catch (const PathError& error) {
-    stopped(error.what());
-  } catch (const InputError& error) {  // an expression that is not finite at some time
-    if (result.history.empty()) throw;
-    stopped(error.what());
-  }
-  PointFields<Dim> points = equations.fields(last);
-  result.solution = solution_of(equations, last, points);
-  result.balance = {result.history.back().reactions, equations.applied(last)};
-  const RecoveryFits<Dim> fits = recovery_fits(result.approximation);
-  result.fields = recover_fields(result.approximation, result.solution, fits);
-  for (const auto& [name, values] : remembered(equations, result.model, points.history))
-    result.remembered.emplace_back(name, recovered(result.approximation, values, fits));
+  Walk<Dim> walk(settings, full, result, monitor);
+  walk.go();
+  walk.finish();
+  const NonlinearEquilibrium<Dim>& equations = walk.equations();
+  result.balance = {equations.reactions(walk.at()), equations.applied(walk.at())};
+  warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
     result.warnings.push_back(
@@ -260,11 +370,15 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       if (load.kind == "pressure")
         result.warnings.push_back(fmt::format(
             "pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the body", load.on));
-  if (const double strain = largest_of_small(equations, points); strain > 0.05)
+  if (const double strain = largest_of_small(equations, equations.fields(walk.at())); strain > 0.05)
     result.warnings.push_back(
         fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "
                     "(strain = \"finite\", or a hyperelastic model)",
                     strain));
+  if (result.history.back().dissipated > 0.0 && softens(result.model))
+    result.warnings.push_back(
+        "a material softens: strains localise in bands a few spacings of the cloud wide, and what tearing dissipates "
+        "changes with the spacing (measured: up to twofold); compare clouds of several spacings");
   result.warnings.push_back(
       "how far the answer of materials that are not linear is from the truth is not estimated: compare clouds and "
       "meshes of two sizes");

@@ -9,6 +9,7 @@
 #include "efree/io/history.hpp"
 #include "efree/io/inspect.hpp"
 #include "efree/io/output_directory.hpp"
+#include "efree/io/path_record.hpp"
 #include "efree/io/picture.hpp"
 #include "efree/io/writers.hpp"
 #include "on_interrupt.hpp"
@@ -34,6 +35,7 @@ struct Options {
   int threads = 0;
   bool quiet = false;
   bool no_picture = false;
+  bool resume = false;
   bool json = false;
   Reading reading;
   std::string accuracy;
@@ -121,9 +123,13 @@ std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vect
 
 /// Exit status.
 template <int Dim>
-int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Progress& progress, Display& display) {
+int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& progress, Display& display) {
   OutputDirectory out(options.out);
   const OnInterrupt clean_up([&out] { out.discard(); });
+  PathRecord<Dim> record(options.out, analysis);
+  analysis.steps.done = [&record](const Checkpoint<Dim>& there, const Result<Dim>& so_far) {
+    record.keep(there, so_far);
+  };
   const auto fail = [&](const std::string& reason) {
     const bool is_earlier = out.has("result.json");
     out.clear();
@@ -139,6 +145,14 @@ int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Prog
       if (!options.quiet) display.say(remark);
     };
     const Monitor monitor{.progress = progress, .say = say};
+    if (options.resume) {
+      analysis.steps.from = record.resume();
+      say(fmt::format("goes on from step {} at time {:.6g}", analysis.steps.from->at.steps,
+                      analysis.steps.from->at.time));
+    } else if (record.is_unfinished()) {
+      say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
+                      options.out));
+    }
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
     for (const std::string& line : numbers_text(result, analysis.cases)) say(line);
@@ -147,9 +161,11 @@ int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Prog
       const Stage stage("output", monitor.timing(result.times));
       out.supersede("fields.png");
       out.supersede("error.png");
+      out.supersede("history.png");
       const auto draw = [&] {
         draw_fields(out.file("fields.png"), analysis, result);
         if (result.error_density.size() > 0) draw_error(out.file("error.png"), analysis, result);
+        if (!result.history.empty()) draw_history(out.file("history.png"), analysis, result.history);
       };
       const auto write = [&] {
         write_fields(out.file("fields.vtu"), analysis, result);
@@ -161,7 +177,8 @@ int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Prog
     if (result.history.empty())
       out.supersede("history.csv");
     else
-      write_history(out.file("history.csv"), analysis, result);
+      write_history(out.file("history.csv"), analysis, result.history);
+    record.finish(out, result);
     write_result(out.file("result.json"), analysis, result);
     if (result.refusal.empty())
       out.supersede("failure.json");
@@ -169,6 +186,7 @@ int solve(const Case<Dim>& analysis, const Options& options, const Monitor::Prog
       write_failure(out.file("failure.json"), analysis.title, result.refusal,
                     result.stopped.empty() ? "correction" : "path", "of this run");
     out.commit();
+    record.forget();
     if (!result.refusal.empty()) {
       display.say(fmt::format("error: {}; the results are in {} all the same", result.refusal, options.out));
       return 3;
@@ -271,6 +289,8 @@ int run(int argc, char** argv) {
       *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu, fields.png and error.png");
   add_common(solve_command, options);
   solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png and error.png");
+  solve_command.add_flag("--resume", options.resume,
+                         "go on from the last step of an earlier run through time into the same directory");
   const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
   solve_command
       .add_option(

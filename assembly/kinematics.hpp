@@ -44,21 +44,21 @@ template <int Dim> struct NodalGradient {
   Vec<Dim> force(const Gradient<Dim>& P) const {
     Vec<Dim> f = dN[0] * P.template head<Dim>();
     for (int J = 1; J < Dim; ++J) f += dN[J] * P.template segment<Dim>(Dim * J);
-    if constexpr (Dim == 2) f[0] += hoop * P[4];
+    if (Dim == 2 && hoop != 0.0) f[0] += hoop * P[gradient_size<Dim> - 1];
     return f;
   }
   /// Stresses by the node's displacement: columns A of(e_k).
   GradientBlock<Dim> stress(const Tangent<Dim>& A) const {
     GradientBlock<Dim> columns = dN[0] * A.template leftCols<Dim>();
     for (int J = 1; J < Dim; ++J) columns += dN[J] * A.template middleCols<Dim>(Dim * J);
-    if constexpr (Dim == 2) columns.col(0) += hoop * A.col(4);
+    if (Dim == 2 && hoop != 0.0) columns.col(0) += hoop * A.col(gradient_size<Dim> - 1);
     return columns;
   }
   /// Forces by the columns: force(column k) in column k.
   Mat<Dim> forces(const GradientBlock<Dim>& columns) const {
     Mat<Dim> f = dN[0] * columns.template topRows<Dim>();
     for (int J = 1; J < Dim; ++J) f += dN[J] * columns.template middleRows<Dim>(Dim * J);
-    if constexpr (Dim == 2) f.row(0) += hoop * columns.row(4);
+    if (Dim == 2 && hoop != 0.0) f.row(0) += hoop * columns.row(gradient_size<Dim> - 1);
     return f;
   }
   /// What the dilatation is along: tr of(u) = dilatation() . u.

@@ -2,6 +2,7 @@
 #include "efree/io/case_file.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/expression.hpp"
 #include "efree/io/internal/material_reader.hpp"
 #include "efree/io/internal/read_geometry.hpp"
@@ -13,12 +14,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
 #include <regex>
 #include <set>
+#include <sstream>
 #include <tuple>
 
 namespace efree {
@@ -263,15 +266,28 @@ template <int Dim> class BoundaryReader {
       }
     }
   }
-  /// Force and moment of a part, numbers.
+  /// A number, or an expression of the time and definitions but not of the place.
+  double uniform(const Section& entry, std::string_view key, const std::string& text) const {
+    if (expressions_.varies(text, entry.where(key)))
+      entry.fail(key, fmt::format("{} depends on the place: it is of the whole part, expected numbers", key));
+    return expressions_.field(text, entry.where(key))(Vec<Dim>::Zero());
+  }
+  template <std::size_t Size>
+  Eigen::Matrix<double, static_cast<int>(Size), 1> uniform(const Section& entry, std::string_view key) const {
+    const auto texts = entry.template expressions<Size>(key);
+    Eigen::Matrix<double, static_cast<int>(Size), 1> values;
+    for (std::size_t i = 0; i < Size; ++i) values[static_cast<int>(i)] = uniform(entry, key, texts[i]);
+    return values;
+  }
+  /// Force and moment of a part.
   void read_resultant(const Section& entry, const std::string& on, Loads<Dim>& loads) {
     ResultantLoad<Dim> load{on};
-    if (entry.has("force")) load.force = entry.template point<Dim>("force");
+    if (entry.has("force")) load.force = uniform<Dim>(entry, "force");
     if (entry.has("moment")) {
       if constexpr (Dim == 2)
-        load.moment[0] = entry.number("moment", any_number);
+        load.moment[0] = uniform(entry, "moment", entry.expression("moment"));
       else
-        load.moment = entry.template point<3>("moment");
+        load.moment = uniform<3>(entry, "moment");
     }
     if (entry.has("at")) load.at = entry.template point<Dim>("at");
     if (load.at && !entry.has("force")) entry.fail("at", "at is where a force acts, and there is no force");
@@ -563,11 +579,18 @@ class TimeNames {
   std::set<std::string> names_{"t"};
 };
 
+/// Of which steps the fields are written.
+int read_output(const Section& time) {
+  if (!time.has("output")) return 0;
+  if (time.table().get("output")->is_integer()) return static_cast<int>(time.integer("output", 1, 1000000000));
+  return time.choice<int>("output", {{"last", 0}, {"all", 1}}, std::nullopt);
+}
+
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
   const Section section =
-      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops"});
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "output"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -613,6 +636,34 @@ template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& resu
     analysis.fail("model_tolerance", "model_tolerance is for model = \"auto\", which it decides");
 }
 
+/// What steps through time may do otherwise when they are gone on with.
+CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
+  internal::Fingerprint what, how;
+  const auto text = [](const toml::node_view<const toml::node> node) {
+    std::ostringstream stream;
+    stream << node;
+    return stream.str();
+  };
+  toml::table rest = table;
+  if (toml::table* time = rest["time"].as_table()) {
+    const toml::table all = *time;
+    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control"}) {
+      how.add(key).add(text(all[key]));
+      time->erase(key);
+    }
+    time->erase("output");
+    if (end_is_a_step) time->erase("end");
+  }
+  what.add(text(toml::node_view<const toml::node>(rest)));
+  std::ifstream stream(geometry, std::ios::binary);
+  std::string bytes(std::size_t{1} << 20U, '\0');
+  while (!geometry.empty() && stream) {
+    stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    what.add(std::string_view(bytes).substr(0, static_cast<std::size_t>(stream.gcount())));
+  }
+  return {what.value(), how.value()};
+}
+
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
                                   const Section& root, const Section& geometry, const Reading& reading) {
   const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
@@ -630,7 +681,10 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   result.title = root.text("title", file.stem().string());
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
   result.model.plane = read_plane<Dim>(analysis);
-  if (root.has("time")) result.time = read_time<Dim>(root, table, result);
+  if (root.has("time")) {
+    result.time = read_time<Dim>(root, table, result);
+    result.steps.fields_every = read_output(root.section("time", {}));
+  }
   const Clock clock{result.time ? std::optional(result.time->path.end) : std::nullopt,
                     "t is the time of [time], and the case has none"};
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
@@ -657,6 +711,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   read_probes(probes, result);
   if (root.has("accuracy"))
     read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
+  result.mark = mark_of(*table, result.time && result.time->acting,
+                        geometry.has("file") ? file.parent_path() / geometry.text("file") : std::filesystem::path());
   return result;
 }
 

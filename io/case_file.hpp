@@ -5,13 +5,25 @@
 #include "efree/analysis/analyse.hpp"
 #include "efree/io/reading.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <variant>
 
 namespace efree {
 
+/// Tells a case from others.
+struct CaseMark {
+  std::uint64_t what = 0;  ///< all that the case file says, and the geometry's file, but for the steps
+  std::uint64_t how = 0;   ///< the steps: of [time] all but `end` and `output`; `end` where loads are expressions of t
+
+  bool operator==(const CaseMark&) const = default;
+};
+
 /// The settings of an analysis and its geometry, as read from a case file and before anything is computed.
-template <int Dim> struct Case : Settings<Dim> { MeshSource<Dim> geometry; };
+template <int Dim> struct Case : Settings<Dim> {
+  MeshSource<Dim> geometry;
+  CaseMark mark{};
+};
 
 /// The geometry decides which.
 using AnyCase = std::variant<Case<2>, Case<3>>;

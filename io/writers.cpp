@@ -314,6 +314,9 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
     json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
     json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
   }
+  if (!result.history.empty())
+    for (const auto& reaction : settings.reactions)
+      json["reactions"][reaction.name] = json_of<Dim>(result.history.back().reactions.at(reaction.name));
   for (const auto& extreme : result.extremes) {
     if (!extreme.error) continue;
     json["extremes"][extreme.of]["error"] = *extreme.error;

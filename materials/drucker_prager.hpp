@@ -35,6 +35,7 @@ class DruckerPrager final : public Plastic {
   /// Throws InputError for parameters out of range.
   explicit DruckerPrager(DruckerPragerParameters parameters);
   bool symmetric() const override { return eta_ == eta_flow_; }
+  bool softens() const override { return cohesion_.falls(); }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:

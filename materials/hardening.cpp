@@ -81,6 +81,10 @@ Hardening::Value Hardening::at(double a) const {
   return stress > 0.0 ? Value{stress, law.slope(a)} : Value{std::isnan(stress) ? stress : 0.0, 0.0};
 }
 
+bool Hardening::falls() const {
+  return std::ranges::any_of(std::array{0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0}, [&](double a) { return at(a).slope < 0.0; });
+}
+
 double Hardening::work(double a, double b) const {
   if (const auto* law = std::get_if<Linear>(&law_)) {
     if (law->modulus < 0.0) {

@@ -33,6 +33,8 @@ class Hardening {
   Value at(double a) const;
   /// The integral of the yield stress from a to b [stress]; of functions by Gauss's rule with five points.
   double work(double a, double b) const;
+  /// Whether it falls somewhere (looked for at a few plastic strains from 0 to 1).
+  bool falls() const;
 
  private:
   struct Linear {

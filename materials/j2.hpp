@@ -21,6 +21,7 @@ class J2 final : public Plastic {
  public:
   /// Throws InputError for parameters out of range.
   explicit J2(J2Parameters parameters);
+  bool softens() const override { return yield_.falls(); }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:

@@ -22,6 +22,8 @@ class Plastic : public Material {
   /// "plastic_strain" at small strains, "inverse_plastic_metric" (C_p^-1 - 1) at finite ones, and
   /// "equivalent_plastic_strain".
   std::vector<HistoryPart> history_parts() const final;
+  /// Whether stresses fall as matter flows: strains then localise, in bands as narrow as functions can make them.
+  virtual bool softens() const = 0;
 
  protected:
   Plastic(const ElasticModuli& moduli, Strain strain) : moduli_(moduli.checked()), strain_(strain) {}

@@ -23,6 +23,7 @@ class Rankine final : public Plastic {
   /// Throws InputError for parameters out of range.
   explicit Rankine(RankineParameters parameters);
   bool homogeneous() const override;
+  bool softens() const override { return !softening_.is_constant() || softening_.at(Vec<3>::Zero()) > 0.0; }
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:

@@ -108,13 +108,13 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
 
 namespace {
 
-/// One way to take a step of a size from a state in balance.
+/// One way to take a step of a size from a point of a path; notes in `after` what its next step needs.
 class Stepper {
  public:
   Stepper(const Equations& equations, LinearSolver& linear, const PathOptions& options)
       : equations_(equations), tangent_(equations, linear), options_(options) {}
   virtual ~Stepper() = default;
-  virtual Converged step(const State& from, double size) = 0;
+  virtual Converged step(const PathPoint& from, double size, PathPoint& after) = 0;
 
  protected:
   const Equations& equations_;
@@ -125,7 +125,7 @@ class Stepper {
 class TimeStepper final : public Stepper {
  public:
   using Stepper::Stepper;
-  Converged step(const State& from, double size) override {
+  Converged step(const PathPoint& from, double size, PathPoint& /*after*/) override {
     constexpr double rounding = 1e-9;  // of a step: what is left by less is not a step of its own
     double to = options_.end;
     for (const double stop : options_.stops)
@@ -140,15 +140,22 @@ class TimeStepper final : public Stepper {
 class ArcStepper final : public Stepper {
  public:
   using Stepper::Stepper;
-  Converged step(const State& from, double size) override {
-    const Vector rate = tangent_.change(from, force_by_time(from));
-    if (per_time_ == 0.0) per_time_ = rate.norm();
-    if (!(per_time_ > 0.0)) throw NumericalError("nothing changes with time: there is no arc to follow");
-    const double length = size * per_time_;
-    const double sense = came_by_.size() > 0 && came_by_.dot(rate) < 0.0 ? -1.0 : 1.0;
+  Converged step(const PathPoint& from, double size, PathPoint& after) override {
+    // From a committed state plastic materials answer as elastic ones, and the path would turn back along the way that
+    // unloads; that in balance before the commit goes on flowing.
+    State at = from;
+    if (from.steps > 0) {
+      at.history = from.remembered;
+      at.dt = from.lasted;
+    }
+    const Vector rate = tangent_.change(at, force_by_time(at));
+    const double per_time = from.per_time > 0.0 ? from.per_time : rate.norm();
+    if (!(per_time > 0.0)) throw NumericalError("nothing changes with time: there is no arc to follow");
+    const double length = size * per_time;
+    const double sense = from.came_by.size() > 0 && from.came_by.dot(rate) < 0.0 ? -1.0 : 1.0;
     double time = sense * length / rate.norm();
     Vector all = time * rate;
-    Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all)};
+    Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all), .residuals = {}};
     for (;;) {
       const Vector r = equations_.residual(result.state);
       const double scale = equations_.force_scale(result.state), out = r.lpNorm<Eigen::Infinity>();
@@ -172,7 +179,10 @@ class ArcStepper final : public Stepper {
     result.negative_pivots = tangent_.negative_pivots();
     if (result.state.time > options_.end)  // the end itself, by a step in time
       result = newton(equations_, tangent_, from, options_.end, options_.newton);
-    came_by_ = all;
+    after.per_time = per_time;
+    after.came_by = std::move(all);
+    after.remembered = from.history;
+    after.lasted = result.state.dt;
     return result;
   }
 
@@ -192,50 +202,57 @@ class ArcStepper final : public Stepper {
     const double to_first = all.dot(start + first * along), to_second = all.dot(start + second * along);
     return to_first > to_second ? first : second;
   }
-
-  double per_time_ = 0.0;  ///< norm of the change per time at the beginning
-  Vector came_by_;         ///< the change of the last step
 };
 
 }  // namespace
 
-State follow(const Equations& equations, LinearSolver& linear, State from, const PathOptions& options,
-             const std::function<void(const PathStep&)>& converged, const Monitor& monitor) {
+PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint from, const PathOptions& options,
+                 const std::function<void(const PathStep&)>& converged, const Monitor& monitor) {
   constexpr int easy = 5, hard = 10;
-  require(options.step > 0.0 && options.end > from.time, "a path needs a step > 0 and an end that is to come");
+  require(options.step > 0.0, "a path needs a step > 0");
+  require(from.steps > 0 || options.end > from.time, "a path needs an end that is to come");
   const double least = options.min_step > 0.0 ? options.min_step : 1e-3 * options.step;
   const double most = options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end);
-  const double begin = from.time;
+  if (from.steps == 0) from.began = from.time;
+  const double begin = from.began;
   Stage stage("path", monitor);
   std::unique_ptr<Stepper> stepper;
   if (options.control == Control::load)
     stepper = std::make_unique<TimeStepper>(equations, linear, options);
   else
     stepper = std::make_unique<ArcStepper>(equations, linear, options);
-  double size = options.step;
-  for (int number = 1; from.time < options.end;) {
+  double size = from.next > 0.0 ? from.next : options.step;
+  while (from.time < options.end) {
     stage.tick(std::max(0.0, (from.time - begin) / (options.end - begin)));
-    if (number > options.max_steps)
-      throw PathError(fmt::format("at time {:.6g} the path is not at its end after {} steps", from.time, number - 1),
-                      from.time, number - 1);
+    if (from.steps >= options.max_steps)
+      throw PathError(fmt::format("at time {:.6g} the path is not at its end after {} steps", from.time, from.steps),
+                      from.time, from.steps);
     std::optional<Converged> now;
+    PathPoint after;
     std::string why;
     try {
-      now = stepper->step(from, size);
+      now = stepper->step(from, size, after);
     } catch (const NumericalError& error) {
       why = error.what();
     }
     if (!now) {
       if (0.5 * size < least)
         throw PathError(fmt::format("at time {:.6g} steps of {:.3g} do not converge: {}", from.time, size, why),
-                        from.time, number - 1);
+                        from.time, from.steps);
       size *= 0.5;
       continue;
     }
+    if (now->state.time < begin)
+      throw PathError(
+          fmt::format("at time {:.6g} the path has come back to before its beginning: it unloads", now->state.time),
+          from.time, from.steps);
     if (now->iterations() <= easy) size = std::min(most, 1.5 * size);
     if (now->iterations() >= hard) size = std::max(least, 0.5 * size);
-    PathStep done{std::move(from), std::move(*now), {}, number++, size};
-    done.after = equations.commit(done.now.state);
+    after.steps = from.steps + 1;
+    after.began = begin;
+    after.next = size;
+    static_cast<State&>(after) = equations.commit(now->state);
+    PathStep done{std::move(from), std::move(*now), std::move(after)};
     if (converged) converged(done);
     from = std::move(done.after);
   }

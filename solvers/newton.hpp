@@ -78,19 +78,34 @@ class PathError : public NumericalError {
   int steps;    ///< converged before
 };
 
+/// A state on a path and all that going on from there needs: the same steps follow, bit for bit, as if it had not
+/// ended there. A state alone is the beginning of a path.
+struct PathPoint : State {
+  int steps = 0;          ///< that led to it
+  double next = 0.0;      ///< the step that is tried next [time]; 0: PathOptions::step
+  double per_time = 0.0;  ///< of arc lengths: the change of the unknowns per time at the beginning
+  double began = 0.0;     ///< where the path began [time]
+  double lasted = 0.0;    ///< of arc lengths: the last step [time]
+  Vector came_by{};       ///< of arc lengths: the change of the unknowns in the last step
+  Vector remembered{};    ///< of arc lengths: the history where the last step began
+
+  PathPoint() = default;
+  PathPoint(State state) : State(std::move(state)) {}  // NOLINT: a state is a point
+  bool operator==(const PathPoint&) const = default;
+};
+
 /// One step of a path, in balance.
 struct PathStep {
-  State before;   ///< committed
-  Converged now;  ///< not committed
-  State after;    ///< committed
-  int number;     ///< from 1
-  double next;    ///< the step that is tried next: PathOptions::step of who goes on from `after`, for the same path
+  State before;     ///< committed
+  Converged now;    ///< not committed
+  PathPoint after;  ///< committed
 };
 
 /// Follows equilibria from a committed state to the end. A step that does not converge is halved; after easy ones (up
 /// to five iterations) steps grow by half, after hard ones (ten and more) they shrink. Calls `converged` after every
-/// step. Throws PathError where steps fall below the least. Returns the last state.
-State follow(const Equations& equations, LinearSolver& linear, State from, const PathOptions& options,
-             const std::function<void(const PathStep&)>& converged = {}, const Monitor& monitor = {});
+/// step. Throws PathError where steps fall below the least. Returns the last point; one that is at the end already
+/// comes back as it is.
+PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint from, const PathOptions& options,
+                 const std::function<void(const PathStep&)>& converged = {}, const Monitor& monitor = {});
 
 }  // namespace efree

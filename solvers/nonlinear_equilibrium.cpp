@@ -95,12 +95,22 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     }
   };
 
-  /// What acts at the last times that were asked for. A copy begins with none.
-  struct Made {
-    std::mutex making;
-    std::vector<std::pair<double, std::shared_ptr<const Acting>>> at;
-    Made() = default;
-    Made(const Made& /*other*/) {}
+  /// Gradients, and what the materials say to those that they see.
+  struct Answer {
+    Gradients<Dim> H;     ///< of the points themselves
+    Gradients<Dim> seen;  ///< by the materials
+    PointResponses<Dim> of;
+    Vector dilatation;  ///< by union: mean J (finite strains) or trace (small ones); empty without averages
+    Vector pressure;    ///< by union: work on its dilatation per volume
+  };
+
+  /// What was found out last. A copy begins with none.
+  struct Kept {
+    std::mutex finding;
+    std::vector<std::pair<double, std::shared_ptr<const Acting>>> acting;  ///< for the last times asked for
+    std::shared_ptr<const std::pair<State, Answer>> answer;                ///< of the materials
+    Kept() = default;
+    Kept(const Kept& /*other*/) {}
   };
 
   const Approximation<Dim>& approximation;
@@ -119,7 +129,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
   Unknowns<Dim> unknowns;
   MatrixPattern<Dim> pattern;
-  mutable Made kept;
+  mutable Kept kept;
 
   Data(const Approximation<Dim>& of, const ElasticModel& made_of, Program<Dim> acts)
       : approximation(of),
@@ -185,8 +195,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   /// What acts at a time; the same for the same time.
   std::shared_ptr<const Acting> acting(double time) const {
     constexpr std::size_t most = 4;
-    const std::lock_guard lock(kept.making);
-    auto& made = kept.at;
+    const std::lock_guard lock(kept.finding);
+    auto& made = kept.acting;
     for (const auto& [when, what] : made)
       if (when == time) return what;
     std::shared_ptr<const Acting> result;
@@ -213,15 +223,6 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
   bool averaged() const { return members.rows() > 0; }
 
-  /// Gradients, and what the materials say to those that they see.
-  struct Answer {
-    Gradients<Dim> H;     ///< of the points themselves
-    Gradients<Dim> seen;  ///< by the materials
-    PointResponses<Dim> of;
-    Vector dilatation;  ///< by union: mean J (finite strains) or trace (small ones); empty without averages
-    Vector pressure;    ///< by union: work on its dilatation per volume
-  };
-
   /// 1 + H.
   Gradient<Dim> deformation(const Gradients<Dim>& H, Index K) const { return H.col(K) + trace_direction<Dim>(); }
   bool is_finite(Index K) const { return finite[held.quadrature().region[K]]; }
@@ -243,7 +244,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return held.of(displacements(state)) + acting(state.time)->motion.gradients;
   }
 
-  Answer ask(const State& state, bool tangents) const {
+  Answer respond(const State& state, bool tangents) const {
     Answer answer;
     answer.H = gradients(state);
     answer.seen = answer.H;
@@ -277,6 +278,24 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
                             : swelling(K).dot(answer.of.P.col(K)));
     }
     return answer;
+  }
+
+  /// The same for the last state asked about: residual, scale and tangent, or all that is wanted of a step.
+  std::shared_ptr<const Answer> ask(const State& state, bool tangents) const {
+    const auto answers = [&](const auto& last) {
+      return last && last->first == state && (!tangents || !last->second.of.A.empty());
+    };
+    std::shared_ptr<const std::pair<State, Answer>> last;
+    {
+      const std::lock_guard lock(kept.finding);
+      last = kept.answer;
+    }
+    if (!answers(last)) {
+      last = std::make_shared<const std::pair<State, Answer>>(state, respond(state, tangents));
+      const std::lock_guard lock(kept.finding);
+      kept.answer = last;
+    }
+    return {last, &last->second};
   }
 
   /// The stress that works on the gradient of a point, that through the dilatation of its union included.
@@ -331,11 +350,12 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
 
   Points<Dim> internal_forces(const State& state) const {
     return weak_forces(displacements(state)) - acting(state.time)->motion.forces +
-           held.force(stresses(ask(state, false)));
+           held.force(stresses(*ask(state, false)));
   }
 
   void tangent(const State& state, SymmetricMatrix& result) const {
-    const Answer answer = ask(state, true);
+    const auto asked = ask(state, true);
+    const Answer& answer = *asked;
     const Index size = held.size();
     std::vector<Tangent<Dim>> A(size);
     // By entry of a union's nodes: what its dilatation changes by, and the forces that a change of it makes.
@@ -384,7 +404,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
 
   /// Change of the internal forces by small changes of coefficients and of what is prescribed.
   Points<Dim> linearised(const State& state, const Points<Dim>& dU, const PrescribedMotion<Dim>& motion) const {
-    const Answer answer = ask(state, true);
+    const auto asked = ask(state, true);
+    const Answer& answer = *asked;
     const Gradients<Dim> dH = held.of(dU) + motion.gradients;
     Gradients<Dim> dP(gradient_size<Dim>, held.size());
     if (!averaged()) {
@@ -477,7 +498,7 @@ template <int Dim> double NonlinearEquilibrium<Dim>::force_scale(const State& st
   for (Index K = 0; K < points.size(); ++K) {
     Stiffness<Dim> room;
     const double stiffness = materials().stiffness(points.region[K], points.points.col(K), room).C(0, 0);
-    const double stress = std::max(answer.of.P.col(K).norm(), least_strain * stiffness);
+    const double stress = std::max(answer->of.P.col(K).norm(), least_strain * stiffness);
     const auto row = points.shape.row(K);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
       sums[row.nodes[k]] += points.weights[K] * stress * row.dN[k].norm();
@@ -490,7 +511,7 @@ template <int Dim> void NonlinearEquilibrium<Dim>::tangent(const State& state, S
 }
 
 template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {
-  state.history = data_->ask(state, false).of.history;
+  state.history = data_->ask(state, false)->of.history;
   state.dt = 0.0;
   return state;
 }
@@ -504,20 +525,20 @@ template <int Dim> const std::vector<Index>& NonlinearEquilibrium<Dim>::node_of_
 }
 
 template <int Dim> double NonlinearEquilibrium<Dim>::energy(const State& state) const {
-  return data_->held.quadrature().weights.dot(data_->ask(state, false).of.energy);
+  return data_->held.quadrature().weights.dot(data_->ask(state, false)->of.energy);
 }
 
 template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const State& state) const {
-  auto answer = data_->ask(state, false);
+  const auto answer = data_->ask(state, false);
   const auto& points = data_->held.quadrature();
   const Index size = points.size();
-  PointFields<Dim> result{answer.seen,
-                          data_->stresses(answer),
+  PointFields<Dim> result{answer->seen,
+                          data_->stresses(*answer),
                           VoigtPoints<Dim>(voigt_size<Dim>, size),
                           VoigtPoints<Dim>(voigt_size<Dim>, size),
-                          std::move(answer.of.energy),
-                          std::move(answer.of.dissipated),
-                          std::move(answer.of.history)};
+                          answer->of.energy,
+                          answer->of.dissipated,
+                          answer->of.history};
   if constexpr (Dim == 2)
     if (data_->materials.plane() == Plane::stress) {  // PlaneStress remembers its strains last, zz first of them
       const auto places = data_->materials.history_places(points);
@@ -525,7 +546,7 @@ template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const Stat
         result.F(4, K) = result.history[places[K] + data_->materials.history_size(points.region[K]) - 3];
     }
   for (Index K = 0; K < size; ++K) {
-    const Gradient<Dim> P = answer.of.P.col(K);
+    const Gradient<Dim> P = answer->of.P.col(K);
     result.strain.col(K) = strain_of<Dim>(result.F.col(K));
     result.stress.col(K) = stress_of<Dim>(P);
     result.F.col(K) += trace_direction<Dim>();
@@ -543,7 +564,7 @@ template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const Stat
 template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const State& state) const {
   const auto acting = data_->acting(state.time);
   const Points<Dim> U = data_->displacements(state);
-  const Gradients<Dim> P = data_->stresses(data_->ask(state, false));
+  const Gradients<Dim> P = data_->stresses(*data_->ask(state, false));
   Resultants<Dim> reactions = data_->held.reactions(acting->restraints, P, U, finite_strain());
   if (data_->weakly) return reactions;
   const auto& [space, nodes] = std::tie(approximation().space, approximation().node_dofs);

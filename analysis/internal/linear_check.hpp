@@ -21,12 +21,10 @@ template <int Dim> class LinearBeside {
   /// Of a state in balance of the linear equations. What the full ones do not balance there costs a tangent and its
   /// factor; where they agree to rounding there is nothing to factor.
   LinearCheck operator()(const State& at);
-  /// That state as one of the full equations, committed.
-  State taken_over(const State& at) const { return full_.commit(as_full(at)); }
-
- private:
+  /// That state as one of the full equations, not committed.
   State as_full(const State& at) const;
 
+ private:
   const NonlinearEquilibrium<Dim>& full_;
   const NonlinearEquilibrium<Dim> linear_;
   Cholesky factor_;

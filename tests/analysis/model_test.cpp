@@ -72,6 +72,23 @@ void expect_same_path(const Result<2>& found, const Result<2>& expected) {
   EXPECT_LT((found.fields.stress - expected.fields.stress).cwiseAbs().maxCoeff(), 1e-8 * scale);
 }
 
+void expect_same_bits(const Result<2>& found, const Result<2>& expected) {
+  EXPECT_EQ(found.regime, expected.regime);
+  EXPECT_EQ(found.linear_checks, expected.linear_checks);
+  EXPECT_EQ(found.stopped, expected.stopped);
+  ASSERT_EQ(found.history.size(), expected.history.size());
+  for (std::size_t k = 0; k < found.history.size(); ++k) {
+    const auto &a = found.history[k], &b = expected.history[k];
+    EXPECT_EQ(a.time, b.time);
+    EXPECT_EQ(a.iterations, b.iterations);
+    EXPECT_EQ(a.stored, b.stored);
+    EXPECT_EQ(a.dissipated, b.dissipated);
+    EXPECT_EQ(a.probes, b.probes);
+  }
+  EXPECT_EQ(found.fields.displacement, expected.fields.displacement);
+  EXPECT_EQ(found.fields.stress, expected.fields.stress);
+}
+
 TEST(Model, AMetalBelowYieldIsTheLinearCaseWithAllThatThatHas) {
   const auto mesh = plate();
   const Result<2> automatic = analyse(mesh, pulled(J2({.moduli = moduli, .yield = 0.004}), 0.001));
@@ -126,6 +143,50 @@ TEST(Model, FiniteStrainsMakeThePathTheFullModelsFromItsBeginning) {
   const Result<2> automatic = analyse(mesh, settings), full = analyse(mesh, in(Regime::finite, settings));
   EXPECT_EQ(automatic.regime, Regime::finite);
   expect_same_path(automatic, full);
+}
+
+TEST(Model, WhoGoesOnFromAnyStepComesToTheSameEndBitForBit) {
+  const auto mesh = plate();
+  const Hardening yield = Hardening::linear(0.002, 0.1);
+  Settings<2> stops = through_time(pulled(J2({.moduli = moduli, .yield = yield}), 0.001));
+  stops.time->path.max_steps = 6;
+  for (Settings<2> settings : {through_time(pulled(J2({.moduli = moduli, .yield = yield}), 0.001, Plane::strain)),
+                               through_time(pulled(NeoHookean(moduli), 0.02)),
+                               through_time(pulled(J2({.moduli = moduli, .yield = 0.1}), 0.001)), stops}) {
+    std::vector<Checkpoint<2>> told;
+    settings.steps.done = [&](const Checkpoint<2>& there, const Result<2>&) { told.push_back(there); };
+    const Result<2> whole = analyse(mesh, settings);
+    EXPECT_TRUE(told.front().agreed) << "begins by linear elasticity";
+    EXPECT_EQ(told.back().agreed.has_value(), whole.regime == Regime::linear);
+    settings.steps.done = {};
+    for (const auto& there : told) {
+      settings.steps.from = there;
+      expect_same_bits(analyse(mesh, settings), whole);
+    }
+  }
+}
+
+TEST(Model, ByArcLengthTheFullModelGoesOnFromStepsOfTheLinearOne) {
+  const auto mesh = plate();
+  Settings<2> settings = through_time(pulled(NeoHookean(moduli), 0.02));
+  std::vector<Checkpoint<2>> told;
+  settings.steps.done = [&](const Checkpoint<2>& there, const Result<2>&) { told.push_back(there); };
+  const Result<2> whole = analyse(mesh, settings);
+  settings.steps = {.from = told.front()};
+  settings.time->path.control = Control::arc_length;
+  const Result<2> by_arc = analyse(mesh, settings);
+  EXPECT_EQ(by_arc.regime, Regime::finite);
+  EXPECT_EQ(by_arc.history.back().time, 1.0);
+  EXPECT_LT(apart(by_arc.fields.displacement, whole.fields.displacement), 1e-8);
+  settings.steps.from->agreed->u.resize(2);
+  EXPECT_THROW(analyse(mesh, settings), InputError);
+}
+
+TEST(Model, LinearMaterialsThroughTimeAreLinear) {
+  const Result<2> result = analyse(plate(), through_time(pulled(LinearElastic(moduli), 0.001)));
+  EXPECT_EQ(result.regime, Regime::linear);
+  EXPECT_TRUE(result.linear_checks.empty());
+  EXPECT_EQ(result.history.size(), 8u);
 }
 
 TEST(Model, TheErrorThatIsSaidIsTheOneThatIsMade) {

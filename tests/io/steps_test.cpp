@@ -161,6 +161,23 @@ TEST(Steps, DefinitionsMayDependOnTimeAndOnEachOther) {
     EXPECT_NEAR(columns.at("reaction.right.x")[k], pull(1.0 + 0.8 * std::sqrt(columns.at("t")[k])), 1e-8);
 }
 
+TEST(Steps, ForcesInAllMayDependOnTimeAndReactionsHaveTheirNames) {
+  const std::string pulled = replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "force = [\"0.3*t^2\", 0]");
+  const Workspace work(pulled + "[[reaction]]\nname = \"wall\"\non = \"left\"\n");
+  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto columns = history(work / "out/history.csv");
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
+    EXPECT_NEAR(columns.at("reaction.wall.x")[k], -0.3 * std::pow(columns.at("t")[k], 2), 1e-9);
+    EXPECT_NEAR(pull(1.0 + columns.at("probe.end.ux")[k] / 2.0), 0.3 * std::pow(columns.at("t")[k], 2), 1e-8);
+    EXPECT_EQ(columns.at("reaction.wall.x")[k], columns.at("reaction.left.x")[k]);
+  }
+  const auto result = json(work / "out/result.json");
+  EXPECT_NEAR(result["reactions"]["wall"]["force"][0].get<double>(), -0.3, 1e-9);
+  EXPECT_LT(result["balance"]["error"].get<double>(), 1e-9);
+  EXPECT_TRUE(std::filesystem::exists(work / "out/history.png"));
+}
+
 TEST(Steps, WhatTheAnswerLacksIsWarnedOf) {
   const auto said = [](const std::string& text) {
     const Workspace work(text);
@@ -221,6 +238,8 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "mu = \"0.7 + t\"")), HasSubstr("mu depends on t"));
   EXPECT_THAT(refused("[definitions]\nsoft = \"1 - t\"\n" + replaced(rubber, "mu = 0.7", "mu = \"soft\"")),
               HasSubstr("mu depends on t"));
+  EXPECT_THAT(refused(replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "force = [\"x*t\", 0]")),
+              HasSubstr("force depends on the place"));
   EXPECT_THAT(refused(replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "stiffness = \"t\"")),
               HasSubstr("stiffness depends on t"));
   EXPECT_THAT(refused(replaced(rubber, "plane = \"strain\"", "plane = \"strain\"\ncorrection = 3")),

@@ -308,28 +308,49 @@ TEST(NonlinearPath, GoesOnFromASavedStateToTheSameEndBitForBit) {
         approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain},
         Program<2>::grows({clamp<2>("left"), {"right", {[](const Vec<2>&) { return 0.7; }}, {}}}));
   };
-  std::vector<State> states;
-  std::vector<double> next;
+  std::vector<PathPoint> points;
   const auto all = equations();
   for (const int threads : {1, 2}) {
     set_num_threads(threads);
     Cholesky linear;
-    std::vector<State> again;
-    follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3}, [&](const PathStep& step) {
-      again.push_back(step.after);
-      next.push_back(step.next);
-    });
+    std::vector<PathPoint> again;
+    follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3},
+           [&](const PathStep& step) { again.push_back(step.after); });
     if (threads == 2) {
-      EXPECT_TRUE(again == states);
+      EXPECT_TRUE(again == points);
     }
-    states = again;
+    points = again;
   }
-  ASSERT_GT(states.size(), 3u);
+  ASSERT_GT(points.size(), 3u);
   const auto resumed = equations();
   Cholesky linear;
-  const State end = follow(resumed, linear, states[2], {.step = next[2], .min_step = 1e-3, .max_step = 0.1});
-  const State whole = follow(all, linear, all.rest(), {.step = 0.1, .min_step = 1e-3, .max_step = 0.1});
-  EXPECT_TRUE(end == whole);
+  const PathOptions options{.step = 0.1, .min_step = 1e-3};
+  EXPECT_TRUE(follow(resumed, linear, points[2], options) == points.back());
+  EXPECT_TRUE(follow(resumed, linear, points.back(), options) == points.back()) << "nothing is left to do";
+}
+
+TEST(NonlinearPath, GoesOnAlongTheSameArcBitForBitAlsoBeyondTheLargestLoad) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.25});
+  const auto approximation = approximate(mesh, {.spacing = 0.5});
+  const auto equations = [&] {
+    return NonlinearEquilibrium<2>(
+        approximation, {.material = Hencky({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+        Program<2>::grows({symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+                          {.tractions = {{"right", [](const Vec<2>&, const Vec<2>&) { return Vec<2>(1.0, 0.0); }}}}));
+  };
+  const PathOptions options{.control = Control::arc_length, .step = 0.1, .max_step = 0.3, .max_steps = 16};
+  const auto path = [&](const PathPoint& from) {
+    std::vector<PathPoint> points;
+    const auto problem = equations();
+    Cholesky linear;
+    EXPECT_THROW(follow(problem, linear, from, options, [&](const PathStep& step) { points.push_back(step.after); }),
+                 PathError);
+    return points;
+  };
+  const auto whole = path(equations().rest());
+  ASSERT_EQ(whole.size(), 16u);
+  EXPECT_LT(whole[15].time, whole[12].time) << "the load falls";
+  for (const std::size_t k : {0u, 7u, 13u}) EXPECT_TRUE(path(whole[k]).back() == whole.back()) << k;
 }
 
 /// Hencky's material without lateral strain bears no more than E / e, at a stretch of e: P = E ln(l) / l.

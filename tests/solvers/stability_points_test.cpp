@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Stability: modes that few quadrature points do not see.
+#include "efree/bench/tangent_modes.hpp"
+
+#include <gtest/gtest.h>
+
+namespace efree {
+namespace {
+
+using bench::Coercivity, bench::StrainedBlock;
+
+TEST(StabilityPoints, DefaultPointsSeeMostOfTheLeastStiffnessAtRestAtLargeStrainsAndAfterYield) {
+  constexpr double spacing = 0.16;
+  const FineMesh<2> mesh = StrainedBlock::mesh(spacing / 6.0);
+  for (const auto& block : StrainedBlock::all())
+    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+      const Coercivity found(block, mesh, {.spacing = spacing, .seed = seed});
+      EXPECT_EQ(found.zero(), 0) << block.name;
+      EXPECT_EQ(found.negative(), 0) << block.name;
+      EXPECT_GT(found.seen(), 0.6) << block.name;
+    }
+}
+
+TEST(StabilityPoints, APointForTwoNodesLeavesModesThatAreNotSeenAndLetsASqueezedBodyGo) {
+  constexpr double spacing = 0.125;
+  const FineMesh<2> mesh = StrainedBlock::mesh(spacing / 6.0);
+  const auto all = StrainedBlock::all();
+  EXPECT_GT(Coercivity(all[0], mesh, {.spacing = spacing, .ratio = 0.5}).zero(), 0);
+  EXPECT_GT(Coercivity(all[2], mesh, {.spacing = spacing, .ratio = 0.5}).negative(), 0);
+}
+
+}  // namespace
+}  // namespace efree
