@@ -71,6 +71,7 @@
 #include "efree/materials/moduli.hpp"
 #include "efree/materials/plasticity.hpp"
 #include "efree/materials/rankine.hpp"
+#include "efree/materials/small_and_finite.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/quadrature/discretization.hpp"
 #include "efree/solvers/cell_solver.hpp"

@@ -3,6 +3,7 @@
 
 #include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/judge.hpp"
+#include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
@@ -13,6 +14,7 @@
 #include <fmt/format.h>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 namespace efree {
 
@@ -83,19 +85,48 @@ template <int Dim> Settings<Dim> with_cases(Settings<Dim> settings) {
   return settings;
 }
 
+/// Whether the settings for linear elasticity do where these are for all that the materials say. Leaves an
+/// approximation for whichever is taken, or none.
+template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Settings<Dim>& full, Result<Dim>& result,
+                                         const Monitor& monitor) {
+  approximate_once(linear, result, monitor);
+  const LinearCheck check = check_linear(full, result, monitor);
+  result.linear_checks.push_back(check);
+  if (monitor.say)
+    monitor.say(check.enough ? fmt::format("model: linear elasticity is enough, {}", text_of(check))
+                             : fmt::format("model: linear elasticity is not enough, {}; the full model is taken",
+                                           text_of(check)));
+  if (!check.enough && linear.approximation.dilatation != full.approximation.dilatation) result.approximation = {};
+  return check.enough;
+}
+
 }  // namespace
 
 template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& watching) {
-  const Settings<Dim> settings = with_cases(with_defaults(given, mesh));
+  Settings<Dim> settings = with_cases(with_defaults(given, mesh));
   StageTimes times;
   const Monitor monitor = watching.timing(times);
   Result<Dim> result;
   result.mesh = mesh.mesh;
   result.parts = mesh.parts;
   result.reports = mesh.reports;
-  result.model = settings.model;
   const double cpu_start = process_cpu_seconds();
+  std::optional<ElasticModel> replaced;  // by a linear one
+  if (settings.regime == Regime::automatic && !settings.time && !settings.asks_for_accuracy() &&
+      settings.cases.empty()) {
+    Settings<Dim> linear = given;
+    linear.regime = Regime::linear;
+    linear.cells = OnCells::never;
+    linear = with_defaults(linear, mesh);
+    if (located(settings, settings.where, [&] { return linear_is_enough(linear, settings, result, monitor); })) {
+      replaced = std::exchange(settings, linear).model;
+    } else {
+      settings.regime = Regime::finite;
+    }
+  }
+  result.model = settings.model;
+  result.regime = *settings.regime == Regime::automatic ? Regime::finite : *settings.regime;
   const bool in_steps = needs_steps(settings, *mesh.mesh);
   const bool on_cells = !in_steps && is_on_cells(settings, mesh);
   const bool without_cloud =
@@ -107,6 +138,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     if (without_cloud) return answer_by_elements(settings, result, monitor);
     answer_by_cloud(settings, result, monitor);
   });
+  if (replaced) warn_of_overload(settings, *replaced, result);
   judge(settings, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 

@@ -149,13 +149,19 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
 
 }  // namespace
 
-template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+  if (result.approximation.nodes.cols() > 0) return;
   ApproximationOptions options = settings.approximation;
   if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*result.mesh);
   require_memory(least_memory(options, *result.mesh),
                  fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
                  "use a wider cloud spacing or a coarser mesh");
   result.approximation = approximate(result.mesh, options, monitor);
+}
+
+template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+  const ApproximationOptions& options = settings.approximation;
+  approximate_once(settings, result, monitor);
   std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
                                            monitor);
   {
@@ -192,6 +198,8 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
 }
 
+template void approximate_once<2>(const Settings<2>&, Result<2>&, const Monitor&);
+template void approximate_once<3>(const Settings<3>&, Result<3>&, const Monitor&);
 template void answer_by_cloud<2>(const Settings<2>&, Result<2>&, const Monitor&);
 template void answer_by_cloud<3>(const Settings<3>&, Result<3>&, const Monitor&);
 

@@ -6,6 +6,7 @@
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
+#include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
@@ -180,6 +181,13 @@ FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> m
   return rest;
 }
 
+/// As much of a material as is modelled.
+SharedMaterial modelled(const SharedMaterial& material, Regime regime) {
+  const bool linear = material->linear();
+  if (regime == Regime::linear) return linear ? material : SharedMaterial(Linearised(material));
+  return linear ? SharedMaterial(GreenElastic(material)) : material;
+}
+
 }  // namespace
 
 template <int Dim> double mesh_size(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
@@ -234,7 +242,14 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   ElasticModel& model = settings.model;
   ApproximationOptions& basis = settings.approximation;
   const bool cloud = basis.kind == BasisKind::mls;
-  model.regions = mesh.materials;
+  require(settings.regime_tolerance > 0.0, "regime_tolerance: a number > 0 expected");
+  if (!settings.regime) {
+    const bool linear = std::ranges::all_of(mesh.materials, [](const auto& of) { return of->linear(); });
+    settings.regime = linear ? Regime::linear : Regime::automatic;
+  }
+  if (model.material) model.material = modelled(model.material, *settings.regime);
+  model.regions.clear();
+  for (const SharedMaterial& material : mesh.materials) model.regions.push_back(modelled(material, *settings.regime));
   model.open_interface = mesh.open_interface;
   settings.loads.density = mesh.densities;  // of all cases
   if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;

@@ -46,11 +46,11 @@ template <int Dim> double mesh_size(const MeshSource<Dim>& source, const Setting
 template <int Dim>
 PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor = {});
 
-/// The settings with everything decided that they leave open and the mesh and its materials tell: model.regions,
-/// model.open_interface, loads.density; conditions strong for finite elements, else by Nitsche, and where they are
-/// strong functions that vanish on the supports of others; an axisymmetric basis and full integration where the model
-/// needs them; dilatations averaged where functions would lock (bearable_incompressibility), but for linear elements,
-/// which that does not help.
+/// The settings with everything decided that they leave open and the mesh and its materials tell: regime,
+/// model.regions (with Regime::automatic all that materials say), model.open_interface, loads.density; conditions
+/// strong for finite elements, else by Nitsche, and where they are strong functions that vanish on the supports of
+/// others; an axisymmetric basis and full integration where the model needs them; dilatations averaged where functions
+/// would lock (bearable_incompressibility), but for linear elements, which that does not help.
 template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh);
 
 }  // namespace efree

@@ -126,6 +126,10 @@ template <int Dim> struct Result : Answer<Dim> {
   std::string stopped;  ///< why it did not come to its end; empty if it did
   std::optional<CloudAlone> cloud_alone{};
 
+  /// What was modelled: never automatic.
+  Regime regime = Regime::linear;
+  std::vector<LinearCheck> linear_checks;  ///< with Regime::automatic, in the order of time
+
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one
 

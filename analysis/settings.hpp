@@ -72,6 +72,13 @@ enum class OnCells {
   always,
 };
 
+/// How much of what materials can do is modelled.
+enum class Regime {
+  automatic,  ///< linear, until that is off by more than Settings::regime_tolerance: then as `finite`
+  linear,     ///< of all materials the tangent where nothing has happened yet, at small strains (Linearised)
+  finite,     ///< all that materials say; those that are linear at finite strains (GreenElastic)
+};
+
 /// A static analysis in the plane or in space; all but the material and, in 2D, model.plane may be left as it is.
 /// `where`, here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is
 /// empty.
@@ -94,8 +101,12 @@ template <int Dim> struct Settings {
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};
 
-  /// Steps to take; empty: one step if all materials are linear, else those of TimeSettings.
+  /// Steps to take; empty: one step if what is modelled is linear, else those of TimeSettings.
   std::optional<TimeSettings<Dim>> time{};
+  /// Empty: linear materials as they are, whatever the strains, others as `automatic`.
+  std::optional<Regime> regime{};
+  /// By which linear elasticity may be off where Regime::automatic leaves it at that (LinearCheck).
+  double regime_tolerance = 0.01;
   Steps<Dim> steps{};  ///< where these begin, and who hears of them
 
   ApproximationOptions approximation{};  ///< functions and quadrature

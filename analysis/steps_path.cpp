@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/internal/judge.hpp"
-#include "efree/analysis/internal/memory.hpp"
+#include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/core/error.hpp"
@@ -14,6 +14,8 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <map>
+#include <memory>
+#include <optional>
 
 namespace efree::internal {
 namespace {
@@ -53,8 +55,9 @@ template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equa
 }
 
 /// What materials remember at the quadrature points, by name.
-template <int Dim> std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations,
-                                                            const ElasticModel& model, const Vector& history) {
+template <int Dim>
+std::map<std::string, Matrix> remembered(const NonlinearEquilibrium<Dim>& equations, const Vector& history) {
+  const ElasticModel& model = equations.model();
   const auto& points = equations.approximation().quadrature;
   const auto places = equations.materials().history_places(points);
   std::map<std::string, Matrix> all;
@@ -114,18 +117,222 @@ template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approxima
       .value();
 }
 
-/// Where the steps begin: at rest, or where others have come to.
-template <int Dim>
-Checkpoint<Dim> beginning(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& equations) {
-  Checkpoint<Dim> there{equations.rest(), {}, fingerprint(equations.approximation())};
-  if (!settings.steps.from) return there;
-  const Checkpoint<Dim>& from = *settings.steps.from;
-  if (from.body != there.body || from.at.u.size() != there.at.u.size() ||
-      from.at.history.size() != there.at.history.size())
-    throw InputError(
-        "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
-  return from;
-}
+/// An analysis on its way through time: by linear elasticity as long as that is enough, if the settings leave that
+/// open, and by the full model.
+template <int Dim> class Walk {
+ public:
+  /// At rest, or where others have come to. Refers to all.
+  Walk(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& full, Result<Dim>& result,
+       const Monitor& monitor)
+      : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
+    if (settings.time) path_ = settings.time->path;
+    for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
+    begin();
+  }
+
+  /// Comes to the end, or to where it cannot go on: result.stopped.
+  void go() {
+    if (there_.agreed) {
+      if (const std::string why = not_linear(); !why.empty()) take_over(why);
+    } else if (settings_.regime == Regime::automatic && path_.control == Control::arc_length && monitor_.say) {
+      monitor_.say("model: by arc length, which is for limit points, the full model is taken");
+    }
+    if (!there_.agreed) follow_full();
+  }
+
+  /// The model that goes on, or did to the end.
+  const NonlinearEquilibrium<Dim>& equations() const { return there_.agreed ? beside_->equations() : full_; }
+  /// Where it is, of these equations.
+  const State& at() const { return there_.at; }
+
+  /// All into the result that says how it came here.
+  void finish() {
+    if (recovered_at_ != there_.at.steps || result_.fields.displacement.size() == 0) recover();
+    result_.history = std::move(there_.history);
+    result_.model = equations().model();
+    if (settings_.regime != Regime::automatic) return;
+    result_.regime = there_.agreed ? Regime::linear : Regime::finite;
+    result_.linear_checks = std::move(there_.linear_checks);
+  }
+
+ private:
+  const FineMesh<Dim>& mesh() const { return full_.approximation().space.mesh(); }
+
+  void begin() {
+    const auto& from = settings_.steps.from;
+    const std::uint64_t body = fingerprint(full_.approximation());
+    if (from ? from->agreed.has_value() : settings_.regime == Regime::automatic && path_.control == Control::load)
+      beside_ = std::make_unique<LinearBeside<Dim>>(full_, settings_.regime_tolerance);
+    const PathPoint rest = beside_ ? beside_->equations().rest() : full_.rest();
+    if (!from) {
+      there_ = {rest, {}, body};
+      if (beside_) there_.agreed = rest;
+      return;
+    }
+    const auto fits = [&](const PathPoint& point) {
+      return point.u.size() == rest.u.size() && point.history.size() == rest.history.size();
+    };
+    if (from->body != body || !fits(from->at) || (from->agreed && !fits(*from->agreed)))
+      throw InputError(
+          "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
+    there_ = *from;
+  }
+
+  /// Follows equilibria of one model from where it is.
+  template <class Converged> void follow_on(const Converged& converged) {
+    PathPoint from = there_.at;
+    if (from.steps > 0) static_cast<State&>(from) = equations().commit(from);
+    Cholesky linear;
+    follow(equations(), linear, std::move(from), path_, converged, monitor_);
+  }
+
+  /// Goes on by linear elasticity, checking every step. Why that is not enough; nothing if it comes to the end.
+  std::string not_linear() {
+    if (path_.control == Control::arc_length) return "steps are measured by arc length now";
+    struct NotEnough {};
+    auto& checks = there_.linear_checks;
+    try {
+      follow_on([&](const PathStep& step) {
+        checks.push_back((*beside_)(step.now.state));
+        if (!checks.back().enough) throw NotEnough{};
+        note(step);
+      });
+    } catch (const NotEnough&) {
+      return fmt::format("at time {:.6g} linear elasticity is not enough, {}", checks.back().time,
+                         text_of(checks.back()));
+    } catch (const PathError& error) {
+      return fmt::format("linear elasticity ends, {}", error.what());
+    } catch (const InputError& error) {  // an expression that is not finite at some time
+      if (there_.history.empty() || telling_) throw;
+      return fmt::format("linear elasticity ends, {}", error.what());
+    }
+    if (monitor_.say) {
+      const auto worst = std::ranges::max_element(
+          checks, {}, [](const LinearCheck& check) { return std::max(check.displacement, check.stress); });
+      monitor_.say(
+          fmt::format("model: linear elasticity is enough at all {} steps, most {}", checks.size(), text_of(*worst)));
+    }
+    return {};
+  }
+
+  /// Back to the last step at which both models agreed to rounding, or the beginning: what follows is the full model's,
+  /// whatever the tolerance.
+  void take_over(const std::string& why) {
+    const PathPoint agreed = *std::exchange(there_.agreed, std::nullopt);
+    there_.at = agreed;
+    static_cast<State&>(there_.at) = beside_->as_full(agreed);
+    there_.history.resize(agreed.steps);
+    beside_.reset();
+    recovered_at_ = 0;
+    if (monitor_.say)
+      monitor_.say(fmt::format("model: {}; the full model is taken from {}", why,
+                               agreed.steps == 0
+                                   ? "the beginning"
+                                   : fmt::format("time {:.6g}, up to which both agree to rounding", agreed.time)));
+  }
+
+  void follow_full() {
+    const auto stopped = [&](std::string why) {
+      if (!materials_all(full_.model(), [](const Material& material) { return material.symmetric(); }))
+        why +=
+            "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
+            "dilatancy nearer to the friction";
+      if (there_.history.empty()) throw NumericalError(why);
+      result_.stopped = result_.refusal = why;
+    };
+    try {
+      follow_on([&](const PathStep& step) { note(step); });
+    } catch (const PathError& error) {
+      stopped(error.what());
+    } catch (const InputError& error) {  // an expression that is not finite at some time
+      if (there_.history.empty() || telling_) throw;
+      stopped(error.what());
+    }
+  }
+
+  /// Is there after a step, and tells who wants to hear.
+  void note(const PathStep& step) {
+    const State& state = step.now.state;
+    there_.history.push_back(row_of(step));
+    there_.at = step.after;
+    static_cast<State&>(there_.at) = state;
+    if (there_.agreed && there_.linear_checks.back().same && there_.agreed->steps + 1 == there_.at.steps)
+      there_.agreed = there_.at;
+    if (!settings_.steps.done) return;
+    if (settings_.steps.fields_every > 0 && there_.at.steps % settings_.steps.fields_every == 0)
+      recover();
+    else
+      result_.fields = {};
+    telling_ = true;
+    settings_.steps.done(there_, result_);
+    telling_ = false;
+  }
+
+  HistoryStep<Dim> row_of(const PathStep& step) const {
+    const State& state = step.now.state;
+    const double smallest = equations().smallest_jacobian(state);
+    if (equations().finite_strain() && !(smallest > 0.0))  // small strains know no J
+      throw PathError(
+          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
+                      "no answer",
+                      state.time, smallest),
+          step.before.time, there_.at.steps);
+    HistoryStep<Dim> row{state.time,
+                         step.now.iterations(),
+                         step.now.residuals.back(),
+                         0.0,
+                         there_.history.empty() ? 0.0 : there_.history.back().dissipated,
+                         smallest,
+                         0.0,
+                         step.now.negative_pivots,
+                         equations().reactions(state),
+                         {}};
+    Resultants<Dim> named;  // the name may be that of another part
+    for (const Reaction& reaction : settings_.reactions) named[reaction.name] = row.reactions.at(reaction.on);
+    for (const auto& [name, of] : named) row.reactions[name] = of;
+    const PointFields<Dim> points = equations().fields(state);
+    const auto& approximation = full_.approximation();
+    const Vector& weights = approximation.quadrature.weights;
+    row.stored = weights.dot(points.energy);
+    row.dissipated += weights.dot(points.dissipated);
+    row.plastic_share = (points.dissipated.array() > 0.0).select(weights, 0.0).sum() / weights.sum();
+    const Points<Dim> u =
+        interpolate(approximation.shape, Points<Dim>(state.u.reshaped(Dim, approximation.nodes.cols())));
+    for (const auto& place : places_) {
+      const auto N = approximation.space.values(place.at);
+      const auto dofs = approximation.space.cell(place.cell);
+      Vec<Dim> value = Vec<Dim>::Zero();
+      for (std::size_t i = 0; i < dofs.size(); ++i) value += N[i] * u.col(dofs[i]);
+      row.probes.push_back(value);
+    }
+    return row;
+  }
+
+  /// Fields of where it is, into the result.
+  void recover() {
+    if (!fits_) fits_ = recovery_fits(full_.approximation());
+    PointFields<Dim> points = equations().fields(at());
+    result_.solution = solution_of(equations(), at(), points);
+    result_.fields = recover_fields(full_.approximation(), result_.solution, *fits_);
+    result_.remembered.clear();
+    for (const auto& [name, values] : remembered(equations(), points.history))
+      result_.remembered.emplace_back(name, recovered(full_.approximation(), values, *fits_));
+    recovered_at_ = there_.at.steps;
+  }
+
+  const Settings<Dim>& settings_;
+  const NonlinearEquilibrium<Dim>& full_;
+  Result<Dim>& result_;
+  const Monitor& monitor_;
+  Locator<Dim> locator_;
+  std::vector<Location<Dim>> places_;
+  PathOptions path_;
+  Checkpoint<Dim> there_;
+  std::unique_ptr<LinearBeside<Dim>> beside_;  ///< while linear elasticity is enough
+  std::optional<RecoveryFits<Dim>> fits_;
+  int recovered_at_ = 0;  ///< step whose fields the result has
+  bool telling_ = false;
+};
 
 }  // namespace
 
@@ -135,109 +342,22 @@ template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMes
 
 template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   if (settings.asks_for_accuracy())
-    throw InputError("an accuracy can be asked for where materials are linear and nothing changes with time");
+    throw InputError(
+        "an accuracy can be asked for where materials are linear (analysis.model = \"linear\" takes them so) and "
+        "nothing changes with time");
   if (!settings.cases.empty())
-    throw InputError("load cases share one matrix: materials have to be linear, and nothing may change with time");
-  ApproximationOptions options = settings.approximation;
-  if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*result.mesh);
-  require_memory(least_memory(options, *result.mesh),
-                 fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
-                 "use a wider cloud spacing or a coarser mesh");
-  result.approximation = approximate(result.mesh, options, monitor);
-  const NonlinearEquilibrium<Dim> equations(result.approximation, result.model, program_of(settings));
-  const FineSpace<Dim>& space = result.approximation.space;
-  const Locator<Dim> locator(space.mesh(), settings.probes.size());
-  std::vector<Location<Dim>> places;
-  for (const auto& probe : settings.probes) places.push_back(locator(probe.at));
-  Checkpoint<Dim> there = beginning(settings, equations);
-  auto& history = there.history;
-  std::optional<RecoveryFits<Dim>> fits;
-  /// Fields of a state, into the result.
-  const auto recover = [&](const State& state) {
-    if (!fits) fits = recovery_fits(result.approximation);
-    PointFields<Dim> points = equations.fields(state);
-    result.solution = solution_of(equations, state, points);
-    result.fields = recover_fields(result.approximation, result.solution, *fits);
-    result.remembered.clear();
-    for (const auto& [name, values] : remembered(equations, result.model, points.history))
-      result.remembered.emplace_back(name, recovered(result.approximation, values, *fits));
-  };
-  int recovered_at = 0;
-  bool telling = false;
-  const auto converged = [&](const PathStep& step) {
-    const State& state = step.now.state;
-    const double smallest = equations.smallest_jacobian(state);
-    if (equations.finite_strain() && !(smallest > 0.0))  // small strains know no J
-      throw PathError(
-          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
-                      "no answer",
-                      state.time, smallest),
-          step.before.time, there.at.steps);
-    HistoryStep<Dim> row{state.time,
-                         step.now.iterations(),
-                         step.now.residuals.back(),
-                         0.0,
-                         history.empty() ? 0.0 : history.back().dissipated,
-                         smallest,
-                         0.0,
-                         step.now.negative_pivots,
-                         equations.reactions(state),
-                         {}};
-    Resultants<Dim> named;  // the name may be that of another part
-    for (const Reaction& reaction : settings.reactions) named[reaction.name] = row.reactions.at(reaction.on);
-    for (const auto& [name, of] : named) row.reactions[name] = of;
-    const PointFields<Dim> points = equations.fields(state);
-    const Vector& weights = result.approximation.quadrature.weights;
-    row.stored = weights.dot(points.energy);
-    row.dissipated += weights.dot(points.dissipated);
-    row.plastic_share = (points.dissipated.array() > 0.0).select(weights, 0.0).sum() / weights.sum();
-    const Points<Dim> u =
-        interpolate(result.approximation.shape, Points<Dim>(state.u.reshaped(Dim, result.approximation.nodes.cols())));
-    for (const auto& place : places) {
-      const auto N = space.values(place.at);
-      const auto dofs = space.cell(place.cell);
-      Vec<Dim> value = Vec<Dim>::Zero();
-      for (std::size_t i = 0; i < dofs.size(); ++i) value += N[i] * u.col(dofs[i]);
-      row.probes.push_back(value);
-    }
-    history.push_back(std::move(row));
-    there.at = step.after;
-    static_cast<State&>(there.at) = state;
-    if (!settings.steps.done) return;
-    if (settings.steps.fields_every > 0 && there.at.steps % settings.steps.fields_every == 0) {
-      recover(state);
-      recovered_at = there.at.steps;
-    } else {
-      result.fields = {};
-    }
-    telling = true;
-    settings.steps.done(there, result);
-    telling = false;
-  };
-  const bool symmetric = materials_all(result.model, [](const Material& material) { return material.symmetric(); });
-  const auto stopped = [&](std::string why) {
-    if (!symmetric)
-      why +=
-          "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
-          "dilatancy nearer to the friction";
-    if (history.empty()) throw NumericalError(why);
-    result.stopped = result.refusal = why;
-  };
-  Cholesky linear;
-  try {
-    PathPoint from = there.at;
-    if (from.steps > 0) static_cast<State&>(from) = equations.commit(from);
-    follow(equations, linear, std::move(from), settings.time ? settings.time->path : PathOptions{}, converged, monitor);
-  } catch (const PathError& error) {
-    stopped(error.what());
-  } catch (const InputError& error) {  // an expression that is not finite at some time
-    if (history.empty() || telling) throw;
-    stopped(error.what());
-  }
-  if (recovered_at != there.at.steps || result.fields.displacement.size() == 0) recover(there.at);
-  result.history = std::move(history);
-  result.balance = {equations.reactions(there.at), equations.applied(there.at)};
-  estimate_steps(settings, program_of(settings), there.at, result, monitor);
+    throw InputError(
+        "load cases share one matrix: materials have to be linear (analysis.model = \"linear\" takes them so), and "
+        "nothing may change with time");
+  const ApproximationOptions& options = settings.approximation;
+  approximate_once(settings, result, monitor);
+  const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program_of(settings));
+  Walk<Dim> walk(settings, full, result, monitor);
+  walk.go();
+  walk.finish();
+  const NonlinearEquilibrium<Dim>& equations = walk.equations();
+  result.balance = {equations.reactions(walk.at()), equations.applied(walk.at())};
+  estimate_steps(settings, program_of(settings), walk.at(), result, monitor);
   warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
@@ -252,7 +372,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       if (load.kind == "pressure")
         result.warnings.push_back(fmt::format(
             "pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the body", load.on));
-  if (const double strain = largest_of_small(equations, equations.fields(there.at)); strain > 0.05)
+  if (const double strain = largest_of_small(equations, equations.fields(walk.at())); strain > 0.05)
     result.warnings.push_back(
         fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "
                     "(strain = \"finite\", or a hyperelastic model)",

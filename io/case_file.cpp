@@ -516,8 +516,8 @@ constexpr std::array boundary_keys{"on",
                                    "force",
                                    "moment",
                                    "at"};
-constexpr std::array analysis_keys{"plane",         "essential", "body_force",   "correction",
-                                   "largest_error", "extremes",  "acceleration", "rotation"};
+constexpr std::array analysis_keys{"plane",    "essential",    "body_force", "correction", "largest_error",
+                                   "extremes", "acceleration", "rotation",   "model",      "model_tolerance"};
 
 /// What holds and loads the body, into the case, which knows its plane.
 template <int Dim> void read_acting(const Section& root, const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
@@ -627,6 +627,16 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   return result;
 }
 
+/// How much of the materials is modelled.
+template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& result) {
+  if (analysis.has("model"))
+    result.regime = analysis.choice<Regime>(
+        "model", {{"auto", Regime::automatic}, {"linear", Regime::linear}, {"finite", Regime::finite}}, std::nullopt);
+  result.regime_tolerance = analysis.number("model_tolerance", {0.0, 1.0, false, true}, result.regime_tolerance);
+  if (analysis.has("model_tolerance") && result.regime && result.regime != Regime::automatic)
+    analysis.fail("model_tolerance", "model_tolerance is for model = \"auto\", which it decides");
+}
+
 /// What steps through time may do otherwise when they are gone on with.
 CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
   internal::Fingerprint what, how;
@@ -680,7 +690,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
                     "t is the time of [time], and the case has none"};
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
-  internal::MaterialReader<Dim>(expressions).read(root, result);
+  read_regime(analysis, result);
+  internal::MaterialReader<Dim>(expressions, result.regime == Regime::finite).read(root, result);
 
   if (root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}).empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));

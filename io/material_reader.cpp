@@ -170,7 +170,11 @@ template <int Dim> ElasticModuli MaterialReader<Dim>::moduli(const Section& sect
 }
 
 template <int Dim> Strain MaterialReader<Dim>::strain(const Section& section, Strain fallback) const {
-  return section.choice<Strain>("strain", {{"small", Strain::small}, {"finite", Strain::finite}}, fallback);
+  const auto said = section.choice<Strain>("strain", {{"small", Strain::small}, {"finite", Strain::finite}},
+                                           finite_ ? Strain::finite : fallback);
+  if (finite_ && said == Strain::small)
+    section.fail("strain", "strain is \"small\", and analysis.model = \"finite\" asks for finite strains");
+  return said;
 }
 
 /// A stress by the equivalent plastic strain a: a number, an expression of a, or a table [[a, stress], ...].

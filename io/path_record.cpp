@@ -28,7 +28,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are written as they are in memory");
 
-constexpr std::string_view mark = "efree path 1\n";
+constexpr std::string_view mark = "efree path 2\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Values one after the other, as they are in memory.
@@ -120,6 +120,41 @@ template <int Dim> HistoryStep<Dim> history_step(Unpacker& from) {
   return step;
 }
 
+void add(Packer& to, const PathPoint& at) {
+  for (const Vector* values : {&at.u, &at.history, &at.came_by, &at.remembered}) to.add(*values);
+  for (const double value : {at.time, at.dt, at.factor, at.next, at.per_time, at.began, at.lasted}) to.add(value);
+  to.add(std::int64_t{at.steps});
+}
+PathPoint path_point(Unpacker& from) {
+  PathPoint at;
+  for (Vector* values : {&at.u, &at.history, &at.came_by, &at.remembered}) from.fill(*values);
+  for (double* value : {&at.time, &at.dt, &at.factor, &at.next, &at.per_time, &at.began, &at.lasted})
+    *value = from.get<double>();
+  at.steps = static_cast<int>(from.get<std::int64_t>());
+  return at;
+}
+
+void add(Packer& to, const LinearCheck& check) {
+  for (const double value :
+       {check.time, check.displacement, check.stress, check.overload, check.strain, check.rotation})
+    to.add(value);
+  to.add(static_cast<std::int64_t>(check.negative_pivots));
+  to.add(std::uint64_t{check.enough});
+  to.add(std::uint64_t{check.same});
+  to.add(std::string_view(check.failure));
+}
+LinearCheck linear_check(Unpacker& from) {
+  LinearCheck check;
+  for (double* value :
+       {&check.time, &check.displacement, &check.stress, &check.overload, &check.strain, &check.rotation})
+    *value = from.get<double>();
+  check.negative_pivots = static_cast<Index>(from.get<std::int64_t>());
+  check.enough = from.get<std::uint64_t>() != 0;
+  check.same = from.get<std::uint64_t>() != 0;
+  check.failure = from.text();
+  return check;
+}
+
 /// Writes a file beside, then puts it in place.
 template <class Write> void replace(const fs::path& file, const Write& write) {
   fs::path part = file;
@@ -183,13 +218,13 @@ template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<
   out.add(version());
   out.add(std::int64_t{Dim});
   for (const std::uint64_t value : {of.what, of.how, there.body}) out.add(value);
-  const PathPoint& at = there.at;
-  for (const Vector* values : {&at.u, static_cast<const Vector*>(&at.State::history), &at.came_by, &at.remembered})
-    out.add(*values);
-  for (const double value : {at.time, at.dt, at.factor, at.next, at.per_time, at.began, at.lasted}) out.add(value);
-  out.add(std::int64_t{at.steps});
+  add(out, there.at);
   out.add(std::uint64_t{there.history.size()});
   for (const auto& step : there.history) add<Dim>(out, step);
+  out.add(std::uint64_t{there.linear_checks.size()});
+  for (const auto& check : there.linear_checks) add(out, check);
+  out.add(std::uint64_t{there.agreed.has_value()});
+  if (there.agreed) add(out, *there.agreed);
   out.add(internal::Fingerprint().add(out.bytes()).value());
   replace(file, [&](const fs::path& part) {
     std::ofstream stream(part, std::ios::binary);
@@ -224,15 +259,15 @@ template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMar
           "[time]; "
           "run without --resume");
     there.body = in.get<std::uint64_t>();
-    PathPoint& at = there.at;
-    for (Vector* values : {&at.u, static_cast<Vector*>(&at.State::history), &at.came_by, &at.remembered})
-      in.fill(*values);
-    for (double* value : {&at.time, &at.dt, &at.factor, &at.next, &at.per_time, &at.began, &at.lasted})
-      *value = in.get<double>();
-    at.steps = static_cast<int>(in.get<std::int64_t>());
-    if (its.how != of.how) at.next = 0.0;
+    there.at = path_point(in);
     for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.history.push_back(history_step<Dim>(in));
-    if (!in.empty() || there.history.empty() || static_cast<int>(there.history.size()) != at.steps)
+    for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.linear_checks.push_back(linear_check(in));
+    if (in.get<std::uint64_t>() != 0) there.agreed = path_point(in);
+    if (its.how != of.how) there.at.next = 0.0;
+    if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
+    const int steps = there.at.steps;
+    if (!in.empty() || there.history.empty() || static_cast<int>(there.history.size()) != steps ||
+        (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
       fail("the file is damaged: run without --resume");
   } catch (const std::out_of_range&) {
     fail("the file is damaged: run without --resume");
@@ -278,9 +313,7 @@ template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
       if (step <= there.at.steps) link(directory_ / fields_name(step), folder_ / fields_name(step));
     write_checkpoint(folder_ / state_name, there, case_.mark);
   }
-  for (const int step : steps_in(folder_))  // of a step that was not the last yet
-    if (step > there.at.steps) fs::remove(folder_ / fields_name(step));
-  replace(folder_ / history_name, [&](const fs::path& part) { write_history(part, case_, there.history); });
+  take_back(there);  // fields of a step that was not the last yet
   steps_ = there.at.steps;
   return there;
 }
@@ -289,16 +322,30 @@ template <int Dim> void PathRecord<Dim>::keep(const Checkpoint<Dim>& there, cons
   begin();
   if (steps_ == 0)
     for (const auto& entry : fs::directory_iterator(folder_)) fs::remove_all(entry.path());
-  if (so_far.fields.displacement.size() > 0) {
-    replace(folder_ / fields_name(there.at.steps), [&](const fs::path& part) { write_fields(part, case_, so_far); });
-    replace(folder_ / series_name, [&](const fs::path& part) { write_series(part, steps_in(folder_), there.history); });
-  }
+  const int now = there.at.steps;
+  const bool has_fields = so_far.fields.displacement.size() > 0;
+  if (has_fields) replace(folder_ / fields_name(now), [&](const fs::path& part) { write_fields(part, case_, so_far); });
   write_checkpoint(folder_ / state_name, there, case_.mark);
-  std::ofstream table(folder_ / history_name, std::ios::app);
-  if (steps_ == 0) table << history_header<Dim>(case_, there.history.back());
-  table << history_line(there.history.back());
-  if (!table.flush()) internal::cannot_write(folder_ / history_name);
-  steps_ = there.at.steps;
+  const bool again = now <= steps_;  // what followed is no more
+  if (again) take_back(there);
+  if (has_fields)
+    replace(folder_ / series_name, [&](const fs::path& part) { write_series(part, steps_in(folder_), there.history); });
+  if (!again) {
+    std::ofstream table(folder_ / history_name, std::ios::app);
+    if (steps_ == 0) table << history_header<Dim>(case_, there.history.back());
+    table << history_line(there.history.back());
+    if (!table.flush()) internal::cannot_write(folder_ / history_name);
+  }
+  steps_ = now;
+}
+
+/// Leaves no more than the steps up to there.
+template <int Dim> void PathRecord<Dim>::take_back(const Checkpoint<Dim>& there) const {
+  for (const int step : steps_in(folder_))
+    if (step > there.at.steps) fs::remove(folder_ / fields_name(step));
+  if (fs::exists(folder_ / series_name))
+    replace(folder_ / series_name, [&](const fs::path& part) { write_series(part, steps_in(folder_), there.history); });
+  replace(folder_ / history_name, [&](const fs::path& part) { write_history(part, case_, there.history); });
 }
 
 template <int Dim> void PathRecord<Dim>::finish(OutputDirectory& out, const Result<Dim>& result) const {
@@ -306,7 +353,8 @@ template <int Dim> void PathRecord<Dim>::finish(OutputDirectory& out, const Resu
   for (const char* name : {state_name, series_name}) out.supersede(name);
   if (result.history.empty() || steps_ == 0) return;
   link(folder_ / state_name, out.file(state_name));
-  const auto steps = steps_in(folder_);
+  auto steps = steps_in(folder_);
+  std::erase_if(steps, [&](int step) { return step > static_cast<int>(result.history.size()); });  // taken back
   for (const int step : steps) link(folder_ / fields_name(step), out.file(fields_name(step)));
   if (!steps.empty()) write_series(out.file(series_name), steps, result.history);
 }

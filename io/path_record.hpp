@@ -44,6 +44,7 @@ template <int Dim> class PathRecord {
 
  private:
   void begin();
+  void take_back(const Checkpoint<Dim>& there) const;
 
   std::filesystem::path directory_, folder_;
   const Case<Dim>& case_;

@@ -258,6 +258,21 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   json["boundaries"] = ordered_json::object();
   for (const auto& part : result.parts)
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
+  json["model"] = {{"taken", result.regime == Regime::linear ? "linear" : "finite"}};
+  for (const LinearCheck& check : result.linear_checks) {
+    ordered_json one = {{"time", check.time},
+                        {"linear", check.enough},
+                        {"displacement", check.displacement},
+                        {"stress", check.stress},
+                        {"overload", check.overload},
+                        {"strain", check.strain},
+                        {"rotation", check.rotation},
+                        {"negative_pivots", check.negative_pivots},
+                        {"same", check.same}};
+    if (!check.failure.empty()) one["failure"] = check.failure;
+    json["model"]["tolerance"] = settings.regime_tolerance;
+    json["model"]["checks"].push_back(one);
+  }
   if (!result.history.empty()) {
     const auto& last = result.history.back();
     int iterations = 0;

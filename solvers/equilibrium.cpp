@@ -6,6 +6,7 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/reactions.hpp"
@@ -21,6 +22,15 @@ using internal::add_stiffness;
 using internal::BlockColumn;
 using internal::MatrixPattern;
 using internal::Unknowns;
+
+ElasticModel linearised(ElasticModel model) {
+  const auto linearise = [](SharedMaterial& material) {
+    if (material && !material->linear()) material = Linearised(material);
+  };
+  linearise(model.material);
+  std::ranges::for_each(model.regions, linearise);
+  return model;
+}
 
 template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh) {
   require(Dim == 3 || model.plane.has_value(),

@@ -31,6 +31,9 @@ struct ElasticModel {
   std::string open_interface{};           ///< boundary part along which regions are not tied to each other (a crack)
 };
 
+/// The same, of what its materials are at infinitesimal strains (Linearised).
+ElasticModel linearised(ElasticModel model);
+
 /// The materials by region. Throws InputError for moduli out of range, regions without a material, a model in 2D that
 /// does not say its plane.
 template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh);

@@ -13,10 +13,13 @@ namespace efree {
 
 Matrix TangentSolver::change(const State& at, const Matrix& r) {
   const bool first = K_.size() == 0;
-  equations_.tangent(at, K_);
-  if (!K_.coeffs().allFinite()) throw NumericalError("the tangent is not finite");
-  if (first) linear_.analyse(K_, equations_.node_of_unknowns());
-  linear_.factorize(K_);
+  if (!factored_ || !equations_.linear()) {
+    equations_.tangent(at, K_);
+    if (!K_.coeffs().allFinite()) throw NumericalError("the tangent is not finite");
+    if (first) linear_.analyse(K_, equations_.node_of_unknowns());
+    linear_.factorize(K_);
+    factored_ = true;
+  }
   return change_as_before(r);
 }
 

@@ -37,8 +37,8 @@ class TangentSolver {
  public:
   /// Refers to both.
   TangentSolver(const Equations& equations, LinearSolver& linear) : equations_(equations), linear_(linear) {}
-  /// With the tangent at a state, column by column: the change that takes forces r out of balance away. Throws what the
-  /// linear solver throws.
+  /// With the tangent at a state, column by column: the change that takes forces r out of balance away. Of linear
+  /// equations it is factored once. Throws what the linear solver throws.
   Matrix change(const State& at, const Matrix& r);
   /// The same with the last factor.
   Matrix change_as_before(const Matrix& r) const;
@@ -48,6 +48,7 @@ class TangentSolver {
   const Equations& equations_;
   LinearSolver& linear_;
   SymmetricMatrix K_;
+  bool factored_ = false;
 };
 
 /// The state at a factor (time), from one in balance. The first change is that of the tangent where it comes from, for

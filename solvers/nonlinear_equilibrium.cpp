@@ -104,13 +104,24 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Vector pressure;    ///< by union: work on its dilatation per volume
   };
 
+  /// What was found out last. A copy begins with none.
+  struct Kept {
+    std::mutex finding;
+    std::vector<std::pair<double, std::shared_ptr<const Acting>>> acting;  ///< for the last times asked for
+    std::shared_ptr<const std::pair<State, Answer>> answer;                ///< of the materials
+    Kept() = default;
+    Kept(const Kept& /*other*/) {}
+  };
+
   const Approximation<Dim>& approximation;
+  ElasticModel model;
   Program<Dim> program;
   bool weakly;
   Materials<Dim> materials;
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   std::vector<bool> finite;   ///< by region
+  std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
   Ragged<Index> members;      ///< points by union; no rows without averages
   Vector volumes;             ///< of unions
   Ragged<Index> union_nodes;  ///< that the dilatation of a union depends on, ascending
@@ -118,13 +129,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
   Unknowns<Dim> unknowns;
   MatrixPattern<Dim> pattern;
+  mutable Kept kept;
 
-  mutable std::mutex making;
-  mutable std::vector<std::pair<double, std::shared_ptr<const Acting>>> made;  ///< for the last times asked for
-  mutable std::shared_ptr<const std::pair<State, Answer>> last;                ///< of the materials
-
-  Data(const Approximation<Dim>& of, const ElasticModel& model, Program<Dim> acts)
+  Data(const Approximation<Dim>& of, const ElasticModel& made_of, Program<Dim> acts)
       : approximation(of),
+        model(made_of),
         program(std::move(acts)),
         weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
         materials(materials_of(model, of.space.mesh())),
@@ -135,6 +144,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         pattern(of.shape.num_nodes(), {}, {}) {
     for (Index region = 0; region < materials.num_regions(); ++region)
       finite.push_back(materials.finite_strain(region));
+    swells = finite;
     const Index nodes = of.shape.num_nodes();
     weak = held.penalty();
     if (of.dilatation.size() > 0) {
@@ -184,8 +194,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
   /// What acts at a time; the same for the same time.
   std::shared_ptr<const Acting> acting(double time) const {
-    constexpr std::size_t kept = 4;
-    const std::lock_guard lock(making);
+    constexpr std::size_t most = 4;
+    const std::lock_guard lock(kept.finding);
+    auto& made = kept.acting;
     for (const auto& [when, what] : made)
       if (when == time) return what;
     std::shared_ptr<const Acting> result;
@@ -200,7 +211,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       result = make(time);
     }
     made.emplace_back(time, result);
-    if (made.size() > kept) made.erase(made.begin() + (full != 0.0 ? 1 : 0));
+    if (made.size() > most) made.erase(made.begin() + (full != 0.0 ? 1 : 0));
     return result;
   }
 
@@ -218,6 +229,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   Gradient<Dim> swelling(Index K) const {
     Stiffness<Dim> room;
     const auto& points = held.quadrature();
+    if (swells[points.region[K]]) return trace_direction<Dim>() / 3.0;
     return gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
   }
   Volume<Dim> volume(const Gradients<Dim>& H, Index K) const {
@@ -270,20 +282,20 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
 
   /// The same for the last state asked about: residual, scale and tangent, or all that is wanted of a step.
   std::shared_ptr<const Answer> ask(const State& state, bool tangents) const {
-    const auto answers = [&](const auto& kept) {
-      return kept && kept->first == state && (!tangents || !kept->second.of.A.empty());
+    const auto answers = [&](const auto& last) {
+      return last && last->first == state && (!tangents || !last->second.of.A.empty());
     };
-    std::shared_ptr<const std::pair<State, Answer>> kept;
+    std::shared_ptr<const std::pair<State, Answer>> last;
     {
-      const std::lock_guard lock(making);
-      kept = last;
+      const std::lock_guard lock(kept.finding);
+      last = kept.answer;
     }
-    if (!answers(kept)) {
-      kept = std::make_shared<const std::pair<State, Answer>>(state, respond(state, tangents));
-      const std::lock_guard lock(making);
-      last = kept;
+    if (!answers(last)) {
+      last = std::make_shared<const std::pair<State, Answer>>(state, respond(state, tangents));
+      const std::lock_guard lock(kept.finding);
+      kept.answer = last;
     }
-    return {kept, &kept->second};
+    return {last, &last->second};
   }
 
   /// The stress that works on the gradient of a point, that through the dilatation of its union included.
@@ -433,6 +445,16 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
     throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
 }
 
+template <int Dim> NonlinearEquilibrium<Dim> NonlinearEquilibrium<Dim>::at_rest() const {
+  const auto data = std::make_shared<Data>(*data_);
+  data->model = linearised(std::move(data->model));
+  data->materials = materials_of(data->model, approximation().space.mesh());
+  data->finite.assign(data->finite.size(), false);
+  NonlinearEquilibrium result(*this);
+  result.data_ = data;
+  return result;
+}
+
 template <int Dim> State NonlinearEquilibrium<Dim>::rest() const {
   return {.u = Vector::Zero(Dim * approximation().shape.num_nodes()),
           .history = Vector::Zero(data_->materials.history_size(data_->held.quadrature()))};
@@ -492,6 +514,10 @@ template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {
   state.history = data_->ask(state, false)->of.history;
   state.dt = 0.0;
   return state;
+}
+
+template <int Dim> bool NonlinearEquilibrium<Dim>::linear() const {
+  return data_->materials.linear();
 }
 
 template <int Dim> const std::vector<Index>& NonlinearEquilibrium<Dim>::node_of_unknowns() const {
@@ -577,6 +603,9 @@ template <int Dim> bool NonlinearEquilibrium<Dim>::finite_strain() const {
 }
 template <int Dim> const Approximation<Dim>& NonlinearEquilibrium<Dim>::approximation() const {
   return data_->approximation;
+}
+template <int Dim> const ElasticModel& NonlinearEquilibrium<Dim>::model() const {
+  return data_->model;
 }
 template <int Dim> const Materials<Dim>& NonlinearEquilibrium<Dim>::materials() const {
   return data_->materials;

@@ -52,6 +52,10 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   /// materials; for averaged dilatations of finite strains in plane stress.
   NonlinearEquilibrium(const Approximation<Dim>& approximation, const ElasticModel& model, Program<Dim> program);
 
+  /// What is left of these equations at infinitesimal strains: linear ones, of linearised(model), with dilatations
+  /// averaged as these have it there. Shares what does not depend on materials.
+  NonlinearEquilibrium at_rest() const;
+
   State rest() const override;
   State under(double time, State state) const override;
   State moved(State state, const Vector& change) const override;
@@ -60,7 +64,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   double force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
   State commit(State state) const override;
-  bool linear() const override { return false; }
+  bool linear() const override;
   const std::vector<Index>& node_of_unknowns() const override;
 
   /// Stored energy [force * length], in the plane per thickness.
@@ -77,6 +81,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   /// Whether some material is one of finite strains.
   bool finite_strain() const;
   const Approximation<Dim>& approximation() const;
+  const ElasticModel& model() const;
   const Materials<Dim>& materials() const;
 
  private:

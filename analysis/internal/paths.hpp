@@ -11,6 +11,9 @@ namespace efree::internal {
 /// an accuracy is asked for, that is, and nothing of a cloud is said.
 template <int Dim> bool needs_no_cloud(const Settings<Dim>& settings);
 
+/// The functions and points of the settings, unless result.approximation has some already.
+template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
+
 /// The answer of a cloud, or of finite elements where settings.approximation says so; that of a cloud corrected and
 /// with its error, if the settings want it.
 template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);

@@ -15,8 +15,10 @@ namespace efree::internal {
 /// Materials from tables of numbers and expressions of the place.
 template <int Dim> class MaterialReader {
  public:
-  /// Refers to the expressions.
-  explicit MaterialReader(const Expressions<Dim>& expressions) : expressions_(expressions) {}
+  /// Refers to the expressions. With `finite` materials that do not say their strain have finite ones, and those that
+  /// say small ones are refused.
+  explicit MaterialReader(const Expressions<Dim>& expressions, bool finite = false)
+      : expressions_(expressions), finite_(finite) {}
 
   /// The material of the whole body, or of each region. Throws InputError that begins with "file:line: ".
   void read(const Section& root, Settings<Dim>& result) const;
@@ -36,6 +38,7 @@ template <int Dim> class MaterialReader {
   Parameter parameter(const Section& section, const char* key, const Interval& range) const;
 
   const Expressions<Dim>& expressions_;
+  bool finite_;
 };
 
 }  // namespace efree::internal

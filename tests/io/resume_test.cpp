@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <functional>
 
 namespace efree {
 namespace {
@@ -73,6 +75,12 @@ on = "right"
 traction = [1, 0]
 )toml";
 
+/// Rubber that linear elasticity is enough for at first: the full model takes all of its steps again.
+const std::string rubber = replaced(
+    replaced(replaced(replaced(metal, "model = \"j2\"", "model = \"neo_hookean\""), "yield = \"0.01 + 0.25*a\"\n", ""),
+             "output = 5", "output = 2"),
+    "\"0.06*(1 - abs(1 - 2*t))\"", "\"0.04*t\"");
+
 std::vector<std::string> solve(const std::string& out, bool resume = false, const char* threads = "1") {
   std::vector<std::string> words{"solve", "case.toml", "--out", out, "--no-picture", "--threads", threads};
   if (resume) words.emplace_back("--resume");
@@ -98,7 +106,7 @@ nlohmann::json numbers(const fs::path& folder) {
   return all;
 }
 
-void expect_same(const fs::path& a, const fs::path& b) {
+void expect_same_files(const fs::path& a, const fs::path& b) {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(a)) names.push_back(entry.path().filename());
   EXPECT_EQ(names.size(), std::distance(fs::directory_iterator(b), fs::directory_iterator{}));
@@ -107,11 +115,14 @@ void expect_same(const fs::path& a, const fs::path& b) {
     ASSERT_TRUE(fs::exists(b / name)) << name;
     EXPECT_TRUE(name == "result.json" || content(a / name) == content(b / name)) << name;
   }
+}
+void expect_same(const fs::path& a, const fs::path& b) {
+  expect_same_files(a, b);
   EXPECT_EQ(numbers(a), numbers(b));
 }
 
 TEST(Resume, AKilledRunGoesOnToTheSameEndBitForBit) {
-  for (const std::string& text : {metal, arc}) {
+  for (const std::string& text : {metal, rubber, arc}) {
     const Workspace work(text);
     const int status = text == arc ? 3 : 0;
     const auto whole = work.efree(solve("whole", false, "2"));
@@ -129,6 +140,45 @@ TEST(Resume, AKilledRunGoesOnToTheSameEndBitForBit) {
     EXPECT_EQ(run.status, status) << run.output;
     EXPECT_THAT(run.output, HasSubstr("goes on from step"));
     expect_same(work / "whole", work / "out");
+  }
+}
+
+/// Runs the case up to a call of Steps::done, or to its end. Of each call, whether linear elasticity was enough so far.
+std::vector<bool> run_up_to(std::size_t calls, const Workspace& work, const std::string& out, bool resume = false) {
+  struct Killed {};
+  auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
+  fs::create_directory(work / out);
+  PathRecord<2> record(work / out, analysis);
+  std::vector<bool> linear;
+  analysis.steps.done = [&](const Checkpoint<2>& there, const Result<2>& so_far) {
+    record.keep(there, so_far);
+    linear.push_back(there.agreed.has_value());
+    if (linear.size() == calls) throw Killed{};
+  };
+  if (resume) analysis.steps.from = record.resume();
+  try {
+    analyse(analysis);
+  } catch (const Killed&) {
+  }
+  return linear;
+}
+
+TEST(Resume, LinearElasticityAndTheFullModelAreGoneOnWithBitForBit) {
+  constexpr std::size_t never = 0;
+  for (const std::string& text : {metal, rubber, replaced(metal, "0.01 + 0.25*a", "1 + a")}) {
+    const Workspace work(text);
+    const std::vector<bool> linear = run_up_to(never, work, "whole");
+    const auto taken_over = static_cast<std::size_t>(std::ranges::count(linear, true));
+    ASSERT_GT(taken_over, 2u);
+    EXPECT_TRUE(std::ranges::is_sorted(linear, std::greater<>())) << "once the full model is taken it stays";
+    EXPECT_EQ(linear.back(), text != metal && text != rubber);
+    for (const std::size_t calls : {std::size_t{1}, taken_over, taken_over + 1, linear.size() - 1}) {
+      const std::string out = fmt::format("out{}", calls);
+      run_up_to(calls, work, out);
+      run_up_to(1, work, out, true);
+      run_up_to(never, work, out, true);
+      expect_same_files(work / "whole/unfinished", work / out / "unfinished");
+    }
   }
 }
 
@@ -221,6 +271,11 @@ TEST(Resume, CheckpointsComeBackBitForBitOrNotAtAll) {
   step.reactions["left"].force = Vec<2>(1.0, 2.0);
   step.probes = {Vec<2>(3.0, 4.0)};
   there.history = {step, step};
+  there.linear_checks = {{.time = 0.1, .enough = true, .displacement = 0.2, .stress = 0.3, .overload = 1.5},
+                         {.strain = 0.4, .rotation = 0.5, .negative_pivots = 2, .same = true, .failure = "why"}};
+  there.agreed = PathPoint({Vector::Random(37), Vector(), 0.05, 0.1, 0.2});
+  there.agreed->steps = 1;
+  there.agreed->next = 0.6;
   write_checkpoint(work / "a.state", there, {1, 2});
   const auto back = read_checkpoint<2>(work / "a.state", {1, 2});
   EXPECT_TRUE(back.at == there.at);
@@ -229,7 +284,11 @@ TEST(Resume, CheckpointsComeBackBitForBitOrNotAtAll) {
   EXPECT_EQ(back.history[1].time, step.time);
   EXPECT_EQ(back.history[1].reactions.at("left").force, Vec<2>(1.0, 2.0));
   EXPECT_EQ(back.history[1].probes, step.probes);
-  EXPECT_EQ((read_checkpoint<2>(work / "a.state", {1, 3}).at.next), 0.0) << "the steps are others";
+  EXPECT_EQ(back.linear_checks, there.linear_checks);
+  EXPECT_TRUE(back.agreed == there.agreed);
+  const auto others = read_checkpoint<2>(work / "a.state", {1, 3});
+  EXPECT_EQ(others.at.next, 0.0) << "the steps are others";
+  EXPECT_EQ(others.agreed->next, 0.0);
   const auto refuses = [&](const std::string& why) {
     EXPECT_THAT([&] { read_checkpoint<2>(work / "a.state", {1, 2}); }, ThrowsMessage<InputError>(HasSubstr(why)));
   };
