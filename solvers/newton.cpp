@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace efree {
 
@@ -18,8 +19,37 @@ Matrix TangentSolver::change(const State& at, const Matrix& r) {
   if (first) linear_.analyse(K_, equations_.node_of_unknowns());
   linear_.factorize(K_);
   Matrix change = linear_.solve(-r);
+  for (Index k = 0; k < r.cols(); ++k) iterate(at, r.col(k), change.col(k));
   if (!change.allFinite()) throw NumericalError("the change of the solution is not finite");
   return change;
+}
+
+/// From a change by the factor alone to that by all of the derivative.
+void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector> change) const {
+  constexpr double enough = 1e-8;
+  constexpr int most = 30;
+  std::vector<Vector> directions, forces;
+  Vector left = -r, direction = change, lacking = equations_.not_in_tangent(at, direction);
+  if (lacking.size() == 0) return;
+  change.setZero();
+  for (int k = 0; k < most; ++k) {
+    Vector force = K_.selfadjointView<Eigen::Lower>() * direction + lacking;
+    for (std::size_t i = 0; i < forces.size(); ++i) {
+      const double share = forces[i].dot(force);
+      force -= share * forces[i];
+      direction -= share * directions[i];
+    }
+    const double size = force.norm();
+    if (!(size > 0.0)) return;
+    directions.push_back(direction / size);
+    forces.push_back(force / size);
+    const double share = forces.back().dot(left);
+    change += share * directions.back();
+    left -= share * forces.back();
+    if (left.norm() <= enough * r.norm()) return;
+    direction = linear_.solve(left);
+    lacking = equations_.not_in_tangent(at, direction);
+  }
 }
 
 namespace {
