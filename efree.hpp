@@ -11,6 +11,7 @@
 #include "efree/analysis/study.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/conditions.hpp"
+#include "efree/assembly/follower_pressure.hpp"
 #include "efree/assembly/held_gradient.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/assembly/loads.hpp"

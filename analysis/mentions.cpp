@@ -17,6 +17,7 @@ template <int Dim> std::vector<Mention> boundaries(const Settings<Dim>& settings
   for (const auto& support : settings.supports) mention(all, support.on);
   for (const auto& loads : loads_by_case(settings)) {
     for (const auto& load : loads.tractions) mention(all, load.on);
+    for (const auto& load : loads.followers) mention(all, load.on);
     for (const auto& load : loads.resultants) mention(all, load.on);
   }
   for (const auto& reaction : settings.reactions) mention(all, reaction.on);

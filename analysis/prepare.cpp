@@ -147,6 +147,7 @@ FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> m
   };
   for (const auto& loads : cases) {
     for (const auto& load : loads.tractions) keep_loaded(load.on);
+    for (const auto& load : loads.followers) keep_loaded(load.on);
     for (const auto& load : loads.resultants) keep_loaded(load.on);
   }
   Index count = 0, largest = -1;

@@ -13,6 +13,7 @@ template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& se
     Loads<Dim>& loads = all.emplace_back(settings.loads);
     const auto append = [](auto& to, const auto& more) { to.insert(to.end(), more.begin(), more.end()); };
     append(loads.tractions, one.loads.tractions);
+    append(loads.followers, one.loads.followers);
     append(loads.resultants, one.loads.resultants);
     append(loads.mass_forces, one.loads.mass_forces);
     if (one.loads.body_force)

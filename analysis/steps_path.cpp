@@ -96,13 +96,20 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
-/// Says where the path becomes unstable.
+/// Says where the path becomes unstable. Pivots are those of the symmetric part, which may be negative before the whole
+/// is singular: where pressures that follow the body end at parts that are weakly held.
 template <int Dim> void warn_of_instability(Result<Dim>& result) {
+  const bool follows =
+      std::ranges::any_of(result.balance.loads, [](const auto& load) { return load.kind == "follower_pressure"; });
   Index before = 0;
   for (const HistoryStep<Dim>& step : result.history) {
     if (step.negative_pivots > 0 && before == 0)
-      result.warnings.push_back(fmt::format("at time {:.6g} the body is not stable: its energy falls in {} direction{}",
-                                            step.time, step.negative_pivots, step.negative_pivots == 1 ? "" : "s"));
+      result.warnings.push_back(fmt::format(
+          "at time {:.6g} the body {} not stable: its energy falls in {} direction{}{}", step.time,
+          follows ? "may be" : "is", step.negative_pivots, step.negative_pivots == 1 ? "" : "s",
+          follows ? " of the symmetric part of its stiffness (pressures that follow the body have one that is not "
+                    "symmetric where they end)"
+                  : ""));
     before = step.negative_pivots;
   }
 }
@@ -370,8 +377,15 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   if (equations.finite_strain())
     for (const auto& load : result.balance.loads)
       if (load.kind == "pressure")
+        result.warnings.push_back(
+            fmt::format("pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the "
+                        "body, as it would with follower = true",
+                        load.on));
+  if (settings.model.plane == Plane::stress)
+    for (const auto& load : result.balance.loads)
+      if (load.kind == "follower_pressure")
         result.warnings.push_back(fmt::format(
-            "pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the body", load.on));
+            "pressure on \"{}\" follows the body in its plane: it is per thickness at rest, not as it is", load.on));
   if (const double strain = largest_of_small(equations, equations.fields(walk.at())); strain > 0.05)
     result.warnings.push_back(
         fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "

@@ -30,6 +30,13 @@ template <int Dim> struct TractionCondition {
   std::string kind = "traction";  ///< what people call it
 };
 
+/// Pressure on a named part of the boundary as it moves: on its area and against its normal as they are at any time
+/// (NonlinearEquilibrium); of the place at rest [stress].
+template <int Dim> struct FollowerPressure {
+  std::string on;
+  ScalarField<Dim> pressure;
+};
+
 /// Force and moment on a named part of the boundary, spread over it as a traction a + w x (x - c) with its centroid c,
 /// which has exactly this resultant whatever the mesh. Axisymmetric: a force along the axis, of the whole turn.
 template <int Dim> struct ResultantLoad {
@@ -66,7 +73,8 @@ template <int Dim> struct Loads {
   VectorField<Dim> body_force{};                  ///< force per volume; may be empty
   std::vector<ResultantLoad<Dim>> resultants{};
   std::vector<MassForce<Dim>> mass_forces{};
-  std::vector<Parameter> density{};  ///< by region of the mesh, for mass_forces [mass / volume]
+  std::vector<Parameter> density{};                ///< by region of the mesh, for mass_forces [mass / volume]
+  std::vector<FollowerPressure<Dim>> followers{};  ///< of bodies that move, besides tractions
 
   /// Whether something acts on the whole body.
   bool inside() const { return body_force || !mass_forces.empty(); }

@@ -55,6 +55,9 @@ void add_inside(const FineSpace<Dim>& space, const std::string& kind, const Forc
 /// Calls visit(part, kind, what adds its forces) for every load.
 template <int Dim, class Visit>
 void for_each_load(const FineSpace<Dim>& space, const Loads<Dim>& loads, const Visit& visit) {
+  if (!loads.followers.empty())
+    throw InputError(fmt::format("pressure on \"{}\" follows the body, which is taken to be at rest here",
+                                 loads.followers.front().on));
   for (const auto& load : loads.tractions)
     visit(load.on, load.kind, [&](Points<Dim>& forces) { add(space, load, forces); });
   for (const auto& load : loads.resultants)

@@ -14,14 +14,15 @@ namespace efree {
 
 /// f = int phi_I t + int phi_I b, integrated on the fine mesh: Dim x N. Throws InputError for an unknown boundary, a
 /// traction, force or density that is not finite (naming the point), mass forces without a density for every region,
-/// and, axisymmetric, resultants other than forces along the axis.
+/// axisymmetric, resultants other than forces along the axis, and pressures that follow the body, which is taken to be
+/// at rest.
 template <int Dim>
 Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads);
 
 /// One load and what it amounts to.
 template <int Dim> struct AppliedLoad {
   std::string on;    ///< part of the boundary; empty for what acts on the whole body
-  std::string kind;  ///< "traction", "pressure", "force", "body_force", "acceleration", "rotation"
+  std::string kind;  ///< "traction", "pressure", "follower_pressure", "force", "body_force", "acceleration", "rotation"
   Resultant<Dim> of;
 };
 /// Each of the loads, as load_vector integrates it: tractions, resultants, body force, mass forces. Moments are those

@@ -33,6 +33,7 @@ inline Settings<2> large_settings(SharedMaterial material, Plane plane, double s
   settings.model.material = std::move(material);
   settings.model.plane = plane;
   settings.time = TimeSettings<2>{.path = {.step = step, .stops = {stop}}};
+  settings.estimated = settings.corrected = false;
   return settings;
 }
 inline DisplacementCondition<2> moved_by(std::string on, double ux, double uy) {

@@ -321,7 +321,11 @@ template <int Dim> class BoundaryReader {
       int held = 0;
       for (int i = 0; i < Dim; ++i) held += claimed_.contains({on, component[i]});
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
-      loads.tractions.push_back(pressure<Dim>(on, expressions_.field(entry.expression(kind), entry.where(kind))));
+      const auto value = expressions_.field(entry.expression(kind), entry.where(kind));
+      if (entry.boolean("follower", false))
+        loads.followers.push_back({on, value});
+      else
+        loads.tractions.push_back(pressure<Dim>(on, value));
     }
   }
   static std::string_view only_kind(const Section& entry) {
@@ -332,6 +336,8 @@ template <int Dim> class BoundaryReader {
     if (!entry.has("force") && entry.has("moment")) found.push_back("force");
     if (entry.has("at") && std::ranges::find(found, "force") == found.end())
       entry.fail("at", "at is where a force acts, and there is no force");
+    if (entry.has("follower") && !entry.has("pressure"))
+      entry.fail("follower", "follower is for a pressure, and there is none");
     if (found.size() != 1)
       entry.fail(
           "on",
@@ -513,6 +519,7 @@ constexpr std::array boundary_keys{"on",
                                    "normal_stiffness",
                                    "traction",
                                    "pressure",
+                                   "follower",
                                    "force",
                                    "moment",
                                    "at"};

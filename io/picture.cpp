@@ -511,7 +511,9 @@ template <int Dim> void paint(const std::filesystem::path& file, const Settings<
   double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
   if (!result.history.empty()) drawn = std::max(drawn, 1.0);  // large displacements as they are
   const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
-  const auto held = where(space, settings.supports), loaded = where(space, settings.loads.tractions);
+  const auto held = where(space, settings.supports);
+  auto loaded = where(space, settings.loads.tractions);
+  for (const auto& of : where(space, settings.loads.followers)) loaded.push_back(of);
 
   View view;
   if constexpr (solid) {

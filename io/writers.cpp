@@ -215,7 +215,9 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
   Matrix loaded = Matrix::Zero(1, space.num_places());
   for (const auto& loads : loads_by_case(settings))
-    loaded = loaded.cwiseMax(marked(space, loads.tractions)).cwiseMax(marked(space, loads.resultants));
+    loaded = loaded.cwiseMax(marked(space, loads.tractions))
+                 .cwiseMax(marked(space, loads.resultants))
+                 .cwiseMax(marked(space, loads.followers));
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
   for (const auto& [name, values] : result.remembered) {
     const auto components = values.rows() == 6 ? std::vector<const char*>{"xx", "yy", "zz", "yz", "xz", "xy"}

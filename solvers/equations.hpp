@@ -44,9 +44,12 @@ class Equations {
   virtual Vector first_residual(const State& /*from*/, const State& to) const { return residual(to); }
   /// A force that residuals are small or large against: the largest that acts anywhere, each by itself.
   virtual double force_scale(const State& state) const = 0;
-  /// The derivative of the residual by the unknowns, lower triangle. K is empty, or from the same equations: then its
-  /// values are replaced in place.
+  /// The derivative of the residual by the unknowns, or its symmetric part; lower triangle. K is empty, or from the
+  /// same equations: then its values are replaced in place.
   virtual void tangent(const State& state, SymmetricMatrix& K) const = 0;
+  /// What the tangent lacks, times a change of the unknowns: of a derivative that is not symmetric. Empty for nothing,
+  /// and what is not known.
+  virtual Vector not_in_tangent(const State& /*state*/, const Vector& /*change*/) const { return {}; }
   /// The state with the histories that the materials have at its end.
   virtual State commit(State state) const = 0;
 

@@ -8,25 +8,51 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace efree {
 
-Matrix TangentSolver::change(const State& at, const Matrix& r) {
+Matrix TangentSolver::change(const State& at, const Matrix& r, bool kept) {
   const bool first = K_.size() == 0;
-  if (!factored_ || !equations_.linear()) {
+  if (!factored_ || !(kept || equations_.linear())) {
     equations_.tangent(at, K_);
     if (!K_.coeffs().allFinite()) throw NumericalError("the tangent is not finite");
     if (first) linear_.analyse(K_, equations_.node_of_unknowns());
     linear_.factorize(K_);
     factored_ = true;
   }
-  return change_as_before(r);
-}
-
-Matrix TangentSolver::change_as_before(const Matrix& r) const {
   Matrix change = linear_.solve(-r);
+  for (Index k = 0; k < r.cols(); ++k) iterate(at, r.col(k), change.col(k));
   if (!change.allFinite()) throw NumericalError("the change of the solution is not finite");
   return change;
+}
+
+/// From a change by the factor alone to that by all of the derivative.
+void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector> change) const {
+  constexpr double enough = 1e-8;
+  constexpr int most = 30;
+  std::vector<Vector> directions, forces;
+  Vector left = -r, direction = change, lacking = equations_.not_in_tangent(at, direction);
+  if (lacking.size() == 0) return;
+  change.setZero();
+  for (int k = 0; k < most; ++k) {
+    Vector force = K_.selfadjointView<Eigen::Lower>() * direction + lacking;
+    for (std::size_t i = 0; i < forces.size(); ++i) {
+      const double share = forces[i].dot(force);
+      force -= share * forces[i];
+      direction -= share * directions[i];
+    }
+    const double size = force.norm();
+    if (!(size > 0.0)) return;
+    directions.push_back(direction / size);
+    forces.push_back(force / size);
+    const double share = forces.back().dot(left);
+    change += share * directions.back();
+    left -= share * forces.back();
+    if (left.norm() <= enough * r.norm()) return;
+    direction = linear_.solve(left);
+    lacking = equations_.not_in_tangent(at, direction);
+  }
 }
 
 namespace {
@@ -103,7 +129,7 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
           result.iterations(), out, scale));
     const auto n = result.residuals.size();
     const bool kept = n > 1 && result.residuals[n - 1] <= options.keep * result.residuals[n - 2];
-    change = kept ? Vector(tangent.change_as_before(r)) : Vector(tangent.change(result.state, r));
+    change = tangent.change(result.state, r, kept);
     Trial next = line_search(equations, result.state, r, change, options.max_cuts);
     result.state = std::move(next.state);
     r = std::move(next.residual);

@@ -37,14 +37,16 @@ class TangentSolver {
  public:
   /// Refers to both.
   TangentSolver(const Equations& equations, LinearSolver& linear) : equations_(equations), linear_(linear) {}
-  /// With the tangent at a state, column by column: the change that takes forces r out of balance away. Of linear
-  /// equations it is factored once. Throws what the linear solver throws.
-  Matrix change(const State& at, const Matrix& r);
-  /// The same with the last factor.
-  Matrix change_as_before(const Matrix& r) const;
+  /// With the tangent at a state, column by column: the change that takes forces r out of balance away. What the
+  /// tangent lacks (Equations::not_in_tangent) is iterated on, with the factor, down to 1e-8 of r (generalised
+  /// conjugate residuals; Eisenstat, Elman & Schultz 1983). Of linear equations the tangent is factored once; else
+  /// `kept` takes the last one. Throws what the linear solver throws.
+  Matrix change(const State& at, const Matrix& r, bool kept = false);
   Index negative_pivots() const { return linear_.negative_pivots(); }
 
  private:
+  void iterate(const State& at, const Vector& r, Eigen::Ref<Vector> change) const;
+
   const Equations& equations_;
   LinearSolver& linear_;
   SymmetricMatrix K_;

@@ -2,6 +2,7 @@
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 
 #include "efree/assembly/bodies.hpp"
+#include "efree/assembly/follower_pressure.hpp"
 #include "efree/assembly/held_gradient.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/assembly/internal/matrix_pattern.hpp"
@@ -21,6 +22,7 @@
 #include <mutex>
 #include <optional>
 #include <tuple>
+#include <utility>
 
 namespace efree {
 
@@ -80,13 +82,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   /// What acts at one time.
   struct Acting {
     Points<Dim> loads;  ///< on coefficients
+    Vector pressures;   ///< that follow the body, by point of theirs
     PrescribedMotion<Dim> motion;
     NodalConditions<Dim> nodal;
     std::vector<Restraint<Dim>> restraints;  ///< that are not nodal
     std::vector<Restraint<Dim>> rigid;
 
     Acting scaled(double factor) const {
-      Acting result{factor * loads, motion * factor, nodal, restraints, rigid};
+      Acting result{factor * loads, factor * pressures, motion * factor, nodal, restraints, rigid};
       for (auto& values : result.nodal.values) values *= factor;
       for (auto* all : {&result.restraints, &result.rigid})
         for (auto& restraint : *all)
@@ -120,6 +123,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   Materials<Dim> materials;
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
+  FollowerPressures<Dim> followers;
   std::vector<bool> finite;   ///< by region
   std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
   Ragged<Index> members;      ///< points by union; no rows without averages
@@ -140,6 +144,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         initial(stiffness_terms(of, materials, 0.0)),
         held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(program.full_at))),
              tied_facets(of.space.mesh(), model.open_interface)),
+        followers(of.space, of.shape, program.loads(program.full_at).followers),
         unknowns(of.shape.num_nodes(), nodal(restraints(program.conditions(program.full_at)))),
         pattern(of.shape.num_nodes(), {}, {}) {
     for (Index region = 0; region < materials.num_regions(); ++region)
@@ -171,7 +176,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
           for (const Index node : union_nodes[g].subspan(k)) sums[node];
       });
     }
-    pattern = MatrixPattern<Dim>(nodes, {&held.quadrature().shape}, weak);
+    pattern = MatrixPattern<Dim>(nodes, {&held.quadrature().shape, &followers.table()}, weak);
   }
 
   std::vector<Restraint<Dim>> not_nodal(std::vector<Restraint<Dim>> all) const {
@@ -188,9 +193,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const auto all = restraints(program.conditions(time));
     auto rigid = all;
     std::erase_if(rigid, [](const auto& restraint) { return restraint.is_elastic(); });
-    return std::make_shared<const Acting>(
-        Acting{load_vector(approximation.space, approximation.shape, program.loads(time)),
-               held.prescribed(not_nodal(all)), nodal(all), not_nodal(all), rigid});
+    Loads<Dim> loads = program.loads(time);
+    const auto following = std::exchange(loads.followers, {});
+    return std::make_shared<const Acting>(Acting{load_vector(approximation.space, approximation.shape, loads),
+                                                 followers.at_points(following), held.prescribed(not_nodal(all)),
+                                                 nodal(all), not_nodal(all), rigid});
   }
   /// What acts at a time; the same for the same time.
   std::shared_ptr<const Acting> acting(double time) const {
@@ -348,6 +355,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
+  /// Of loads at a time, on a body with these displacements.
+  Points<Dim> external_forces(const Acting& at, const Points<Dim>& U) const {
+    if (followers.empty()) return at.loads;
+    return at.loads + followers.forces(at.pressures, U);
+  }
+  Points<Dim> external_forces(const State& state) const {
+    return external_forces(*acting(state.time), displacements(state));
+  }
   Points<Dim> internal_forces(const State& state) const {
     return weak_forces(displacements(state)) - acting(state.time)->motion.forces +
            held.force(stresses(*ask(state, false)));
@@ -386,10 +401,12 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         for (std::size_t at = 0; at < nodes.size(); ++at) forces[first + at] += 0.5 * bulk * along[first + at];
       });
     }
+    const auto pressed = followers.now(acting(state.time)->pressures, displacements(state));
     pattern.sum(
         unknowns,
         [&](Index a, BlockColumn<Dim>& column) {
           held.add_stiffness(A, a, column);
+          if (!followers.empty()) followers.add_stiffness(pressed, a, column);
           if (!averaged()) return;
           for (const auto& [g, k] : unions_of_node[a]) {
             const auto nodes = union_nodes[g];
@@ -441,6 +458,14 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
   const auto conditions = restraints(program.conditions(program.full_at));
   require_restrained(approximation.space, conditions, tied_facets(approximation.space.mesh(), model.open_interface));
   data_ = std::make_shared<const Data>(approximation, model, std::move(program));
+  const FineMesh<Dim>& mesh = approximation.space.mesh();
+  for (const auto& follower : data_->program.loads(data_->program.full_at).followers)
+    for (const Index f : mesh.group(follower.on))
+      if (!data_->finite[mesh.region(mesh.facet_cell(f))])
+        throw InputError(
+            fmt::format("pressure on \"{}\" follows the body: that is for materials of finite strains, "
+                        "expected one (strain = \"finite\", or a hyperelastic model) or follower = false",
+                        follower.on));
   if (Dim == 2 && model.plane == Plane::stress && data_->averaged() && finite_strain())
     throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
 }
@@ -476,7 +501,7 @@ template <int Dim> State NonlinearEquilibrium<Dim>::moved(State state, const Vec
 }
 
 template <int Dim> Vector NonlinearEquilibrium<Dim>::residual(const State& state) const {
-  return data_->unknowns.of(data_->internal_forces(state) - data_->acting(state.time)->loads);
+  return data_->unknowns.of(data_->internal_forces(state) - data_->external_forces(state));
 }
 
 template <int Dim> Vector NonlinearEquilibrium<Dim>::first_residual(const State& from, const State& to) const {
@@ -485,13 +510,16 @@ template <int Dim> Vector NonlinearEquilibrium<Dim>::first_residual(const State&
                                      after->motion.forces - before->motion.forces};
   State start = from;  // its history, with the step's duration
   start.dt = to.dt;
-  const Points<Dim> change = data_->displacements(to) - data_->displacements(from);
-  return data_->unknowns.of(data_->internal_forces(start) + data_->linearised(start, change, motion) - after->loads);
+  const Points<Dim> U = data_->displacements(from), change = data_->displacements(to) - U;
+  Points<Dim> forces =
+      data_->internal_forces(start) + data_->linearised(start, change, motion) - data_->external_forces(*after, U);
+  if (!data_->followers.empty()) forces -= data_->followers.changes(data_->followers.now(after->pressures, U), change);
+  return data_->unknowns.of(forces);
 }
 
 template <int Dim> double NonlinearEquilibrium<Dim>::force_scale(const State& state) const {
   constexpr double least_strain = 1e-4;  // stresses of less are not told from rounding where the body turns
-  double largest = data_->acting(state.time)->loads.cwiseAbs().maxCoeff();
+  double largest = data_->external_forces(state).cwiseAbs().maxCoeff();
   const auto answer = data_->ask(state, false);
   const auto& points = data_->held.quadrature();
   Vector sums = Vector::Zero(points.shape.num_nodes());
@@ -508,6 +536,13 @@ template <int Dim> double NonlinearEquilibrium<Dim>::force_scale(const State& st
 
 template <int Dim> void NonlinearEquilibrium<Dim>::tangent(const State& state, SymmetricMatrix& K) const {
   data_->tangent(state, K);
+}
+
+template <int Dim> Vector NonlinearEquilibrium<Dim>::not_in_tangent(const State& state, const Vector& change) const {
+  const FollowerPressures<Dim>& followers = data_->followers;
+  if (followers.empty()) return {};
+  const auto now = followers.now(data_->acting(state.time)->pressures, data_->displacements(state));
+  return -data_->unknowns.of(followers.unsymmetric_changes(now, data_->unknowns.to_nodes(change)));
 }
 
 template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {
@@ -570,7 +605,7 @@ template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const St
   const auto& [space, nodes] = std::tie(approximation().space, approximation().node_dofs);
   std::vector<Index> node_at(space.size(), -1);
   for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
-  const Points<Dim> forces = data_->internal_forces(state) - acting->loads;
+  const Points<Dim> forces = data_->internal_forces(state) - data_->external_forces(state);
   const Points<Dim> moved_by = interpolate(approximation().shape, U);
   for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces,
                                                      finite_strain() ? &moved_by : nullptr))
@@ -583,10 +618,13 @@ template <int Dim> std::vector<AppliedLoad<Dim>> NonlinearEquilibrium<Dim>::appl
   const double full = program.full_at;
   Points<Dim> moved_by;
   if (finite_strain()) moved_by = interpolate(approximation().shape, data_->displacements(state));
-  auto loads = applied_loads(approximation().space, program.loads(full != 0.0 ? full : state.time),
-                             finite_strain() ? &moved_by : nullptr);
+  Loads<Dim> dead = program.loads(full != 0.0 ? full : state.time);
+  dead.followers.clear();
+  auto loads = applied_loads(approximation().space, dead, finite_strain() ? &moved_by : nullptr);
   if (full != 0.0)
     for (auto& load : loads) load.of = load.of * (state.time / full);
+  for (auto& [on, of] : data_->followers.resultants(data_->acting(state.time)->pressures, data_->displacements(state)))
+    loads.push_back({on, "follower_pressure", of});
   return loads;
 }
 

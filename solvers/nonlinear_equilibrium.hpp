@@ -45,7 +45,8 @@ template <int Dim> struct PointFields {
 /// their union: at small strains H + s (mean tr H - tr H), s as in Equilibrium; at finite ones (J_mean / J)^(1/3) F,
 /// J_mean the mean of J over the union (Simo, Taylor & Pister 1985; de Souza Neto et al. 1996 take J at a centroid),
 /// which is the derivative of one energy, so that tangents are symmetric. Tangents of materials that are not symmetric
-/// are taken for their symmetric part: Newton's method then converges linearly.
+/// are taken for their symmetric part: Newton's method then converges linearly. Pressures that follow the body
+/// (Loads::followers) have a stiffness of their own; what is not symmetric of it is not_in_tangent.
 template <int Dim> class NonlinearEquilibrium final : public Equations {
  public:
   /// Refers to the approximation. Throws InputError like Equilibrium; for a stabilisation, which is of linear
@@ -63,6 +64,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   Vector first_residual(const State& from, const State& to) const override;
   double force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
+  Vector not_in_tangent(const State& state, const Vector& change) const override;
   State commit(State state) const override;
   bool linear() const override;
   const std::vector<Index>& node_of_unknowns() const override;

@@ -93,6 +93,18 @@ TEST(Examples, ThickCylinderIsWithinAPercentWithEightNodesThroughTheWall) {
   EXPECT_NEAR(result.probes.at(0).second.stress[2] / hoop, 1.0, 0.01);
 }
 
+TEST(Examples, RubberTubeIsInflatedAsItsClosedForm) {
+  const auto result = analyse(std::get<Case<2>>(read_case(examples + "/rubber/tube.toml")));
+  EXPECT_TRUE(result.stopped.empty()) << result.stopped;
+  for (const auto& step : result.history) {
+    const double a = 1.0 + step.probes.at(0).x(), b = std::sqrt(1.0 + 0.25 * (a * a - 1.0));
+    const double p = std::log(a / b) + 0.5 * (1.0 / (b * b) - 1.0 / (a * a));
+    EXPECT_NEAR(p / (0.574 * step.time), 1.0, 0.01) << a;
+    EXPECT_EQ(step.negative_pivots, 0);
+  }
+  EXPECT_NEAR(result.history.back().probes.at(0).x(), 1.0, 0.03);
+}
+
 TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {
   const auto stress = std::get<Case<2>>(read_case(examples + "/cook/plane_stress.toml")),
              strain = std::get<Case<2>>(read_case(examples + "/cook/plane_strain.toml"));

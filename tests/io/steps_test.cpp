@@ -121,6 +121,31 @@ TEST(Steps, WhatDoesNotMentionTimeGrowsInProportionToIt) {
     EXPECT_NEAR(columns.at("reaction.right.x")[k], pull(1.0 + 0.4 * columns.at("t")[k]), 1e-8);
 }
 
+/// The same strip under a pressure on its end; what it stretches by is that of the true stress.
+TEST(Steps, APressureThatFollowsTheBodyActsOnItsAreaAsItIs) {
+  const std::string pressed =
+      replaced(rubber, "displacement = [\"1.6*t\", \"free\"]", "pressure = \"-0.5*t\"\nfollower = true");
+  const Workspace work(pressed);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, Not(HasSubstr("at rest"))) << "nothing to warn of";
+  const auto columns = history(work / "out/history.csv");
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
+    const double stretch = 1.0 + 0.5 * columns.at("probe.end.ux")[k], across = 1.0 + columns.at("probe.end.uy")[k];
+    EXPECT_NEAR(pull(stretch) / across, 0.5 * columns.at("t")[k], 1e-8);
+    EXPECT_NEAR(columns.at("reaction.left.x")[k], -pull(stretch), 1e-8);
+    EXPECT_LT(columns.at("iterations")[k], 8.0);
+  }
+  const auto result = json(work / "out/result.json");
+  const auto& load = result["loads"][0];
+  EXPECT_EQ(load["kind"], "follower_pressure");
+  EXPECT_NEAR(load["force"][0].get<double>(), -columns.at("reaction.left.x").back(), 1e-8);
+  EXPECT_LT(result["balance"]["error"].get<double>(), 1e-10);
+  const Workspace thin(replaced(pressed, "plane = \"strain\"", "plane = \"stress\""));
+  EXPECT_THAT(thin.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).output,
+              HasSubstr("it is per thickness at rest"));
+}
+
 TEST(Steps, AMaterialThatIsNotLinearNeedsNoTimeToBeSaid) {
   const Workspace work(replaced(replaced(rubber, "1.6*t", "1.6"), "[time]\nstep = 0.25\n", ""));
   ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
@@ -275,6 +300,15 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   EXPECT_THAT(refused(replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
                                "model = \"j2\"\nE = 1\nnu = 0.3\nyield = \"1 + x\"")),
               HasSubstr("not of the place"));
+  const std::string end = "displacement = [\"1.6*t\", \"free\"]", follows = "pressure = \"t\"\nfollower = true";
+  EXPECT_THAT(refused(replaced(rubber, end, "traction = [\"t\", 0]\nfollower = true")),
+              HasSubstr("follower is for a pressure, and there is none"));
+  EXPECT_THAT(refused(replaced(rubber, end, "pressure = 1\nfollower = 1")), HasSubstr("expected true or false"));
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
+  for (const std::string& small :
+       {replaced(elastic, end, follows),
+        replaced(replaced(elastic, end, "pressure = 1\nfollower = true"), "[time]\nstep = 0.25\n", "")})
+    EXPECT_THAT(refused(small), HasSubstr("pressure on \"right\" follows the body: that is for materials of finite"));
   EXPECT_THAT(refused(replaced(rubber, "neo_hookean", "neo_hokean")), HasSubstr("\"neo_hookean\""));
 }
 
