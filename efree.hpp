@@ -85,6 +85,7 @@
 #include "efree/solvers/linear_solver.hpp"
 #include "efree/solvers/linear_step.hpp"
 #include "efree/solvers/locking.hpp"
+#include "efree/solvers/modes.hpp"
 #include "efree/solvers/newton.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 #include "efree/solvers/reactions.hpp"

@@ -125,6 +125,9 @@ template <int Dim> struct Result : Answer<Dim> {
   std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
   std::optional<CloudAlone> cloud_alone{};
+  /// If the body was not stable on its way: how it gave way at the first step at which it was not, at the degrees of
+  /// freedom of the approximation's space (softest_mode).
+  Points<Dim> instability{};
 
   /// What was modelled: never automatic.
   Regime regime = Regime::linear;

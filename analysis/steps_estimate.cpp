@@ -32,7 +32,7 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
   if (!(result.history.back().stored > rounding * most)) return "at the end nothing is deformed";
   if (takes_mean_dilatation(cloud, result.model))
     return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
-  if (result.history.back().negative_pivots > 0) return "the body is not stable";
+  if (result.instability.size() > 0) return "the body was not stable on its way";
   const bool quadratic = cloud.averaged || cloud.space.degree() == 2;
   const Index nodes =
       quadratic && cloud.space.degree() == 1 ? (Dim == 2 ? 4 : 8) * mesh.num_vertices() : cloud.space.size();

@@ -8,6 +8,7 @@
 #include "efree/materials/plasticity.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
+#include "efree/solvers/modes.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 
 #include <fmt/format.h>
@@ -96,20 +97,17 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
           approximation.quadrature.weights.dot(points.energy)};
 }
 
-/// Says where the path becomes unstable. Pivots are those of the symmetric part, which may be negative before the whole
-/// is singular: where pressures that follow the body end at parts that are weakly held.
+/// Says where the path becomes unstable.
 template <int Dim> void warn_of_instability(Result<Dim>& result) {
-  const bool follows =
-      std::ranges::any_of(result.balance.loads, [](const auto& load) { return load.kind == "follower_pressure"; });
   Index before = 0;
+  bool told = false;
   for (const HistoryStep<Dim>& step : result.history) {
-    if (step.negative_pivots > 0 && before == 0)
+    if (step.negative_pivots > 0 && before == 0) {
       result.warnings.push_back(fmt::format(
-          "at time {:.6g} the body {} not stable: its energy falls in {} direction{}{}", step.time,
-          follows ? "may be" : "is", step.negative_pivots, step.negative_pivots == 1 ? "" : "s",
-          follows ? " of the symmetric part of its stiffness (pressures that follow the body have one that is not "
-                    "symmetric where they end)"
-                  : ""));
+          "at time {:.6g} the body is not stable: its energy falls in {} direction{}{}", step.time,
+          step.negative_pivots, step.negative_pivots == 1 ? "" : "s", told ? "" : " (instability_mode in fields.vtu)"));
+      told = true;
+    }
     before = step.negative_pivots;
   }
 }
@@ -156,6 +154,9 @@ template <int Dim> class Walk {
   void finish() {
     if (recovered_at_ != there_.at.steps || result_.fields.displacement.size() == 0) recover();
     result_.history = std::move(there_.history);
+    if (there_.mode.size() > 0)
+      result_.instability = interpolate(
+          full_.approximation().shape, Points<Dim>(there_.mode.reshaped(Dim, full_.approximation().shape.num_nodes())));
     result_.model = equations().model();
     if (settings_.regime != Regime::automatic) return;
     result_.regime = there_.agreed ? Regime::linear : Regime::finite;
@@ -229,6 +230,7 @@ template <int Dim> class Walk {
     there_.at = agreed;
     static_cast<State&>(there_.at) = beside_->as_full(agreed);
     there_.history.resize(agreed.steps);
+    there_.mode.resize(0);
     beside_.reset();
     recovered_at_ = 0;
     if (monitor_.say)
@@ -261,6 +263,7 @@ template <int Dim> class Walk {
   void note(const PathStep& step) {
     const State& state = step.now.state;
     there_.history.push_back(row_of(step));
+    if (step.now.negative_pivots > 0 && there_.mode.size() == 0) there_.mode = softest_mode(equations(), state);
     there_.at = step.after;
     static_cast<State&>(there_.at) = state;
     if (there_.agreed && there_.linear_checks.back().same && there_.agreed->steps + 1 == there_.at.steps)

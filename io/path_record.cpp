@@ -28,7 +28,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are written as they are in memory");
 
-constexpr std::string_view mark = "efree path 2\n";
+constexpr std::string_view mark = "efree path 3\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Values one after the other, as they are in memory.
@@ -225,6 +225,7 @@ template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<
   for (const auto& check : there.linear_checks) add(out, check);
   out.add(std::uint64_t{there.agreed.has_value()});
   if (there.agreed) add(out, *there.agreed);
+  out.add(there.mode);
   out.add(internal::Fingerprint().add(out.bytes()).value());
   replace(file, [&](const fs::path& part) {
     std::ofstream stream(part, std::ios::binary);
@@ -263,6 +264,7 @@ template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMar
     for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.history.push_back(history_step<Dim>(in));
     for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.linear_checks.push_back(linear_check(in));
     if (in.get<std::uint64_t>() != 0) there.agreed = path_point(in);
+    in.fill(there.mode);
     if (its.how != of.how) there.at.next = 0.0;
     if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
     const int steps = there.at.steps;

@@ -219,6 +219,8 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
                  .cwiseMax(marked(space, loads.resultants))
                  .cwiseMax(marked(space, loads.followers));
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
+  if (result.instability.size() > 0)
+    add_array(grid, "instability_mode", space.at_places(result.instability), {"x", "y", "z"});
   for (const auto& [name, values] : result.remembered) {
     const auto components = values.rows() == 6 ? std::vector<const char*>{"xx", "yy", "zz", "yz", "xz", "xy"}
                                                : std::vector<const char*>(values.rows(), "");

@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
+#include <numbers>
 
 namespace efree {
 namespace {
@@ -118,6 +119,35 @@ TEST(StepsEstimate, SolidsAreCorrectedToo) {
   EXPECT_LT(result.balance.error, 1e-8);
   EXPECT_GT(result.estimates->uncorrected, 0.01);
   EXPECT_LT(result.estimates->uncorrected, 0.3);
+}
+
+TEST(Instability, ModeOfAClampedColumnIsEulers) {
+  const double length = 10.0, thickness = 0.5;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, length, thickness), {.size = 0.125});
+  // Shortened by a share of 4 pi^2 / 12 (t / l)^2 it gives way sideways by 1 - cos(2 pi x / l) (Euler 1744).
+  const double critical = length * std::numbers::pi * std::numbers::pi / 3.0 * std::pow(thickness / length, 2);
+  DisplacementCondition<2> left{"left", {}, {}}, right{"right", {}, {}};
+  left.components = {[](const Vec<2>&) { return 0.0; }, [](const Vec<2>&) { return 0.0; }};
+  right.components = {[=](const Vec<2>&) { return -2.0 * critical; }, [](const Vec<2>&) { return 0.0; }};
+  Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+                       .supports = {left, right},
+                       .time = TimeSettings<2>{.path = {.end = 0.6, .step = 0.4, .max_step = 0.4}},
+                       .approximation = {.spacing = 0.25}};
+  const Result<2> result = analyse(mesh, settings);
+  ASSERT_EQ(result.history.back().negative_pivots, 1) << "beyond Euler's load in one direction";
+  ASSERT_GT(result.instability.size(), 0);
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("instability_mode")));
+  EXPECT_FALSE(result.estimates);
+  const FineSpace<2>& space = result.approximation.space;
+  const double sign = result.instability.row(1).sum() > 0.0 ? 1.0 : -1.0;
+  double worst = 0.0;
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    const double x = space.points()(0, dof);
+    const double euler = 0.5 * (1.0 - std::cos(2.0 * std::numbers::pi * x / length));
+    worst = std::max(worst, std::abs(sign * result.instability(1, dof) - euler));
+  }
+  EXPECT_LT(worst, 0.05);
+  EXPECT_EQ(result.history.front().negative_pivots, 0) << "stable before";
 }
 
 TEST(StepsEstimate, WhatCannotBeEstimatedIsSaid) {
