@@ -42,8 +42,9 @@ class Equations {
   /// Forces out of balance at `to` (the same unknowns under another factor) if what was prescribed in between is taken
   /// as a small change of `from`: what Newton's method starts a step with, whatever jumps are prescribed.
   virtual Vector first_residual(const State& /*from*/, const State& to) const { return residual(to); }
-  /// A force that residuals are small or large against: the largest that acts anywhere, each by itself.
-  virtual double force_scale(const State& state) const = 0;
+  /// What the residual of each unknown is small or large against: the forces that act on its node, each by itself
+  /// [force].
+  virtual Vector force_scale(const State& state) const = 0;
   /// The derivative of the residual by the unknowns, or its symmetric part; lower triangle. K is empty, or from the
   /// same equations: then its values are replaced in place.
   virtual void tangent(const State& state, SymmetricMatrix& K) const = 0;

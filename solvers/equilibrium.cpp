@@ -356,7 +356,7 @@ template <int Dim> Vector Equilibrium<Dim>::residual(const State& state) const {
   return data_->unknowns.of(forces);
 }
 
-template <int Dim> double Equilibrium<Dim>::force_scale(const State& state) const {
+template <int Dim> Vector Equilibrium<Dim>::force_scale(const State& state) const {
   double largest = (state.factor * forces_).cwiseAbs().maxCoeff();
   data_->for_each_answer(state, false, [&](const WorkTerm<Dim>& term, const auto& answer, Index) {
     const ShapeTable<Dim>& shape = term.points->shape;
@@ -368,7 +368,7 @@ template <int Dim> double Equilibrium<Dim>::force_scale(const State& state) cons
     }
     largest = std::max(largest, sums.maxCoeff());
   });
-  return largest;
+  return Vector::Constant(static_cast<Index>(node_of_unknowns().size()), largest);
 }
 
 template <int Dim> void Equilibrium<Dim>::tangent(const State& state, SymmetricMatrix& K) const {

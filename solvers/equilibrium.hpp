@@ -63,7 +63,7 @@ template <int Dim> class Equilibrium final : public Equations {
   State under(double factor, State state) const override;
   State moved(State state, const Vector& change) const override;
   Vector residual(const State& state) const override;
-  double force_scale(const State& state) const override;
+  Vector force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
   State commit(State state) const override;
   bool linear() const override;

@@ -2,6 +2,7 @@
 #include "efree/solvers/linear_step.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/solvers/newton.hpp"
 
 #include <fmt/format.h>
 
@@ -27,13 +28,12 @@ std::vector<State> linear_steps(const std::vector<const Equations*>& equations, 
   for (std::size_t k = 0; k < equations.size(); ++k) {
     states[k] = equations[k]->moved(std::move(states[k]), changes.col(static_cast<Index>(k)));
     if (equations[k]->linear()) continue;
-    const double left = equations[k]->residual(states[k]).lpNorm<Eigen::Infinity>();
-    const double scale = equations[k]->force_scale(states[k]);
-    if (!(left <= largest * scale))
+    const OutOfBalance out(equations[k]->residual(states[k]), equations[k]->force_scale(states[k]));
+    if (!(out.share <= largest))
       throw NumericalError(
           fmt::format("one linear step leaves forces of {:.2g} out of balance where {:.2g} act: the materials are not "
                       "linear at these strains",
-                      left, scale));
+                      out.force, out.scale));
   }
   return states;
 }

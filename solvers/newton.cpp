@@ -55,6 +55,16 @@ void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector>
   }
 }
 
+OutOfBalance::OutOfBalance(const Vector& r, const Vector& scales) {
+  for (Index i = 0; i < r.size(); ++i) {
+    const double here = r[i] == 0.0 ? 0.0 : std::abs(r[i]) / scales[i];
+    if (std::isnan(share) || here <= share) continue;
+    share = here;
+    force = std::abs(r[i]);
+    scale = scales[i];
+  }
+}
+
 namespace {
 
 /// A state that was tried, and the forces that it leaves out of balance.
@@ -119,14 +129,14 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
   result.state = std::move(trial->state);
   Vector r = std::move(trial->residual);
   for (;;) {
-    const double scale = equations.force_scale(result.state), out = r.lpNorm<Eigen::Infinity>();
-    result.residuals.push_back(out == 0.0 ? 0.0 : out / scale);
-    if (out <= options.tolerance * scale) break;
+    const OutOfBalance out(r, equations.force_scale(result.state));
+    result.residuals.push_back(out.share);
+    if (out.share <= options.tolerance) break;
     if (result.iterations() == options.max_iterations)
-      throw NumericalError(fmt::format(
-          "Newton's method does not converge: after {} iterations forces of {:.2g} are out of balance where "
-          "{:.2g} act",
-          result.iterations(), out, scale));
+      throw NumericalError(
+          fmt::format("Newton's method does not converge: after {} iterations forces of {:.2g} are "
+                      "out of balance where {:.2g} act",
+                      result.iterations(), out.force, out.scale));
     const auto n = result.residuals.size();
     const bool kept = n > 1 && result.residuals[n - 1] <= options.keep * result.residuals[n - 2];
     change = tangent.change(result.state, r, kept);
@@ -190,14 +200,14 @@ class ArcStepper final : public Stepper {
     Converged result{.state = equations_.moved(equations_.under(from.time + time, from), all), .residuals = {}};
     for (;;) {
       const Vector r = equations_.residual(result.state);
-      const double scale = equations_.force_scale(result.state), out = r.lpNorm<Eigen::Infinity>();
-      result.residuals.push_back(out == 0.0 ? 0.0 : out / scale);
-      if (out <= options_.newton.tolerance * scale) break;
+      const OutOfBalance out(r, equations_.force_scale(result.state));
+      result.residuals.push_back(out.share);
+      if (out.share <= options_.newton.tolerance) break;
       if (result.iterations() == options_.newton.max_iterations || !r.allFinite())
         throw NumericalError(
             fmt::format("Newton's method does not converge along the arc: after {} iterations forces of {:.2g} are out "
                         "of balance where {:.2g} act",
-                        result.iterations(), out, scale));
+                        result.iterations(), out.force, out.scale));
       Matrix forces(r.size(), 2);
       forces << r, force_by_time(result.state);
       const Matrix changes = tangent_.change(result.state, forces);

@@ -15,7 +15,7 @@ namespace efree {
 
 /// When Newton's method is done, and when it gives up.
 struct NewtonOptions {
-  double tolerance = 1e-10;  ///< largest force out of balance, over Equations::force_scale
+  double tolerance = 1e-10;  ///< largest OutOfBalance::share
   int max_iterations = 25;
   int max_cuts = 8;  ///< halvings of one change
   /// The factor of a tangent is kept as long as each iteration leaves no more than this share of the forces out of
@@ -26,10 +26,16 @@ struct NewtonOptions {
 /// A state in balance.
 struct Converged {
   State state;                    ///< not committed
-  std::vector<double> residuals;  ///< by iteration: largest force out of balance, over force_scale
+  std::vector<double> residuals;  ///< by iteration: OutOfBalance::share
   Index negative_pivots = 0;      ///< of the last tangent: directions in which the energy falls (an instability)
 
   int iterations() const { return static_cast<int>(residuals.size()) - 1; }
+};
+
+/// The unknown whose residual is largest against what acts there (Equations::force_scale).
+struct OutOfBalance {
+  OutOfBalance(const Vector& residual, const Vector& scales);
+  double share = 0.0, force = 0.0, scale = 0.0;  ///< force = share * scale [force]
 };
 
 /// A tangent and its factor, kept from one solve to the next: the pattern is analysed once.

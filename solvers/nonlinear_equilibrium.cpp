@@ -517,21 +517,27 @@ template <int Dim> Vector NonlinearEquilibrium<Dim>::first_residual(const State&
   return data_->unknowns.of(forces);
 }
 
-template <int Dim> double NonlinearEquilibrium<Dim>::force_scale(const State& state) const {
-  constexpr double least_strain = 1e-4;  // stresses of less are not told from rounding where the body turns
-  double largest = data_->external_forces(state).cwiseAbs().maxCoeff();
+template <int Dim> Vector NonlinearEquilibrium<Dim>::force_scale(const State& state) const {
+  // Stresses of smaller strains are not told from rounding where the body turns, nor those of a gradient by which large
+  // displacements cancel.
+  constexpr double least_strain = 1e-4;
+  const Points<Dim> U = data_->displacements(state);
+  const Vector moved_by = U.colwise().norm();
   const auto answer = data_->ask(state, false);
   const auto& points = data_->held.quadrature();
   Vector sums = Vector::Zero(points.shape.num_nodes());
   for (Index K = 0; K < points.size(); ++K) {
     Stiffness<Dim> room;
     const double stiffness = materials().stiffness(points.region[K], points.points.col(K), room).C(0, 0);
-    const double stress = std::max(answer->of.P.col(K).norm(), least_strain * stiffness);
     const auto row = points.shape.row(K);
+    double cancelling = 0.0;
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) cancelling += moved_by[row.nodes[k]] * row.dN[k].norm();
+    const double stress = std::max(answer->of.P.col(K).norm(), least_strain * stiffness * std::max(1.0, cancelling));
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
       sums[row.nodes[k]] += points.weights[K] * stress * row.dN[k].norm();
   }
-  return std::max(largest, sums.maxCoeff());
+  sums = sums.cwiseMax(data_->external_forces(*data_->acting(state.time), U).colwise().norm().transpose());
+  return sums(node_of_unknowns());
 }
 
 template <int Dim> void NonlinearEquilibrium<Dim>::tangent(const State& state, SymmetricMatrix& K) const {

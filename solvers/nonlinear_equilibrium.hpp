@@ -62,7 +62,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   State moved(State state, const Vector& change) const override;
   Vector residual(const State& state) const override;
   Vector first_residual(const State& from, const State& to) const override;
-  double force_scale(const State& state) const override;
+  Vector force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
   Vector not_in_tangent(const State& state, const Vector& change) const override;
   State commit(State state) const override;

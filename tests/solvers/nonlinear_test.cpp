@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Bodies at finite strains, and materials with memory, by Newton's method.
+#include "efree/bench/layers.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
@@ -277,6 +278,43 @@ TEST(NonlinearEquilibrium, ReactionsBalanceInMomentsWhereTheHeldPartsHaveMovedTo
     EXPECT_GT(right.moment.norm(), 0.01) << name;
     EXPECT_LT((left.force + right.force).norm(), 1e-9 * right.force.norm()) << name;
     EXPECT_LT((left.moment + right.moment).norm(), 1e-9 * right.moment.norm()) << name;
+  }
+}
+
+/// A soft layer on a block 1e10 times as stiff, where all forces are small against those that the block would have.
+TEST(NonlinearEquilibrium, SoftPartsBesideStiffOnesAreSolvedAsExactlyAsAlone) {
+  const FineMesh<2> mesh(cut_regions(bench::layers({0.0, 0.0}, {1.0, 1.0}, 1, {0.5}, 0.1)));
+  const auto approximation = approximate(mesh, {.spacing = 0.25});
+  const NonlinearEquilibrium<2> equations(
+      approximation,
+      {.material = {}, .plane = Plane::strain, .regions = {NeoHooke(1.3e10, 0.7e10), NeoHooke(1.3, 0.7)}},
+      Program<2>::grows(
+          {clamp<2>("bottom"), {"top", {[](const Vec<2>&) { return 0.2; }, [](const Vec<2>&) { return -0.1; }}, {}}}));
+  Cholesky linear;
+  const State end = follow(equations, linear, equations.rest(), {.step = 0.5});
+  const Vector residual = equations.residual(end);
+  EXPECT_GT(equations.reactions(end).at("top").force.norm(), 0.5);
+  double out = 0.0;
+  for (Index i = 0; i < residual.size(); ++i)
+    if (approximation.nodes(1, equations.node_of_unknowns()[i]) > 0.7) out = std::max(out, std::abs(residual[i]));
+  EXPECT_LT(out, 1e-10);
+}
+
+/// Gradients are small differences of large displacements there: what is out of balance by rounding is in balance.
+TEST(NonlinearEquilibrium, BodiesAreCarriedFarAway) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.1});
+  const auto far = [](const Vec<2>&) { return 1e4; };
+  const auto none = [](const Vec<2>&) { return 0.0; };
+  for (const auto& [name, options, essential] : variants(0.2)) {
+    const auto approximation = approximate(mesh, options);
+    const NonlinearEquilibrium<2> equations(
+        approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain, .essential = essential},
+        Program<2>::grows({{"bottom", {far, none}, {}}, {"top", {far, [](const Vec<2>&) { return 0.1; }}, {}}}));
+    Cholesky linear;
+    int iterations = 0;
+    follow(equations, linear, equations.rest(), {.step = 0.5},
+           [&](const PathStep& step) { iterations += step.now.iterations(); });
+    EXPECT_LT(iterations, 10) << name;
   }
 }
 
