@@ -97,7 +97,7 @@ template <int Dim> LinearCheck LinearBeside<Dim>::operator()(const State& at) {
       return least > 0.0 ? differs.cwiseQuotient(largest.cwiseMax(least)).maxCoeff() : 0.0;
     };
     // Balance alone says nothing: other stresses may be in balance, too.
-    if (r.lpNorm<Eigen::Infinity>() <= NewtonOptions{}.tolerance * full_.force_scale(state) &&
+    if (OutOfBalance(r, full_.force_scale(state)).share <= NewtonOptions{}.tolerance &&
         stresses_off(there.stress) <= rounding) {
       check.same = check.enough = true;
       return check;
