@@ -154,9 +154,11 @@ template <int Dim> class Walk {
   void finish() {
     if (recovered_at_ != there_.at.steps || result_.fields.displacement.size() == 0) recover();
     result_.history = std::move(there_.history);
-    if (there_.mode.size() > 0)
-      result_.instability = interpolate(
-          full_.approximation().shape, Points<Dim>(there_.mode.reshaped(Dim, full_.approximation().shape.num_nodes())));
+    if (there_.mode.size() > 0) {
+      const auto& shape = full_.approximation().shape;
+      result_.instability = interpolate(shape, Points<Dim>(there_.mode.reshaped(Dim, shape.num_nodes())));
+      result_.instability /= result_.instability.cwiseAbs().maxCoeff();
+    }
     result_.model = equations().model();
     if (settings_.regime != Regime::automatic) return;
     result_.regime = there_.agreed ? Regime::linear : Regime::finite;

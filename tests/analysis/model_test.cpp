@@ -194,6 +194,7 @@ TEST(Model, TheErrorThatIsSaidIsTheOneThatIsMade) {
   for (const double traction : {1e-4, 1e-3}) {
     Settings<2> settings = through_time(pulled(NeoHookean(moduli), traction, Plane::strain));
     settings.time->path.step = settings.time->path.max_step = 1.0;
+    settings.estimated = settings.corrected = false;  // the cloud's own answers
     settings.regime_tolerance = 1.0;
     const Result<2> linear = analyse(mesh, settings), full = analyse(mesh, in(Regime::finite, settings));
     ASSERT_EQ(linear.regime, Regime::linear);

@@ -128,10 +128,10 @@ TEST(Instability, ModeOfAClampedColumnIsEulers) {
   const double critical = length * std::numbers::pi * std::numbers::pi / 3.0 * std::pow(thickness / length, 2);
   DisplacementCondition<2> left{"left", {}, {}}, right{"right", {}, {}};
   left.components = {[](const Vec<2>&) { return 0.0; }, [](const Vec<2>&) { return 0.0; }};
-  right.components = {[=](const Vec<2>&) { return -2.0 * critical; }, [](const Vec<2>&) { return 0.0; }};
+  right.components = {[=](const Vec<2>&) { return -1.06 * critical; }, [](const Vec<2>&) { return 0.0; }};
   Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
                        .supports = {left, right},
-                       .time = TimeSettings<2>{.path = {.end = 0.6, .step = 0.4, .max_step = 0.4}},
+                       .time = TimeSettings<2>{.path = {.step = 0.1}},
                        .approximation = {.spacing = 0.25}};
   const Result<2> result = analyse(mesh, settings);
   ASSERT_EQ(result.history.back().negative_pivots, 1) << "beyond Euler's load in one direction";
@@ -146,7 +146,7 @@ TEST(Instability, ModeOfAClampedColumnIsEulers) {
     const double euler = 0.5 * (1.0 - std::cos(2.0 * std::numbers::pi * x / length));
     worst = std::max(worst, std::abs(sign * result.instability(1, dof) - euler));
   }
-  EXPECT_LT(worst, 0.05);
+  EXPECT_LT(worst, 0.02);
   EXPECT_EQ(result.history.front().negative_pivots, 0) << "stable before";
 }
 
