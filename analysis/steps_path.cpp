@@ -243,11 +243,7 @@ template <int Dim> class Walk {
   }
 
   void follow_full() {
-    const auto stopped = [&](std::string why) {
-      if (!materials_all(full_.model(), [](const Material& material) { return material.symmetric(); }))
-        why +=
-            "; flow that is not associated has an unsymmetric tangent, of which the symmetric part is taken: take a "
-            "dilatancy nearer to the friction";
+    const auto stopped = [&](const std::string& why) {
       if (there_.history.empty()) throw NumericalError(why);
       result_.stopped = result_.refusal = why;
     };

@@ -229,6 +229,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return forces.reshaped(Dim, U.cols());
   }
   bool averaged() const { return members.rows() > 0; }
+  /// Whether tangents of all materials are.
+  bool symmetric() const {
+    const auto is = [](const SharedMaterial& material) { return !material || material->symmetric(); };
+    return is(model.material) && std::ranges::all_of(model.regions, is);
+  }
 
   /// 1 + H.
   Gradient<Dim> deformation(const Gradients<Dim>& H, Index K) const { return H.col(K) + trace_direction<Dim>(); }
@@ -324,6 +329,24 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return P;
   }
 
+  /// How what a material sees changes with the gradient of its point, M, and with the dilatation of the union, s, and
+  /// how that of the point changes with its gradient, d: with averages.
+  struct Seen {
+    Tangent<Dim> M;
+    Gradient<Dim> s, d;
+  };
+  Seen seen(const Answer& answer, Index K) const {
+    if (!is_finite(K)) {
+      const Gradient<Dim> trace = materials.trace(), s = swelling(K);
+      return {Tangent<Dim>::Identity() - s * trace.transpose(), s, trace};
+    }
+    const Gradient<Dim> F = deformation(answer.H, K);
+    const Volume<Dim> v(F);
+    const double mean = answer.dilatation[approximation.union_of[K]];
+    return {std::cbrt(mean / v.J) * (Tangent<Dim>::Identity() - F * v.g.transpose() / 3.0),
+            deformation(answer.seen, K) / (3.0 * mean), v.J * v.g};
+  }
+
   /// Second derivatives of the energy by the gradient of a point and the dilatation of its union, per volume.
   struct PointTangent {
     Tangent<Dim> A;
@@ -335,24 +358,46 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Tangent<Dim> A = 0.5 * (answer.of.A[K] + answer.of.A[K].transpose());
     PointTangent result{A, Gradient<Dim>::Zero(), Gradient<Dim>::Zero(), 0.0};
     if (!averaged()) return result;
+    const auto [M, s, d] = seen(answer, K);
+    const Gradient<Dim> change = A * s;
+    result = {M.transpose() * A * M, d, M.transpose() * change, s.dot(change)};
+    if (!is_finite(K)) return result;
     const Index g = approximation.union_of[K];
-    if (!is_finite(K)) {
-      const Gradient<Dim> trace = materials.trace(), s = swelling(K), change = A * s;
-      const Tangent<Dim> own = Tangent<Dim>::Identity() - s * trace.transpose();
-      return {own.transpose() * A * own, trace, change - s.dot(change) * trace, s.dot(change)};
-    }
-    const Gradient<Dim> F = deformation(answer.H, K), seen = deformation(answer.seen, K), P = answer.of.P.col(K);
-    const Volume<Dim> v(F);
-    const double mean = answer.dilatation[g], r = std::cbrt(mean / v.J), work = P.dot(seen);
-    const Tangent<Dim> M = r * (Tangent<Dim>::Identity() - F * v.g.transpose() / 3.0), G = v.G();
-    const Gradient<Dim> s = seen / (3.0 * mean), change = A * s;
-    const Tangent<Dim> gg = v.g * v.g.transpose(), Pg = P * v.g.transpose();
-    result.A = M.transpose() * A * M - r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G +
-               answer.pressure[g] * v.J * (gg - G);
-    result.dilatation = v.J * v.g;
-    result.mixed = M.transpose() * (change + P / (3.0 * mean));
-    result.bulk = s.dot(change) - 2.0 / 9.0 * work / (mean * mean);
+    const Gradient<Dim> P = answer.of.P.col(K);
+    const Volume<Dim> v(deformation(answer.H, K));
+    const double mean = answer.dilatation[g], r = std::cbrt(mean / v.J), work = P.dot(deformation(answer.seen, K));
+    const Tangent<Dim> G = v.G(), gg = v.g * v.g.transpose(), Pg = P * v.g.transpose();
+    result.A +=
+        -r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G + answer.pressure[g] * v.J * (gg - G);
+    result.mixed += M.transpose() * P / (3.0 * mean);
+    result.bulk -= 2.0 / 9.0 * work / (mean * mean);
     return result;
+  }
+
+  /// Change of the internal forces by a small change of coefficients, as far as tangents of materials are not
+  /// symmetric.
+  Points<Dim> skew_forces(const State& state, const Points<Dim>& dU) const {
+    const auto asked = ask(state, true);
+    const Answer& answer = *asked;
+    const auto skew = [&](Index K) { return Tangent<Dim>(0.5 * (answer.of.A[K] - answer.of.A[K].transpose())); };
+    Gradients<Dim> change = held.of(dU);  // of gradients, then of stresses
+    if (!averaged()) {
+      parallel_for(held.size(), [&](Index K) { change.col(K) = skew(K) * Gradient<Dim>(change.col(K)); });
+      return held.force(change);
+    }
+    parallel_for(members.rows(), [&](Index g) {
+      double dilatation = 0.0, pressure = 0.0;
+      const auto share = [&](Index K) { return held.quadrature().weights[K] / volumes[g]; };
+      for (const Index K : members[g]) dilatation += share(K) * seen(answer, K).d.dot(change.col(K));
+      for (const Index K : members[g]) {
+        const auto [M, s, d] = seen(answer, K);
+        const Gradient<Dim> stress = skew(K) * (M * change.col(K) + dilatation * s);
+        pressure += share(K) * s.dot(stress);
+        change.col(K) = M.transpose() * stress;
+      }
+      for (const Index K : members[g]) change.col(K) += pressure * seen(answer, K).d;
+    });
+    return held.force(change);
   }
 
   /// Of loads at a time, on a body with these displacements.
@@ -546,9 +591,15 @@ template <int Dim> void NonlinearEquilibrium<Dim>::tangent(const State& state, S
 
 template <int Dim> Vector NonlinearEquilibrium<Dim>::not_in_tangent(const State& state, const Vector& change) const {
   const FollowerPressures<Dim>& followers = data_->followers;
-  if (followers.empty()) return {};
-  const auto now = followers.now(data_->acting(state.time)->pressures, data_->displacements(state));
-  return -data_->unknowns.of(followers.unsymmetric_changes(now, data_->unknowns.to_nodes(change)));
+  if (followers.empty() && data_->symmetric()) return {};
+  const Points<Dim> moved = data_->unknowns.to_nodes(change);
+  Points<Dim> forces = Points<Dim>::Zero(Dim, moved.cols());
+  if (!data_->symmetric()) forces += data_->skew_forces(state, moved);
+  if (!followers.empty()) {
+    const auto now = followers.now(data_->acting(state.time)->pressures, data_->displacements(state));
+    forces -= followers.unsymmetric_changes(now, moved);
+  }
+  return data_->unknowns.of(forces);
 }
 
 template <int Dim> State NonlinearEquilibrium<Dim>::commit(State state) const {

@@ -44,9 +44,8 @@ template <int Dim> struct PointFields {
 /// by the gradients themselves (HeldGradient), or on nodal values. With unions materials see the mean dilatation of
 /// their union: at small strains H + s (mean tr H - tr H), s as in Equilibrium; at finite ones (J_mean / J)^(1/3) F,
 /// J_mean the mean of J over the union (Simo, Taylor & Pister 1985; de Souza Neto et al. 1996 take J at a centroid),
-/// which is the derivative of one energy, so that tangents are symmetric. Tangents of materials that are not symmetric
-/// are taken for their symmetric part: Newton's method then converges linearly. Pressures that follow the body
-/// (Loads::followers) have a stiffness of their own; what is not symmetric of it is not_in_tangent.
+/// which is the derivative of one energy. Pressures that follow the body (Loads::followers) have a stiffness of their
+/// own. What is not symmetric of that, and of tangents of materials, is not_in_tangent.
 template <int Dim> class NonlinearEquilibrium final : public Equations {
  public:
   /// Refers to the approximation. Throws InputError like Equilibrium; for a stabilisation, which is of linear
