@@ -16,7 +16,7 @@ std::string text_of(const LinearCheck& check) {
       "strains up to {:.2g}, rotations up to {:.2g} degrees{}", check.strain, 180.0 / std::numbers::pi * check.rotation,
       check.overload > 1.0 ? fmt::format(", stresses up to {:.3g} times what the material bears", check.overload) : "");
   if (!check.failure.empty()) return fmt::format("{}: {}", text, check.failure);
-  if (check.negative_pivots > 0) text += ", and the body is not stable";
+  if (check.negative_pivots > 0) text += ", and the tangent there is not positive definite";
   if (check.same) return fmt::format("off by nothing ({})", text);
   return fmt::format("off by {:.2g} % of the largest displacement, {:.2g} % of the largest stress ({})",
                      100.0 * check.displacement, 100.0 * check.stress, text);

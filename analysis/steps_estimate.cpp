@@ -19,17 +19,28 @@ namespace {
 /// Nodes of finite elements whose tangents are factored in a time that is worth an estimate.
 template <int Dim> constexpr Index most_nodes = Dim == 2 ? 200000 : 30000;
 
+/// Whether strains are more than rounding: the energy that is stored against that of strains of 1e-10, and against the
+/// largest there was.
+template <int Dim> bool is_deformed(const Result<Dim>& result) {
+  constexpr double rounding = 1e-10;
+  const auto materials = materials_of(result.model, *result.mesh);
+  const auto& points = result.approximation.quadrature;
+  Stiffness<Dim> room;
+  double least = 0.0;
+  for (Index K = 0; K < points.size(); ++K)
+    least += points.weights[K] * materials.stiffness(points.region[K], points.points.col(K), room).C(0, 0);
+  least *= rounding * rounding;
+  for (const auto& step : result.history) least = std::max(least, rounding * step.stored);
+  return result.history.back().stored > least;
+}
+
 /// Why the error is not looked for; empty if it is.
 template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
   const Approximation<Dim>& cloud = result.approximation;
   const FineMesh<Dim>& mesh = *result.mesh;
-  if (settings.approximation.kind != BasisKind::mls) return "finite elements have no cloud to be compared with";
+  if (settings.approximation.kind != BasisKind::mls) return "finite elements through time";
   if (!settings.estimated) return "nobody asked for it";
   if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
-  constexpr double rounding = 1e-10;
-  double most = 0.0;
-  for (const auto& step : result.history) most = std::max(most, step.stored);
-  if (!(result.history.back().stored > rounding * most)) return "at the end nothing is deformed";
   if (takes_mean_dilatation(cloud, result.model))
     return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
   if (result.instability.size() > 0) return "the body was not stable on its way";
@@ -45,6 +56,7 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
 
 template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
                                        Result<Dim>& result, const Monitor& monitor) {
+  if (!is_deformed(result)) return;
   std::string unknown = reason_not_to(settings, result);
   std::optional<ElementsBeside<Dim>> beside;
   std::optional<BesideCloud<Dim>> there;
@@ -54,7 +66,8 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
       beside.emplace(result.approximation, result.model, std::move(program), stage.within());
       there = beside->balance(last, result.fields.stress);
     } catch (const NumericalError& error) {
-      unknown = fmt::format("the finite elements of the fine mesh find no balance near the cloud's: {}", error.what());
+      unknown = fmt::format(
+          "the finite elements of the fine mesh find no balance near the cloud's, and may bear less: {}", error.what());
     }
   }
   if (!there) {

@@ -185,6 +185,10 @@ template <int Dim> class Walk {
     if (from->body != body || !fits(from->at) || (from->agreed && !fits(*from->agreed)))
       throw InputError(
           "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
+    if (path_.control == Control::load && from->at.time > path_.end)
+      throw InputError(
+          fmt::format("these steps have come to time {:.6g}, beyond the end at {:.6g}: run without --resume",
+                      from->at.time, path_.end));
     there_ = *from;
   }
 
@@ -261,7 +265,7 @@ template <int Dim> class Walk {
   void note(const PathStep& step) {
     const State& state = step.now.state;
     there_.history.push_back(row_of(step));
-    if (step.now.negative_pivots > 0 && there_.mode.size() == 0) there_.mode = softest_mode(equations(), state);
+    if (step.now.negative_pivots > 0 && there_.mode.size() == 0) note_mode(state);
     there_.at = step.after;
     static_cast<State&>(there_.at) = state;
     if (there_.agreed && there_.linear_checks.back().same && there_.agreed->steps + 1 == there_.at.steps)
@@ -274,6 +278,15 @@ template <int Dim> class Walk {
     telling_ = true;
     settings_.steps.done(there_, result_);
     telling_ = false;
+  }
+
+  /// How the body gives way, unless its tangent is singular: then a later step knows.
+  void note_mode(const State& state) {
+    try {
+      there_.mode = softest_mode(equations(), state);
+    } catch (const NumericalError&) {
+      there_.mode.resize(0);
+    }
   }
 
   HistoryStep<Dim> row_of(const PathStep& step) const {

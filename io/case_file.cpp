@@ -608,6 +608,8 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   result.path.control =
       section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
   result.path.max_steps = static_cast<int>(section.integer("max_steps", 1, 10000000, result.path.max_steps));
+  if (section.has("stops") && result.path.control == Control::arc_length)
+    section.fail("stops", "by arc length steps end where the path leads, not at stops");
   if (section.has("stops")) result.path.stops = section.numbers("stops", {0.0, result.path.end, false, true});
   const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
   if (analysis.has("extremes"))

@@ -82,14 +82,7 @@ template <int Dim> ElementsBeside<Dim>::ElementsBeside(const Approximation<Dim>&
           "finite elements beside a cloud: elastic materials expected that are not nearly incompressible");
   elements_ = std::make_shared<const Approximation<Dim>>(
       approximate<Dim>(cloud.space.shared_mesh(), elements_of(cloud), monitor));
-  ElasticModel held = model;
-  held.essential = Essential::strong;
-  try {
-    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, held, program);
-  } catch (const InputError&) {  // normal displacements on a part that is not flat
-    held.essential = Essential::nitsche;
-    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, held, std::move(program));
-  }
+  equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, std::move(program));
 }
 
 template <int Dim>
@@ -103,8 +96,12 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
   equations_->tangent(equations_->rest(), at_rest);
   Steadied linear(at_rest);
   TangentSolver tangent(*equations_, linear);
-  Converged there = newton(*equations_, tangent, start, start.time, {.tolerance = nothing, .keep = 0.3});
-  if (there.negative_pivots > 0) throw NumericalError("the balance that they find is not stable");
+  Converged there =
+      newton(*equations_, tangent, start, start.time, {.tolerance = nothing, .max_iterations = 50, .keep = 0.3});
+  SymmetricMatrix K;
+  equations_->tangent(there.state, K);
+  if (Cholesky last; last.analyse(K, equations_->node_of_unknowns()), !last.factorize_if_definite(K))
+    throw NumericalError("the one that they find is not stable");
   const auto& points = elements_->quadrature;
   const PointFields<Dim> from = equations_->fields(start), to = equations_->fields(there.state);
   double work = 0.0;

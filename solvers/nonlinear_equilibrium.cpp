@@ -663,7 +663,8 @@ template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const St
   std::vector<Index> node_at(space.size(), -1);
   for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
   const Points<Dim> forces = data_->internal_forces(state) - data_->external_forces(state);
-  const Points<Dim> moved_by = interpolate(approximation().shape, U);
+  Points<Dim> moved_by = interpolate(approximation().shape, U);
+  moved_by(Eigen::all, nodes) = U;  // forces on coefficients have these as arms: functions reproduce x + u
   for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces,
                                                      finite_strain() ? &moved_by : nullptr))
     reactions[part] += of;
