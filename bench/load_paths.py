@@ -25,7 +25,7 @@ def varied(text, kind, size):
         return re.sub(r"(?m)^spacing *=.*$", f"spacing = {size}", text)
     text = re.sub(r"(?m)^mesh_(ratio|size) *=.*$", f"mesh_size = {size}", text)
     text = re.sub(r"(?ms)^\[cloud\].*?(?=^\[)", "", text)
-    return text.replace("[analysis]", f'[basis]\nkind = "{kind}"\n[analysis]', 1)
+    return text.replace("[material]", f'[basis]\nkind = "{kind}"\n\n[material]', 1)
 
 
 def path_of(file, column):
