@@ -102,6 +102,6 @@ int main(int argc, char** argv) {
     const double size = std::sqrt(3.5 * 15.2 / cells);
     compare<2>(triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, size), {.size = size}), nodes, repetitions);
   } else {
-    compare<3>(FineMesh<3>(solids::box({1.0, 1.0, 1.0}, std::cbrt(4.5 / cells))), nodes, repetitions);
+    compare<3>(FineMesh<3>(solids::box({1.0, 1.0, 1.0}, std::cbrt(50.0 / cells))), nodes, repetitions);
   }
 }
