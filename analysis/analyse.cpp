@@ -170,7 +170,9 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   finish(result, settings.loads, "");
   for (std::size_t k = 1; k < settings.cases.size(); ++k)
     finish(result.more[k - 1], settings.cases[k].loads, fmt::format("case \"{}\": ", settings.cases[k].name));
-  if (settings.has_exact()) result.errors = errors_against(basis, result.fields, materials, settings.exact);
+  if (settings.has_exact())
+    located(settings, settings.where,
+            [&] { result.errors = errors_against(basis, result.fields, materials, settings.exact); });
   if (in_steps && result.errors) result.errors->energy_norm.reset();  // that of linear materials
   if constexpr (Dim == 3)
     if (on_cells)

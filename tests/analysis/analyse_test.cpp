@@ -54,6 +54,14 @@ TEST(Analyse, AnswersOnAMeshWithTheErrorOfTheAnswer) {
   EXPECT_LT(result.probes[0].second.stress[0], 3.7);
 }
 
+TEST(Analyse, AnExactSolutionThatIsZeroIsRefusedWhereItWasSaid) {
+  Settings<2> settings = pulled();
+  settings.where = "plate.toml";
+  settings.exact.displacement = [](const Vec<2>&) { return Vec<2>(Vec<2>::Zero()); };
+  EXPECT_THAT(complaint([&] { analyse(plate(0.2), settings); }),
+              StartsWith("plate.toml: the exact solution is zero everywhere"));
+}
+
 TEST(Analyse, IsTheSameOnAMeshAndOnTheSourceItCameFrom) {
   const MeshSource<2> source = plate(0.2);
   const Result<2> of_source = analyse(source, pulled());
