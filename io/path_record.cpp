@@ -5,6 +5,7 @@
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/transfer.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fcntl.h>
@@ -17,143 +18,50 @@
 #include <cstring>
 #include <fstream>
 #include <regex>
-#include <stdexcept>
-#include <type_traits>
+#include <tuple>
 #include <utility>
 
 namespace efree {
 namespace fs = std::filesystem;
 
+// What a checkpoint is made of, for Packer and Unpacker.
+template <int Dim> static auto fields(Resultant<Dim>& of) {
+  auto& [force, moment] = of;
+  return std::tie(force, moment);
+}
+template <int Dim> static auto fields(HistoryStep<Dim>& step) {
+  auto& [time, iterations, left, stored, dissipated, smallest_jacobian, plastic_share, negative_pivots, reactions,
+         probes] = step;
+  return std::tie(time, iterations, left, stored, dissipated, smallest_jacobian, plastic_share, negative_pivots,
+                  reactions, probes);
+}
+static auto fields(LinearCheck& check) {
+  auto& [time, enough, displacement, stress, overload, strain, rotation, negative_pivots, same, failure] = check;
+  return std::tie(time, enough, displacement, stress, overload, strain, rotation, negative_pivots, same, failure);
+}
+static auto fields(State& state) {
+  auto& [u, history, time, dt, factor] = state;
+  return std::tie(u, history, time, dt, factor);
+}
+static auto fields(PathPoint& at) {  // no aggregate: a member that is added has to be listed
+  return std::tuple_cat(fields(static_cast<State&>(at)),
+                        std::tie(at.steps, at.next, at.per_time, at.began, at.lasted, at.came_by, at.remembered));
+}
+template <int Dim> static auto fields(Checkpoint<Dim>& there) {
+  auto& [at, history, body, linear_checks, agreed, mode] = there;
+  return std::tie(at, history, body, linear_checks, agreed, mode);
+}
+static auto fields(CaseMark& mark) {
+  auto& [what, how] = mark;
+  return std::tie(what, how);
+}
+
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are written as they are in memory");
 
-constexpr std::string_view mark = "efree path 3\n";
+constexpr std::string_view mark = "efree path 4\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
-
-/// Values one after the other, as they are in memory.
-class Packer {
- public:
-  template <class T>
-  requires std::is_arithmetic_v<T>
-  void add(T value) { bytes_.append(reinterpret_cast<const char*>(&value), sizeof value); }
-  void add(std::string_view text) {
-    add(std::uint64_t{text.size()});
-    bytes_ += text;
-  }
-  template <class Derived> void add(const Eigen::PlainObjectBase<Derived>& values) {
-    add(static_cast<std::uint64_t>(values.size()));
-    bytes_.append(reinterpret_cast<const char*>(values.data()), sizeof(double) * values.size());
-  }
-  std::string& bytes() { return bytes_; }
-
- private:
-  std::string bytes_;
-};
-
-/// The same values back. Throws std::out_of_range where there is not as much.
-class Unpacker {
- public:
-  explicit Unpacker(std::string_view bytes) : bytes_(bytes) {}
-  template <class T> T get() {
-    T value;
-    std::memcpy(&value, take(sizeof value).data(), sizeof value);
-    return value;
-  }
-  std::string text() { return std::string(take(get<std::uint64_t>())); }
-  template <class Values> void fill(Values& values) {
-    const auto size = get<std::uint64_t>();
-    const std::string_view from = take(size > bytes_.size() ? bytes_.size() + 1 : sizeof(double) * size);
-    values.resize(static_cast<Eigen::Index>(size));
-    std::memcpy(values.data(), from.data(), from.size());
-  }
-  template <int N> Vec<N> vector() {
-    Vec<N> value;
-    for (int i = 0; i < N; ++i) value[i] = get<double>();
-    return value;
-  }
-  bool empty() const { return bytes_.empty(); }
-
- private:
-  std::string_view take(std::size_t size) {
-    if (size > bytes_.size()) throw std::out_of_range("there is not as much");
-    const std::string_view taken = bytes_.substr(0, size);
-    bytes_.remove_prefix(size);
-    return taken;
-  }
-
-  std::string_view bytes_;
-};
-
-template <int N> void add(Packer& to, const Vec<N>& value) {
-  for (int i = 0; i < N; ++i) to.add(value[i]);
-}
-
-template <int Dim> void add(Packer& to, const HistoryStep<Dim>& step) {
-  for (const double value :
-       {step.time, step.left, step.stored, step.dissipated, step.smallest_jacobian, step.plastic_share})
-    to.add(value);
-  to.add(std::int64_t{step.iterations});
-  to.add(static_cast<std::int64_t>(step.negative_pivots));
-  to.add(std::uint64_t{step.reactions.size()});
-  for (const auto& [part, of] : step.reactions) {
-    to.add(std::string_view(part));
-    add(to, of.force);
-    add(to, of.moment);
-  }
-  to.add(std::uint64_t{step.probes.size()});
-  for (const auto& u : step.probes) add<Dim>(to, u);
-}
-template <int Dim> HistoryStep<Dim> history_step(Unpacker& from) {
-  HistoryStep<Dim> step{};
-  for (double* value :
-       {&step.time, &step.left, &step.stored, &step.dissipated, &step.smallest_jacobian, &step.plastic_share})
-    *value = from.get<double>();
-  step.iterations = static_cast<int>(from.get<std::int64_t>());
-  step.negative_pivots = static_cast<Index>(from.get<std::int64_t>());
-  for (auto left = from.get<std::uint64_t>(); left > 0; --left) {
-    Resultant<Dim>& of = step.reactions[from.text()];
-    of.force = from.vector<Dim>();
-    of.moment = from.vector < Dim == 2 ? 1 : 3 > ();
-  }
-  for (auto left = from.get<std::uint64_t>(); left > 0; --left) step.probes.push_back(from.vector<Dim>());
-  return step;
-}
-
-void add(Packer& to, const PathPoint& at) {
-  for (const Vector* values : {&at.u, &at.history, &at.came_by, &at.remembered}) to.add(*values);
-  for (const double value : {at.time, at.dt, at.factor, at.next, at.per_time, at.began, at.lasted}) to.add(value);
-  to.add(std::int64_t{at.steps});
-}
-PathPoint path_point(Unpacker& from) {
-  PathPoint at;
-  for (Vector* values : {&at.u, &at.history, &at.came_by, &at.remembered}) from.fill(*values);
-  for (double* value : {&at.time, &at.dt, &at.factor, &at.next, &at.per_time, &at.began, &at.lasted})
-    *value = from.get<double>();
-  at.steps = static_cast<int>(from.get<std::int64_t>());
-  return at;
-}
-
-void add(Packer& to, const LinearCheck& check) {
-  for (const double value :
-       {check.time, check.displacement, check.stress, check.overload, check.strain, check.rotation})
-    to.add(value);
-  to.add(static_cast<std::int64_t>(check.negative_pivots));
-  to.add(std::uint64_t{check.enough});
-  to.add(std::uint64_t{check.same});
-  to.add(std::string_view(check.failure));
-}
-LinearCheck linear_check(Unpacker& from) {
-  LinearCheck check;
-  for (double* value :
-       {&check.time, &check.displacement, &check.stress, &check.overload, &check.strain, &check.rotation})
-    *value = from.get<double>();
-  check.negative_pivots = static_cast<Index>(from.get<std::int64_t>());
-  check.enough = from.get<std::uint64_t>() != 0;
-  check.same = from.get<std::uint64_t>() != 0;
-  check.failure = from.text();
-  return check;
-}
 
 /// Writes a file beside, then puts it in place.
 template <class Write> void replace(const fs::path& file, const Write& write) {
@@ -213,67 +121,61 @@ void link(const fs::path& from, const fs::path& to) {
 }  // namespace
 
 template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<Dim>& there, CaseMark of) {
-  Packer out;
-  out.bytes() += mark;
-  out.add(version());
-  out.add(std::int64_t{Dim});
-  for (const std::uint64_t value : {of.what, of.how, there.body}) out.add(value);
-  add(out, there.at);
-  out.add(std::uint64_t{there.history.size()});
-  for (const auto& step : there.history) add<Dim>(out, step);
-  out.add(std::uint64_t{there.linear_checks.size()});
-  for (const auto& check : there.linear_checks) add(out, check);
-  out.add(std::uint64_t{there.agreed.has_value()});
-  if (there.agreed) add(out, *there.agreed);
-  out.add(there.mode);
-  out.add(internal::Fingerprint().add(out.bytes()).value());
+  internal::Packer pack;
+  std::string by = version();
+  int dimension = Dim;
+  Checkpoint<Dim> all = there;
+  pack(by), pack(dimension), pack(of), pack(all);
+  std::string bytes = std::string(mark) + std::move(pack).bytes();
+  const std::uint64_t sum = internal::Fingerprint().add(bytes).value();
+  bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
   replace(file, [&](const fs::path& part) {
     std::ofstream stream(part, std::ios::binary);
-    stream << out.bytes();
+    stream << bytes;
     if (!stream.flush()) internal::cannot_write(file);
   });
 }
 
 template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMark of) {
   const auto fail = [&](const std::string& why) { throw InputError(fmt::format("{}: {}", file.string(), why)); };
+  constexpr const char* damaged = "the file is damaged: run without --resume";
   std::ifstream stream(file, std::ios::binary);
   const std::string bytes(std::istreambuf_iterator<char>(stream), {});
   if (!stream) fail("the steps of an earlier run cannot be read");
   if (!bytes.starts_with(mark)) fail("expected the steps of an earlier run of efree");
-  constexpr std::size_t sum = sizeof(std::uint64_t);
-  const std::string_view all(bytes);
-  if (all.size() < mark.size() + sum || Unpacker(all.substr(all.size() - sum)).get<std::uint64_t>() !=
-                                            internal::Fingerprint().add(all.substr(0, all.size() - sum)).value())
-    fail("the file is damaged: run without --resume");
+  std::uint64_t sum = 0;
+  if (bytes.size() < mark.size() + sizeof sum) fail(damaged);
+  const std::string_view summed(bytes.data(), bytes.size() - sizeof sum);
+  std::memcpy(&sum, summed.end(), sizeof sum);
+  if (sum != internal::Fingerprint().add(summed).value()) fail(damaged);
+  internal::Unpacker unpack(summed.substr(mark.size()));
+  const auto read = [&](auto&... values) {
+    try {
+      (unpack(values), ...);
+    } catch (const InputError&) {
+      fail(damaged);
+    }
+  };
+  std::string by;
+  read(by);
+  if (by != version())
+    fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
+  int dimension = 0;
+  CaseMark its;
+  read(dimension, its);
+  if (dimension != Dim || its.what != of.what)
+    fail(
+        "these steps are of another case: the case file, or the geometry's, has changed by more than steps of "
+        "[time]; "
+        "run without --resume");
   Checkpoint<Dim> there;
-  try {
-    Unpacker in(all.substr(mark.size(), all.size() - mark.size() - sum));
-    if (const std::string by = in.text(); by != version())
-      fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
-    const bool same_dimension = in.get<std::int64_t>() == Dim;
-    CaseMark its;
-    its.what = in.get<std::uint64_t>();
-    its.how = in.get<std::uint64_t>();
-    if (!same_dimension || its.what != of.what)
-      fail(
-          "these steps are of another case: the case file, or the geometry's, has changed by more than steps of "
-          "[time]; "
-          "run without --resume");
-    there.body = in.get<std::uint64_t>();
-    there.at = path_point(in);
-    for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.history.push_back(history_step<Dim>(in));
-    for (auto left = in.get<std::uint64_t>(); left > 0; --left) there.linear_checks.push_back(linear_check(in));
-    if (in.get<std::uint64_t>() != 0) there.agreed = path_point(in);
-    in.fill(there.mode);
-    if (its.how != of.how) there.at.next = 0.0;
-    if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
-    const int steps = there.at.steps;
-    if (!in.empty() || there.history.empty() || static_cast<int>(there.history.size()) != steps ||
-        (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
-      fail("the file is damaged: run without --resume");
-  } catch (const std::out_of_range&) {
-    fail("the file is damaged: run without --resume");
-  }
+  read(there);
+  if (its.how != of.how) there.at.next = 0.0;
+  if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
+  const int steps = there.at.steps;
+  if (!unpack.empty() || there.history.empty() || static_cast<int>(there.history.size()) != steps ||
+      (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
+    fail(damaged);
   return there;
 }
 

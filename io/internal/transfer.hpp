@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Values as bytes and back, for another process on the same machine.
+/// Values as bytes and back, for another process on the same machine, or a later one.
 #pragma once
 
 #include "efree/analysis/mesh_source.hpp"
@@ -113,6 +113,9 @@ class Packer {
     count(values.size());
     for (T& value : values) (*this)(value);
   }
+  template <class S> void operator()(Eigen::Matrix<S, Eigen::Dynamic, 1>& values) {
+    list(values.data(), static_cast<std::size_t>(values.size()));
+  }
   template <class S, int R, int C> void operator()(Eigen::Matrix<S, R, C>& matrix) {
     count(static_cast<std::size_t>(matrix.cols()));
     put(matrix.data(), static_cast<std::size_t>(matrix.size()));
@@ -160,6 +163,8 @@ class Packer {
 class Unpacker {
  public:
   explicit Unpacker(std::string_view bytes) : rest_(bytes) {}
+  /// Whether there is nothing left.
+  bool empty() const { return rest_.empty(); }
 
   template <class T>
   requires is_plain<T>
@@ -177,6 +182,10 @@ class Unpacker {
     values.resize(count(is_plain<T> ? sizeof(T) : 1));
     if constexpr (is_plain<T>) return take(values.data(), values.size());
     for (T& value : values) (*this)(value);
+  }
+  template <class S> void operator()(Eigen::Matrix<S, Eigen::Dynamic, 1>& values) {
+    values.resize(static_cast<Eigen::Index>(count(sizeof(S))));
+    take(values.data(), static_cast<std::size_t>(values.size()));
   }
   template <class S, int R, int C> void operator()(Eigen::Matrix<S, R, C>& matrix) {
     static_assert(R != Eigen::Dynamic);

@@ -276,6 +276,7 @@ TEST(Resume, CheckpointsComeBackBitForBitOrNotAtAll) {
   there.agreed = PathPoint({Vector::Random(37), Vector(), 0.05, 0.1, 0.2});
   there.agreed->steps = 1;
   there.agreed->next = 0.6;
+  there.mode = Vector::Random(37);
   write_checkpoint(work / "a.state", there, {1, 2});
   const auto back = read_checkpoint<2>(work / "a.state", {1, 2});
   EXPECT_TRUE(back.at == there.at);
@@ -286,6 +287,7 @@ TEST(Resume, CheckpointsComeBackBitForBitOrNotAtAll) {
   EXPECT_EQ(back.history[1].probes, step.probes);
   EXPECT_EQ(back.linear_checks, there.linear_checks);
   EXPECT_TRUE(back.agreed == there.agreed);
+  EXPECT_EQ(back.mode, there.mode);
   const auto others = read_checkpoint<2>(work / "a.state", {1, 3});
   EXPECT_EQ(others.at.next, 0.0) << "the steps are others";
   EXPECT_EQ(others.agreed->next, 0.0);
