@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Which points are near, by a k-d tree (nanoflann).
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <nanoflann.hpp>
+#include <vector>
+
+namespace efree::internal {
+
+/// A tree of points, which are copied.
+template <int Dim> class Neighbours {
+ public:
+  /// Forgets all there was. Cost n log n.
+  void build(const Points<Dim>& points) {
+    points_.points = points;
+    tree_ = std::make_unique<Tree>(Dim, points_, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+  }
+  const Points<Dim>& points() const { return points_.points; }
+  /// Those not further than r from x, ascending.
+  void within(const Vec<Dim>& x, double r, std::vector<Index>& found) const {
+    thread_local std::vector<std::pair<Index, double>> matches;
+    tree_->radiusSearch(x.data(), r * r, matches, nanoflann::SearchParams(32, 0.0f, false));
+    found.clear();
+    for (const auto& [point, distance] : matches) found.push_back(point);
+    std::sort(found.begin(), found.end());
+  }
+  /// The nearest of all.
+  Index nearest(const Vec<Dim>& x) const {
+    Index point = 0;
+    double distance = 0.0;
+    tree_->knnSearch(x.data(), 1, &point, &distance);
+    return point;
+  }
+  /// Distance to the nearest but one: of one of the points, to the one next to it.
+  double spacing(const Vec<Dim>& x) const {
+    std::array<Index, 2> point{};
+    std::array<double, 2> distance{};
+    tree_->knnSearch(x.data(), 2, point.data(), distance.data());
+    return std::sqrt(distance[1]);
+  }
+
+ private:
+  struct Cloud {
+    Points<Dim> points;
+    std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(points.cols()); }
+    double kdtree_get_pt(std::size_t p, std::size_t i) const {
+      return points(static_cast<Index>(i), static_cast<Index>(p));
+    }
+    template <class Box> bool kdtree_get_bbox(Box&) const { return false; }
+  };
+  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, Dim, Index>;
+
+  Cloud points_;
+  std::unique_ptr<Tree> tree_;
+};
+
+}  // namespace efree::internal
