@@ -4,7 +4,7 @@
 cmake_minimum_required(VERSION 3.25)
 
 # Rooms and the rooms they may include besides themselves.
-set(rooms core geometry heatgeo basis quadrature materials assembly solvers analysis io)
+set(rooms core geometry heatgeo basis quadrature materials assembly solvers otm analysis io)
 set(may_core)
 set(may_geometry core)
 set(may_heatgeo core geometry)
@@ -13,8 +13,9 @@ set(may_quadrature core geometry heatgeo basis)
 set(may_materials core)
 set(may_assembly core geometry heatgeo basis quadrature materials)
 set(may_solvers core geometry heatgeo basis quadrature materials assembly)
-set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers)
-set(may_io core geometry heatgeo basis quadrature materials assembly solvers analysis)
+set(may_otm core geometry heatgeo basis quadrature materials assembly)
+set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers otm)
+set(may_io core geometry heatgeo basis quadrature materials assembly solvers otm analysis)
 
 # Within geometry/ likewise.
 set(may_mesh)

@@ -5,6 +5,8 @@
 #include "efree/core/types.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <memory>
 #include <nanoflann.hpp>
 #include <vector>
@@ -35,12 +37,15 @@ template <int Dim> class Neighbours {
     tree_->knnSearch(x.data(), 1, &point, &distance);
     return point;
   }
-  /// Distance to the nearest but one: of one of the points, to the one next to it.
+  /// Mean distance of a point of the tree from the 2 Dim next to it: the spacing, in a lattice as in a cloud.
   double spacing(const Vec<Dim>& x) const {
-    std::array<Index, 2> point{};
-    std::array<double, 2> distance{};
-    tree_->knnSearch(x.data(), 2, point.data(), distance.data());
-    return std::sqrt(distance[1]);
+    constexpr std::size_t count = 2 * Dim + 1;
+    std::array<Index, count> point{};
+    std::array<double, count> distance{};
+    const std::size_t found = tree_->knnSearch(x.data(), count, point.data(), distance.data());
+    double sum = 0.0;
+    for (std::size_t k = 1; k < found; ++k) sum += std::sqrt(distance[k]);
+    return sum / static_cast<double>(found - 1);
   }
 
  private:

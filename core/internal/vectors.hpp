@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Eight numbers at a time. Sums have eight partial sums on every machine.
+/// Eight numbers at a time, or four. Sums of eight have eight partial sums on every machine.
 #pragma once
 
 #include <cstdint>
@@ -17,12 +17,13 @@
 namespace efree::internal {
 
 using Eight = double __attribute__((vector_size(64)));
+using Four = double __attribute__((vector_size(32)));
 using EightIntegers = std::int64_t __attribute__((vector_size(64)));
 
-EFREE_INLINE void load(Eight& to, const double* from) {
+template <class V> EFREE_INLINE void load(V& to, const double* from) {
   std::memcpy(&to, from, sizeof to);
 }
-EFREE_INLINE void store(double* to, const Eight& from) {
+template <class V> EFREE_INLINE void store(double* to, const V& from) {
   std::memcpy(to, &from, sizeof from);
 }
 EFREE_INLINE double sum(const Eight& v) {

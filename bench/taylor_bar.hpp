@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Taylor's bar of copper against a rigid wall (SAND2020-9716, section 4), for tests and benchmarks.
+#pragma once
+
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/j2.hpp"
+#include "efree/otm/otm.hpp"
+
+#include <algorithm>
+
+namespace efree::bench {
+
+/// Lengths in metres, the axis is the last one.
+struct TaylorBar {
+  static constexpr double length = 32.4e-3, radius = 3.2e-3, density = 8930.0;
+
+  static SharedMaterial copper() {
+    return J2({.moduli = {.E = 117e9, .nu = 0.35}, .yield = Hardening::linear(400e6, 100e6), .strain = Strain::finite});
+  }
+  /// Half of the meridian section (Dim = 2) or all of the bar, with nodes `size` apart.
+  template <int Dim> static FineMesh<Dim> mesh(double size) {
+    if constexpr (Dim == 2)
+      return triangulate(shapes::rectangle(0.0, 0.0, radius, length), {.size = size});
+    else
+      return FineMesh<3>(solids::cylinder(radius, length, size));
+  }
+  template <int Dim>
+  static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, OtmOptions options, bool shared_dilatation = true) {
+    options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;
+    OtmBody<Dim> body = otm_body(mesh, copper(), density, Dim == 2);
+    body.velocity.setZero(Dim, body.nodes.cols());
+    body.velocity.row(Dim - 1).setConstant(-speed);
+    if (!shared_dilatation) body.unions.clear();
+    Otm<Dim> otm({body}, options);
+    otm.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
+    if (Dim == 2)
+      for (Index a = 0; a < body.nodes.cols(); ++a)
+        if (body.nodes(0, a) < 1e-9) otm.prescribe(a, 0, 0.0);
+    return otm;
+  }
+
+  struct Shape {
+    double length, foot, plastic_strain;
+  };
+  /// Of nodes; the foot is what is within 1 % of the length above the wall.
+  template <int Dim> static Shape shape(const Otm<Dim>& otm) {
+    const Points<Dim>& x = otm.nodes();
+    Shape result{x.row(Dim - 1).maxCoeff(), 0.0, otm.history(0).row(6).maxCoeff()};
+    for (Index a = 0; a < x.cols(); ++a)
+      if (x(Dim - 1, a) < 0.01 * length) result.foot = std::max(result.foot, x.col(a).template head<Dim - 1>().norm());
+    return result;
+  }
+};
+
+}  // namespace efree::bench

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Bodies that move: nodes that carry the motion, material points that carry everything else.
+#pragma once
+
+#include "efree/basis/shape_table.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/materials/material.hpp"
+
+#include <optional>
+
+namespace efree {
+
+/// A body at rest in its reference configuration, of one material.
+template <int Dim> struct OtmBody {
+  Points<Dim> nodes;          ///< Dim x N
+  Points<Dim> velocity;       ///< Dim x N, at the start; empty: at rest [length/time]
+  Points<Dim> points;         ///< Dim x M, material points, each between nodes
+  Vector volumes;             ///< M, positive; in the plane per unit thickness, axisymmetric times 2 pi r
+  std::vector<Index> unions;  ///< M, numbered from 0: points that share their mean dilatation; empty: each its own
+  SharedMaterial material;
+  double density = 0.0;  ///< of mass, in the reference configuration
+  /// Functions at the points, with gradients, for good; none: local maximum entropy, renewed as points move.
+  std::optional<ShapeTable<Dim>> shape{};
+};
+
+/// Nodes at the vertices of a mesh, a material point in the middle of every cell, dilatation shared by the points
+/// nearest to the same node (too many points for the nodes lock otherwise). Axisymmetric: x is the radius, volumes are
+/// those of the rings. Throws InputError for an axisymmetric mesh beyond the axis.
+template <int Dim>
+OtmBody<Dim> otm_body(const FineMesh<Dim>& mesh, SharedMaterial material, double density, bool axisymmetric = false);
+
+}  // namespace efree

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Some hundred material points that lie together, with the nodes they see: what one thread works on at a time.
+#pragma once
+
+#include "efree/otm/otm.hpp"
+
+#include <cstdint>
+
+namespace efree::internal {
+
+/// A node in a point's row: the gradient of its function in the configuration where the functions were made, and the
+/// function. In the plane the third component is the function over the radius (axisymmetric), or zero.
+struct OtmEntry {
+  double dN[3];
+  double N;
+};
+
+template <int Dim> struct OtmChunk {
+  Index body = 0;
+
+  // Functions. Row p: entries offsets[p] .. offsets[p + 1], of the nodes that `local` numbers.
+  std::vector<Index> offsets{0};
+  std::vector<std::uint16_t> local;
+  std::vector<OtmEntry> entries;
+  std::vector<Index> nodes;      ///< by local number
+  std::vector<double> x, force;  ///< four numbers for each of these
+
+  // Points.
+  Deformation now;               ///< X, F, history
+  MaterialResponse response;     ///< to it
+  Tensors made;                  ///< F when the functions were made
+  std::vector<Mat<3>> since;     ///< F since then
+  Points<Dim> at;                ///< where they are
+  Vector volume, mass;           ///< in the reference configuration
+  std::vector<Mat<Dim>> metric;  ///< that the functions were made with
+  std::vector<Mat<Dim>> moment;  ///< J of them
+  std::vector<Vec<Dim>> lambda;  ///< of them
+  Vector growth;                 ///< J, over that of the union
+  Vector penalty;                ///< on motions that points do not see [force/length]
+  std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
+  std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
+  std::vector<double> columns;   ///< sixteen numbers a point: what kernels hand over
+
+  Index size() const { return now.size(); }
+};
+
+/// Sums over a row of x_a dN_a (three columns of four numbers) and x_a N_a, for every point.
+void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
+                const double* x, double* columns);
+/// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before.
+void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,
+              const double* columns, const double* penalty, double* force);
+
+}  // namespace efree::internal

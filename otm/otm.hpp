@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Explicit dynamics by optimal transportation (Li, Habbal & Ortiz 2010; Mota et al. 2020, SAND2020-9716).
+#pragma once
+
+#include "efree/basis/lme.hpp"
+#include "efree/otm/body.hpp"
+
+#include <memory>
+
+namespace efree {
+
+/// What nodes get of a point's momentum when its functions change.
+enum class OtmMomentum {
+  /// Velocities of the nodes stand, corrected by the least affine motion that keeps the point's momentum and moment of
+  /// momentum: both are conserved to rounding, and next to no energy is lost.
+  affine,
+  /// Velocities of the nodes stand, whatever their masses become (SAND2020-9716, eq. 2.14): momentum is not conserved.
+  nodes,
+  /// N_a times the point's momentum (Li 2009): momentum is conserved, moment of momentum is not, and energy is lost.
+  points,
+};
+
+/// How bodies move.
+struct OtmOptions {
+  Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
+  LmeOptions lme{};
+  /// A point's functions are renewed when its deformation since they were made, |dF - 1|, exceeds this. In between they
+  /// stand still, as in a total Lagrangian method: exact in affine motions, and energy is conserved. 0: every step.
+  double renewal = 0.1;
+  /// Largest ratio of the axes of a function's support, which the motion stretches; 1: balls.
+  double anisotropy = 3.0;
+  OtmMomentum momentum = OtmMomentum::affine;
+  double courant = 0.9;  ///< of the step that is proven stable
+  /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
+  /// the functions' width (Weissenfels & Wriggers 2018).
+  double stabilisation = 0.1;
+};
+
+/// A plane that no node goes through: x . normal >= level.
+template <int Dim> struct OtmWall {
+  Vec<Dim> normal;        ///< a unit vector, to the side where bodies are
+  double level = 0.0;     ///< [length]
+  double friction = 0.0;  ///< Coulomb's coefficient; infinity: nodes that touch stick
+};
+
+/// Sums over all bodies. In the plane per unit thickness; axisymmetric per full turn.
+template <int Dim> struct OtmBalance {
+  double kinetic = 0.0, stored = 0.0, dissipated = 0.0;  ///< energies; dissipated: by the materials
+  double stabilising = 0.0;                              ///< energy of the motions that points do not see
+  double contact = 0.0;                                  ///< energy lost in contact
+  double renewal = 0.0;                                  ///< energy lost where functions changed
+  double prescribed = 0.0;                               ///< work of prescribed velocities
+  Vec<Dim> momentum = Vec<Dim>::Zero();
+  Vec<Dim == 2 ? 1 : 3> moment;  ///< of momentum, about the origin
+  /// All of it; constant but for the integration in time.
+  double total() const { return kinetic + stored + dissipated + stabilising + contact + renewal - prescribed; }
+};
+
+/// What a run has done so far.
+struct OtmCounts {
+  Index steps = 0;
+  std::int64_t updates = 0;     ///< of material points
+  std::int64_t renewals = 0;    ///< functions of a point made anew
+  std::int64_t iterations = 0;  ///< of Newton's method for them
+  std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
+};
+
+/// Seconds of all threads.
+struct OtmTimes {
+  double functions = 0.0, kinematics = 0.0, materials = 0.0, forces = 0.0, nodes = 0.0;
+};
+
+/// Bodies in motion. Nodes carry positions and velocities, points F, stress and history; leapfrog in time, momentum
+/// conserved. Bitwise the same on any number of threads.
+template <int Dim> class Otm {
+ public:
+  /// Throws InputError for bodies or options that make no sense and NumericalError for a point outside of its nodes.
+  Otm(std::vector<OtmBody<Dim>> bodies, const OtmOptions& options = {});
+  Otm(Otm&&) noexcept;
+  Otm& operator=(Otm&&) noexcept;
+  ~Otm();
+
+  /// Nodes are numbered body by body; points too, and both in the order of their body.
+  Index num_nodes() const;
+  Index num_points() const;
+  Index first_node(Index body) const;   ///< body = number of bodies: one past the last of all
+  Index first_point(Index body) const;  ///< likewise
+
+  void add_wall(const OtmWall<Dim>& wall);
+  /// The node's velocity along an axis is prescribed from now on.
+  void prescribe(Index node, int axis, double velocity);
+
+  /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
+  /// go on.
+  double step(double at_most = std::numeric_limits<double>::infinity());
+  /// Steps until this time, the last of which is cut to end there.
+  void run(double until);
+
+  double time() const;
+  double stable_step() const;        ///< the next one's bound
+  const Points<Dim>& nodes() const;  ///< Dim x N, where they are
+  Points<Dim> velocities() const;    ///< Dim x N, half a step ago
+  const Vector& masses() const;      ///< N
+  Points<Dim> points() const;        ///< Dim x M, where they are
+  Tensors deformation() const;       ///< 9 x M, F
+  Tensors cauchy_stress() const;     ///< 9 x M
+  Matrix history(Index body) const;  ///< of the material x points of the body
+  OtmBalance<Dim> balance() const;
+  const OtmCounts& counts() const;
+  const OtmTimes& times() const;
+  /// Force of the bodies on each wall in the last step, in the order they were added.
+  const Points<Dim>& wall_forces() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace efree
