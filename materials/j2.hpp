@@ -25,6 +25,9 @@ class J2 final : public Plastic {
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
+  template <class Flow>
+  bool respond_near_identity(Index p, const Deformation& given, MaterialResponse& response, const Flow& flow_of) const;
+
   Hardening yield_;
   double kinematic_;
 };

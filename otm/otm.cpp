@@ -67,6 +67,17 @@ double softest_shear(const MaterialResponse::Tangent& A) {
   return least;
 }
 
+/// What makes a gradient skew.
+MaterialResponse::Tangent turns() {
+  MaterialResponse::Tangent skew = MaterialResponse::Tangent::Zero();
+  for (int J = 0; J < 3; ++J)
+    for (int i = 0; i < 3; ++i) {
+      skew(i + 3 * J, i + 3 * J) += 0.5;
+      skew(i + 3 * J, J + 3 * i) -= 0.5;
+    }
+  return skew;
+}
+
 constexpr Index points_of_a_chunk = 256;
 
 }  // namespace
@@ -74,7 +85,7 @@ constexpr Index points_of_a_chunk = 256;
 template <int Dim> struct Otm<Dim>::Parts {
   struct BodyOf {
     SharedMaterial material;
-    MaterialResponse::Tangent tangent;  ///< at rest
+    MaterialResponse::Tangent tangent, compliance;  ///< at rest; of turns as of shear
     double shear;
     bool renewed;  ///< whether functions are
     Index first_node, first_point;
@@ -126,7 +137,8 @@ template <int Dim> struct Otm<Dim>::Parts {
   void renew();
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;
   void move(double kick, double dt);
-  void shake(Index times);
+  void stiffen();
+  void shake(Index repeats);
 };
 
 template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given)
@@ -158,12 +170,14 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
     const Material& material = *body.material;
     const MaterialResponse rest =
         respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);
-    bodies.push_back({body.material, rest.tangent_at(0), softest_shear(rest.tangent_at(0)), !body.shape.has_value(),
+    const MaterialResponse::Tangent tangent = rest.tangent_at(0);
+    const double shear = softest_shear(tangent);
+    bodies.push_back({body.material, tangent, (tangent + shear * turns()).inverse(), shear, !body.shape.has_value(),
                       num_nodes, num_points});
     num_nodes += N;
     num_points += M;
   }
-  bodies.push_back({{}, {}, 0.0, false, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, false, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   v.setZero(Dim, num_nodes);
   force.setZero(Dim, num_nodes);
@@ -228,6 +242,7 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
       chunk.moment.assign(n, Mat<Dim>::Identity());
       chunk.lambda.assign(n, Vec<Dim>::Zero());
       chunk.growth.setOnes(n);
+      chunk.stiffening.setOnes(n);
       chunk.penalty.setZero(n);
       chunk.columns.resize(16 * n);
       chunk.offsets.assign(n + 1, 0);
@@ -267,7 +282,8 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
       random ^= random << 13, random ^= random >> 7, random ^= random << 17;
       shaken(i, a) = static_cast<double>(random >> 11) * 0x1p-53 - 0.5;
     }
-  shake(40);
+  stiffen();
+  shake(100);
 }
 
 template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
@@ -343,38 +359,41 @@ template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, co
 /// Replaces the rows of some points.
 template <int Dim> void Otm<Dim>::Parts::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
                                                   std::vector<std::vector<std::pair<Index, OtmEntry>>>& rows) {
-  // All rows by global numbers, then local ones are given in ascending order.
-  std::vector<Index> global, offsets{0};
-  std::vector<OtmEntry> entries;
+  // Local numbers are given as nodes come up.
+  thread_local std::vector<Index> number;
+  thread_local std::vector<Index> nodes, offsets;
+  thread_local std::vector<std::uint16_t> local;
+  thread_local std::vector<OtmEntry> entries;
+  number.resize(std::max(number.size(), static_cast<std::size_t>(x.cols())), -1);
+  nodes.clear();
+  offsets.assign(1, 0);
+  local.clear();
+  entries.clear();
+  const auto put = [&](Index node, const OtmEntry& entry) {
+    if (number[node] < 0) {
+      number[node] = static_cast<Index>(nodes.size());
+      nodes.push_back(node);
+    }
+    local.push_back(static_cast<std::uint16_t>(number[node]));
+    entries.push_back(entry);
+  };
   std::size_t next = 0;
   for (Index p = 0; p < chunk.size(); ++p) {
-    if (next < which.size() && which[next] == p) {
-      for (const auto& [node, entry] : rows[next]) {
-        global.push_back(node);
-        entries.push_back(entry);
-      }
-      ++next;
-    } else {
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-        global.push_back(chunk.nodes[chunk.local[e]]);
-        entries.push_back(chunk.entries[e]);
-      }
-    }
+    if (next < which.size() && which[next] == p)
+      for (const auto& [node, entry] : rows[next++]) put(node, entry);
+    else
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
+        put(chunk.nodes[chunk.local[e]], chunk.entries[e]);
     offsets.push_back(static_cast<Index>(entries.size()));
   }
-  std::vector<Index> nodes = global;
-  std::sort(nodes.begin(), nodes.end());
-  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  for (const Index node : nodes) number[node] = -1;
   if (nodes.size() > 65535) throw NumericalError("material points that lie together see more than 65535 nodes");
-  chunk.local.resize(global.size());
-  for (std::size_t e = 0; e < global.size(); ++e)
-    chunk.local[e] =
-        static_cast<std::uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), global[e]) - nodes.begin());
-  chunk.offsets = std::move(offsets);
-  chunk.entries = std::move(entries);
-  chunk.nodes = std::move(nodes);
-  chunk.x.assign(4 * chunk.nodes.size(), 0.0);
-  chunk.force.assign(4 * chunk.nodes.size(), 0.0);
+  chunk.offsets = offsets;
+  chunk.local = local;
+  chunk.entries = entries;
+  chunk.nodes = nodes;
+  chunk.x.assign(4 * nodes.size(), 0.0);
+  chunk.force.assign(4 * nodes.size(), 0.0);
 }
 
 template <int Dim> void Otm<Dim>::Parts::find_places() {
@@ -438,7 +457,9 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
           "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
           fmt::join(chunk.at.col(p), ", "), J));
     chunk.growth[p] = J;
-    if ((since - Mat<3>::Identity()).squaredNorm() > options.renewal * options.renewal && body.renewed)
+    // Green's strain: turning is no wear.
+    if (body.renewed &&
+        0.25 * (since.transpose() * since - Mat<3>::Identity()).squaredNorm() > options.renewal * options.renewal)
       chunk.worn.push_back(p);
   }
   if (shared)
@@ -509,6 +530,33 @@ void Otm<Dim>::Parts::push(OtmChunk<Dim>& chunk, const At& at, const Since& sinc
            chunk.columns.data(), chunk.penalty.data(), chunk.force.data());
 }
 
+/// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one
+/// by the other, by power iteration; at least one.
+template <int Dim> void Otm<Dim>::Parts::stiffen() {
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    const BodyOf& body = bodies[chunk.body];
+    if (body.material->linear()) return;
+    const MaterialResponse response = respond(*body.material, chunk.now, true);
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Mat<3> F = chunk.now.gradient(p);
+      Vec<9> h;
+      h << 1.0, 0.3, -0.2, 0.25, 0.9, 0.15, -0.1, 0.2, 1.1;
+      double most = 1.0;
+      for (int k = 0; k < 6; ++k) {
+        // A change of F by H F does the work of P : H F.
+        Mat<3> change = Eigen::Map<const Mat<3>>(h.data()) * F;
+        const Vec<9> stress = response.tangent_at(p) * Eigen::Map<const Vec<9>>(change.data());
+        const Mat<3> pushed = Eigen::Map<const Mat<3>>(stress.data()) * F.transpose();
+        const Vec<9> next = body.compliance * Eigen::Map<const Vec<9>>(pushed.data());
+        most = next.norm() / h.norm();
+        h = next / next.norm();
+      }
+      chunk.stiffening[p] = std::isfinite(most) ? std::max(1.0, most) : 1.0;
+    }
+  });
+}
+
 /// Power iteration for the highest frequency of the bodies as they are now, were they elastic: the stable step is 2
 /// over it.
 template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
@@ -543,7 +591,7 @@ template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
             const double shift = (dilatation / volume - H[0] - H[4] - H[8]) / 3.0;
             for (const int d : {0, 4, 8}) H[d] += shift;
           }
-          const Vec<9> stress = body.tangent * H;
+          const Vec<9> stress = chunk.stiffening[p] * (body.tangent * H);
           std::copy_n(stress.data(), 9, column);
         }
       }
@@ -562,9 +610,9 @@ template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
     omega2 = std::sqrt(norm2 / before2);
     shaken = next / std::sqrt(norm2);
   }
-  stable = options.courant * 2.0 / std::sqrt(omega2);
-  if (getenv("SHK") && counts.steps % 400 == 0) { Index w = 0; double m = 0; for (Index a = 0; a < mass.size(); ++a) if (shaken.col(a).norm() > m) m = shaken.col(a).norm(), w = a;
-    fprintf(stderr, "t %g dt %g at %g %g mass %g\n", time, stable, x(0, w), x(1, w), mass[w]); }
+  // Steps change no more than they have to: energy swings with their length.
+  const double found = options.courant * 2.0 / std::sqrt(omega2);
+  if (found < stable || found > 1.25 * stable) stable = 0.98 * found;
 }
 
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
@@ -669,9 +717,21 @@ template <int Dim> void Otm<Dim>::Parts::renew() {
   parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
     put_rows(chunk, chunk.worn, changes[k].rows);
-    chunk.worn.clear();
+    for (const Index p : chunk.worn) chunk.since[p].setIdentity();
   });
   find_places();
+  // New functions may be stiffer than any before: the iteration is told where to look.
+  const double size = 0.1 / std::sqrt(mass.sum());
+  for (const Index c : worn_chunks) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    for (const Index p : chunk.worn)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
+      }
+    chunk.worn.clear();
+  }
+  shake(3);
   times.functions += seconds_since(start);
 }
 
@@ -761,7 +821,8 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   of.renew();
   of.sweep(dt);
-  if (++of.counts.steps % 4 == 0) of.shake(1);
+  if (++of.counts.steps % 16 == 0) of.stiffen();
+  if (of.counts.steps % 4 == 0) of.shake(1);
   return dt;
 }
 

@@ -23,14 +23,15 @@ enum class OtmMomentum {
 /// How bodies move.
 struct OtmOptions {
   Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
-  LmeOptions lme{};
-  /// A point's functions are renewed when its deformation since they were made, |dF - 1|, exceeds this. In between they
-  /// stand still, as in a total Lagrangian method: exact in affine motions, and energy is conserved. 0: every step.
-  double renewal = 0.1;
+  LmeOptions lme{.gamma = 2.5, .cutoff = 1e-4};
+  /// A point's functions are renewed when its strain since they were made (Green's, its norm) exceeds this. In between
+  /// they stand still, as in a total Lagrangian method: exact in affine motions, and energy is conserved. 0: every
+  /// step.
+  double renewal = 0.2;
   /// Largest ratio of the axes of a function's support, which the motion stretches; 1: balls.
   double anisotropy = 3.0;
   OtmMomentum momentum = OtmMomentum::affine;
-  double courant = 0.9;  ///< of the step that is proven stable
+  double courant = 0.5;  ///< of the step that is stable by the highest frequency that power iteration finds
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
   /// the functions' width (Weissenfels & Wriggers 2018).
   double stabilisation = 0.1;

@@ -24,10 +24,9 @@ template <int Dim> class Neighbours {
   const Points<Dim>& points() const { return points_.points; }
   /// Those not further than r from x, ascending.
   void within(const Vec<Dim>& x, double r, std::vector<Index>& found) const {
-    thread_local std::vector<std::pair<Index, double>> matches;
-    tree_->radiusSearch(x.data(), r * r, matches, nanoflann::SearchParams(32, 0.0f, false));
     found.clear();
-    for (const auto& [point, distance] : matches) found.push_back(point);
+    Within result{r * r, found};
+    tree_->findNeighbors(result, x.data(), nanoflann::SearchParams(32, 0.0f, false));
     std::sort(found.begin(), found.end());
   }
   /// The nearest of all.
@@ -49,6 +48,18 @@ template <int Dim> class Neighbours {
   }
 
  private:
+  /// What nanoflann tells its finds to.
+  struct Within {
+    double r2;
+    std::vector<Index>& found;
+    std::size_t size() const { return found.size(); }
+    bool full() const { return true; }
+    double worstDist() const { return r2; }
+    bool addPoint(double distance, Index point) {
+      if (distance <= r2) found.push_back(point);
+      return true;
+    }
+  };
   struct Cloud {
     Points<Dim> points;
     std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(points.cols()); }

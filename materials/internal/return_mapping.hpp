@@ -77,55 +77,60 @@ inline double elastic_energy(const Vec<3>& strain, const ElasticConstants& elast
   return 0.5 * PrincipalStress::linear(strain, elastic.kappa, elastic.mu).stress.dot(strain);
 }
 
-/// Answers for all points by `returned(principal trial strains, ascending; equivalent plastic strain; constants; X)`.
-/// At small strains with a back stress of 2/3 `kinematic` eps_p (Prager 1956).
+/// Answers for a point by `returned(principal trial strains, ascending; equivalent plastic strain; constants; X)`. At
+/// small strains with a back stress of 2/3 `kinematic` eps_p (Prager 1956).
+template <class Return> void respond_by_return(Index p, const ElasticModuli& moduli, Strain strain, double kinematic,
+                                               const Deformation& given, MaterialResponse& response,
+                                               const Return& returned) {
+  const Vec<3> X = given.X.col(p);
+  const ElasticConstants elastic = moduli.at(X);
+  const Mat<3> before = symmetric(given.history.col(p).template head<6>());
+  const bool finite = strain == Strain::finite;
+  Mat<3> back = Mat<3>::Zero();
+  const PrincipalFrame frame = [&] {
+    if (finite) {
+      const FiniteDeformation at(given, p);
+      return PrincipalFrame(
+          at.F, before.isZero(0.0) ? Mat<3>::Identity() : Mat<3>((Mat<3>::Identity() + before).llt().matrixL()));
+    }
+    const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
+    back = 2.0 / 3.0 * kinematic * before;
+    // The back stress only shifts the elastic strain from which the return starts.
+    return PrincipalFrame(Mat<3>(0.5 * (H + H.transpose()) - before - back / (2.0 * elastic.mu)));
+  }();
+  if (!frame.strain().allFinite()) throw NumericalError("strains that are no numbers " + place(X));
+  Returned answer;
+  try {
+    answer = returned(frame.strain(), given.history(6, p), elastic, X);
+  } catch (const NumericalError& error) {
+    throw NumericalError(error.what() + (" " + place(X)));
+  }
+  response.stress(p) = frame.stress(answer.law.stress) + back;
+  response.dissipated[p] = answer.dissipated;
+  response.history.col(p) = given.history.col(p);
+  Mat<3> after = before;
+  if (answer.plastic) {
+    const Vec<3> flow = frame.strain() - answer.elastic;
+    after = finite ? Mat<3>(frame.tensor((-2.0 * flow).array().exp().matrix()) - Mat<3>::Identity())
+                   : Mat<3>(before + frame.tensor(flow));
+    response.history.col(p) << components(after), answer.equivalent;
+  }
+  response.energy[p] = elastic_energy(answer.elastic, elastic);
+  if (kinematic != 0.0) {
+    // The elastic strain is what the return left, and the shift.
+    const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
+    const Mat<3> left = 0.5 * (H + H.transpose()) - after;
+    response.energy[p] = 0.5 * elastic.lambda * left.trace() * left.trace() + elastic.mu * left.squaredNorm() +
+                         kinematic / 3.0 * after.squaredNorm();
+  }
+  if (response.tangent) response.tangent_at(p) = frame.tangent(answer.law);
+}
+
+/// For all of them.
 template <class Return> void respond_by_return(const ElasticModuli& moduli, Strain strain, double kinematic,
                                                const Deformation& given, MaterialResponse& response,
                                                const Return& returned) {
-  for (Index p = 0; p < given.size(); ++p) {
-    const Vec<3> X = given.X.col(p);
-    const ElasticConstants elastic = moduli.at(X);
-    const Mat<3> before = symmetric(given.history.col(p).template head<6>());
-    const bool finite = strain == Strain::finite;
-    Mat<3> back = Mat<3>::Zero();
-    const PrincipalFrame frame = [&] {
-      if (finite) {
-        const FiniteDeformation at(given, p);
-        return PrincipalFrame(
-            at.F, before.isZero(0.0) ? Mat<3>::Identity() : Mat<3>((Mat<3>::Identity() + before).llt().matrixL()));
-      }
-      const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
-      back = 2.0 / 3.0 * kinematic * before;
-      // The back stress only shifts the elastic strain from which the return starts.
-      return PrincipalFrame(Mat<3>(0.5 * (H + H.transpose()) - before - back / (2.0 * elastic.mu)));
-    }();
-    if (!frame.strain().allFinite()) throw NumericalError("strains that are no numbers " + place(X));
-    Returned answer;
-    try {
-      answer = returned(frame.strain(), given.history(6, p), elastic, X);
-    } catch (const NumericalError& error) {
-      throw NumericalError(error.what() + (" " + place(X)));
-    }
-    response.stress(p) = frame.stress(answer.law.stress) + back;
-    response.dissipated[p] = answer.dissipated;
-    response.history.col(p) = given.history.col(p);
-    Mat<3> after = before;
-    if (answer.plastic) {
-      const Vec<3> flow = frame.strain() - answer.elastic;
-      after = finite ? Mat<3>(frame.tensor((-2.0 * flow).array().exp().matrix()) - Mat<3>::Identity())
-                     : Mat<3>(before + frame.tensor(flow));
-      response.history.col(p) << components(after), answer.equivalent;
-    }
-    response.energy[p] = elastic_energy(answer.elastic, elastic);
-    if (kinematic != 0.0) {
-      // The elastic strain is what the return left, and the shift.
-      const Mat<3> H = given.gradient(p) - Mat<3>::Identity();
-      const Mat<3> left = 0.5 * (H + H.transpose()) - after;
-      response.energy[p] = 0.5 * elastic.lambda * left.trace() * left.trace() + elastic.mu * left.squaredNorm() +
-                           kinematic / 3.0 * after.squaredNorm();
-    }
-    if (response.tangent) response.tangent_at(p) = frame.tangent(answer.law);
-  }
+  for (Index p = 0; p < given.size(); ++p) respond_by_return(p, moduli, strain, kinematic, given, response, returned);
 }
 
 }  // namespace efree::internal

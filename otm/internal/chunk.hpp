@@ -36,6 +36,7 @@ template <int Dim> struct OtmChunk {
   std::vector<Mat<Dim>> moment;  ///< J of them
   std::vector<Vec<Dim>> lambda;  ///< of them
   Vector growth;                 ///< J, over that of the union
+  Vector stiffening;             ///< how many times stiffer than at rest, at the most
   Vector penalty;                ///< on motions that points do not see [force/length]
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending

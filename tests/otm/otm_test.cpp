@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/otm/otm.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/j2.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <numbers>
+
+namespace efree {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+SharedMaterial soft(double nu = 0.3) {
+  return NeoHookean({.E = 1.0, .nu = nu});
+}
+
+template <int Dim> FineMesh<Dim> block(double length, double size) {
+  if constexpr (Dim == 2)
+    return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
+  else
+    return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
+}
+
+template <class T> class OtmBlock : public testing::Test {};
+using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+TYPED_TEST_SUITE(OtmBlock, Dimensions);
+
+TYPED_TEST(OtmBlock, AffineMotionsAreExactHoweverOftenFunctionsAreRenewed) {
+  constexpr int Dim = TypeParam::value;
+  OtmBody<Dim> body = otm_body(block<Dim>(1.0, 0.3), soft(), 1.0);
+  Otm<Dim> otm({body}, {.renewal = 0.02});
+  Mat<Dim> rate = Mat<Dim>::Zero();
+  rate(0, 0) = 0.8;
+  rate(1, 0) = -0.4;
+  rate(0, 1) = 0.7;
+  rate(Dim - 1, Dim - 1) += -0.3;
+  for (Index a = 0; a < otm.num_nodes(); ++a)
+    for (int i = 0; i < Dim; ++i) otm.prescribe(a, i, rate.row(i).dot(body.nodes.col(a)));
+  while (otm.time() < 1.0 - 1e-9) otm.step(0.01);
+  EXPECT_GT(otm.counts().renewals, 5 * otm.num_points());
+  Mat<3> F = Mat<3>::Identity();
+  F.template topLeftCorner<Dim, Dim>() += rate;
+  const Tensors found = otm.deformation();
+  double worst = 0.0;
+  for (Index p = 0; p < otm.num_points(); ++p)
+    worst = std::max(worst, (Eigen::Map<const Mat<3>>(found.col(p).data()) - F).norm());
+  EXPECT_LT(worst, 1e-11);
+  const Points<Dim> moved = (Mat<Dim>::Identity() + rate) * body.points;
+  EXPECT_LT((otm.points() - moved).colwise().norm().maxCoeff(), 1e-11);
+}
+
+TYPED_TEST(OtmBlock, ThrownAndSpinningBodiesKeepTheirMomentaToRounding) {
+  constexpr int Dim = TypeParam::value;
+  OtmBody<Dim> body = otm_body(block<Dim>(2.0, 0.35), soft(), 1.0);
+  body.velocity.setZero(Dim, body.nodes.cols());
+  for (Index a = 0; a < body.nodes.cols(); ++a) {
+    const auto x = body.nodes.col(a);
+    body.velocity(0, a) = 0.2 - 0.5 * (x[1] - 0.5) + 0.25 * std::sin(3.0 * x[0]);
+    body.velocity(1, a) = 0.1 + 0.5 * (x[0] - 1.0);
+  }
+  Otm<Dim> otm({body}, {.renewal = 0.05});
+  const auto before = otm.balance();
+  otm.run(3.0);
+  const auto after = otm.balance();
+  EXPECT_GT(otm.counts().renewals, otm.num_points());
+  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-13 * before.momentum.norm() * otm.counts().steps);
+  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * before.momentum.norm());
+  EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * before.moment.norm());
+  EXPECT_NEAR(after.total(), before.total(), 0.01 * before.total());
+}
+
+TYPED_TEST(OtmBlock, TurningIsNoWear) {
+  constexpr int Dim = TypeParam::value;
+  OtmBody<Dim> body = otm_body(block<Dim>(1.0, 0.3), soft(), 1.0);
+  body.velocity.setZero(Dim, body.nodes.cols());
+  for (Index a = 0; a < body.nodes.cols(); ++a) {
+    body.velocity(0, a) = -0.05 * (body.nodes(1, a) - 0.5);
+    body.velocity(1, a) = 0.05 * (body.nodes(0, a) - 0.5);
+  }
+  Otm<Dim> otm({body});
+  otm.run(2.0 * std::numbers::pi / 0.05);
+  EXPECT_EQ(otm.counts().renewals, 0);
+  // A full turn: back where it was, but for what centrifugal stretch does to the speed.
+  EXPECT_LT((otm.nodes() - body.nodes).colwise().norm().maxCoeff(), 0.02);
+}
+
+TYPED_TEST(OtmBlock, ResultsAreBitwiseTheSameOnAnyNumberOfThreads) {
+  constexpr int Dim = TypeParam::value;
+  const auto result = [](int threads) {
+    const int before = num_threads();
+    set_num_threads(threads);
+    OtmBody<Dim> body = otm_body(block<Dim>(2.0, Dim == 2 ? 0.1 : 0.3), soft(), 1.0);
+    body.velocity = 0.6 * (body.nodes.array() - 0.5).matrix();
+    Otm<Dim> otm({body});
+    otm.add_wall({.normal = Vec<Dim>::Unit(0), .level = -0.05, .friction = 0.3});
+    otm.run(1.0);
+    set_num_threads(before);
+    EXPECT_GT(otm.counts().renewals, 0);
+    return std::pair(otm.nodes(), otm.cauchy_stress());
+  };
+  const auto one = result(1), three = result(3);
+  EXPECT_EQ(one.first, three.first);
+  EXPECT_EQ(one.second, three.second);
+}
+
+/// Squares of that size, cut along one diagonal or the other in turn.
+FineMesh<2> lattice(double length, double size) {
+  const auto nx = static_cast<Index>(std::lround(length / size)), ny = static_cast<Index>(std::lround(1.0 / size));
+  MeshData<2> mesh;
+  mesh.vertices.resize(2, (nx + 1) * (ny + 1));
+  for (Index j = 0; j <= ny; ++j)
+    for (Index i = 0; i <= nx; ++i) mesh.vertices.col(i + j * (nx + 1)) << i * size, j * size;
+  mesh.cells.resize(3, 2 * nx * ny);
+  for (Index j = 0, c = 0; j < ny; ++j)
+    for (Index i = 0; i < nx; ++i) {
+      const Index a = i + j * (nx + 1), b = a + 1, d = a + nx + 1, e = d + 1;
+      if ((i + j) % 2 == 0) {
+        mesh.cells.col(c++) << a, b, d;
+        mesh.cells.col(c++) << b, e, d;
+      } else {
+        mesh.cells.col(c++) << a, b, e;
+        mesh.cells.col(c++) << a, e, d;
+      }
+    }
+  return FineMesh<2>(std::move(mesh));
+}
+
+/// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
+double frequency_error(double size) {
+  const double length = 4.0;
+  OtmBody<2> body = otm_body(lattice(length, size), soft(0.0), 1.0);
+  body.velocity.setZero(2, body.nodes.cols());
+  for (Index a = 0; a < body.nodes.cols(); ++a)
+    body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
+  const Points<2> shape = body.velocity;
+  body.velocity *= 1e-4;
+  Otm<2> otm({body});
+  // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
+  double last = 1.0, last_time = 0.0, crossing = 0.0;
+  for (int crossings = 0; crossings < 8;) {
+    const double dt = otm.step();
+    const double time = otm.time() - 0.5 * dt;
+    const double now = (otm.velocities().cwiseProduct(shape) * otm.masses().asDiagonal()).sum();
+    if (now * last < 0.0) {
+      ++crossings;
+      crossing = last_time + (time - last_time) * last / (last - now);
+    }
+    last = now;
+    last_time = time;
+  }
+  return 2.0 * length / (crossing / 3.75) - 1.0;
+}
+
+TEST(OtmBar, FrequencyOfABarConvergesWithOrderTwo) {
+  const double coarse = frequency_error(0.25), fine = frequency_error(0.125);
+  EXPECT_LT(std::abs(fine), 0.003);
+  const double order = std::log2(std::abs(coarse / fine));
+  EXPECT_GT(order, 1.8) << coarse << " " << fine;
+  EXPECT_LT(order, 2.4) << coarse << " " << fine;
+}
+
+TEST(OtmBar, EnergySwingsWithTheSquareOfTheStepAndStaysForTenThousands) {
+  const auto swing = [](double courant, int steps) {
+    OtmBody<2> body = otm_body(lattice(2.0, 0.25), soft(), 1.0);
+    body.velocity.setZero(2, body.nodes.cols());
+    for (Index a = 0; a < body.nodes.cols(); ++a) body.velocity(0, a) = 0.02 * std::sin(2.0 * body.nodes(0, a));
+    Otm<2> otm({body}, {.courant = courant});
+    const double before = otm.balance().total();
+    double worst = 0.0;
+    for (int k = 0; k < steps; ++k) {
+      otm.step();
+      worst = std::max(worst, std::abs(otm.balance().total() / before - 1.0));
+    }
+    EXPECT_EQ(otm.counts().renewals, 0);
+    return worst;
+  };
+  const double coarse = swing(0.5, 20000), fine = swing(0.25, 40000);
+  EXPECT_LT(coarse, 3e-3);
+  EXPECT_GT(coarse / fine, 2.5) << coarse << " " << fine;
+  EXPECT_LT(coarse / fine, 8.0) << coarse << " " << fine;
+}
+
+TEST(OtmMomentum, OnlyTheAffineHandOverKeepsBothMomentaAndEnergy) {
+  const auto run = [](OtmMomentum momentum) {
+    OtmBody<2> body = otm_body(block<2>(2.0, 0.15),
+                               J2({.moduli = {.E = 100.0, .nu = 0.3}, .yield = 0.2, .strain = Strain::finite}), 1.0);
+    body.velocity.setZero(2, body.nodes.cols());
+    for (Index a = 0; a < body.nodes.cols(); ++a) {
+      body.velocity(0, a) = body.nodes(0, a) < 1.0 ? 0.7 : -0.3;  // the two halves run into each other
+      body.velocity(1, a) = 0.3 * (body.nodes(0, a) - 1.0);
+    }
+    Otm<2> otm({body}, {.momentum = momentum});
+    const auto before = otm.balance();
+    otm.run(0.8);
+    const auto after = otm.balance();
+    EXPECT_GT(otm.counts().renewals, otm.num_points());
+    return std::array{(after.momentum - before.momentum).norm() / before.momentum.norm(),
+                      std::abs(after.moment[0] / before.moment[0] - 1.0), after.renewal / before.kinetic};
+  };
+  const auto affine = run(OtmMomentum::affine), nodes = run(OtmMomentum::nodes), points = run(OtmMomentum::points);
+  EXPECT_LT(affine[0], 1e-12);
+  EXPECT_LT(affine[1], 1e-11);
+  EXPECT_GT(nodes[0] + nodes[1], 1e-6);
+  EXPECT_LT(points[0], 1e-12);
+  EXPECT_GT(points[1], 1e-6);
+  EXPECT_GT(points[2], affine[2]);
+}
+
+TEST(OtmWall, FrictionHoldsWhatFrictionlessWallsLetGo) {
+  const auto slid = [](double friction) {
+    OtmBody<2> body = otm_body(block<2>(1.0, 0.3), soft(), 1.0);
+    body.velocity.setZero(2, body.nodes.cols());
+    body.velocity.row(0).setConstant(0.1);
+    body.velocity.row(1).setConstant(-0.2);
+    Otm<2> otm({body});
+    otm.add_wall({.normal = Vec<2>::Unit(1), .friction = friction});
+    Vec<2> impulse = Vec<2>::Zero();
+    const Vec<2> before = otm.balance().momentum;
+    double last = 0.0;
+    while (otm.time() < 1.5) {
+      const double dt = otm.step();
+      impulse -= 0.5 * (dt + last) * otm.wall_forces().col(0);
+      last = dt;
+    }
+    EXPECT_LT((otm.balance().momentum - before - impulse).norm(), 1e-12);
+    EXPECT_GE(otm.nodes().row(1).minCoeff(), -1e-12);
+    return otm.balance().momentum[0] / before[0];
+  };
+  EXPECT_NEAR(slid(0.0), 1.0, 1e-12);
+  EXPECT_LT(slid(0.2), 0.9);
+  EXPECT_LT(slid(std::numeric_limits<double>::infinity()), slid(0.2));
+}
+
+TEST(Otm, RefusesWhatMakesNoSense) {
+  const OtmBody<2> good = otm_body(block<2>(1.0, 0.5), soft(), 1.0);
+  const auto with = [&](const auto& change) {
+    return [&good, change] {
+      OtmBody<2> body = good;
+      change(body);
+      Otm<2> otm({body});
+    };
+  };
+  EXPECT_THAT(with([](auto& b) { b.density = 0.0; }), ThrowsMessage<InputError>(HasSubstr("density 0")));
+  EXPECT_THAT(with([](auto& b) { b.volumes[0] = -1.0; }), ThrowsMessage<InputError>(HasSubstr("positive volume")));
+  EXPECT_THAT(with([](auto& b) { b.nodes(0, 0) = NAN; }), ThrowsMessage<InputError>(HasSubstr("no numbers")));
+  EXPECT_THAT(with([](auto& b) { b.material = {}; }), ThrowsMessage<InputError>(HasSubstr("no material")));
+  EXPECT_THAT(with([](auto& b) { b.points.col(0) << 9.0, 9.0; }), ThrowsMessage<NumericalError>(HasSubstr("outside")));
+  EXPECT_THAT(with([](auto& b) { b.unions.resize(1); }), ThrowsMessage<InputError>(HasSubstr("union for every point")));
+  EXPECT_THROW(Otm<2>({}), InputError);
+  EXPECT_THROW(Otm<2>({good}, {.renewal = -1.0}), InputError);
+  EXPECT_THROW(Otm<2>({good}, {.plane = Plane::stress}), InputError);
+  Otm<2> otm({good});
+  EXPECT_THROW(otm.prescribe(100000, 0, 1.0), InputError);
+  EXPECT_THROW(otm.add_wall({.normal = {1.0, 1.0}}), InputError);
+}
+
+TEST(Otm, RunsThatTearAPointInsideOutStopThereAndSayWhere) {
+  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), soft(), 1.0);
+  Otm<2> otm({body});
+  for (Index a = 0; a < otm.num_nodes(); ++a)
+    if (body.nodes(0, a) > 0.99) otm.prescribe(a, 0, -50.0);
+  EXPECT_THAT([&] { otm.run(1.0); }, ThrowsMessage<NumericalError>(HasSubstr("at time")));
+}
+
+}  // namespace
+}  // namespace efree

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/bench/taylor_bar.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/LU>
+
+namespace efree {
+namespace {
+
+using bench::TaylorBar;
+
+/// The bands are those of published computations, which differ by as much (docs/evidence.md).
+TEST(TaylorBar, AxisymmetricBarEndsInTheBandsWithItsEnergyAccounted) {
+  auto otm = TaylorBar::bar<2>(TaylorBar::mesh<2>(0.8e-3), 227.0, {});
+  const auto before = otm.balance();
+  EXPECT_NEAR(before.kinetic, 239.81, 0.01);
+  otm.run(80e-6);
+  const auto shape = TaylorBar::shape(otm);
+  EXPECT_GT(shape.length, 21.4e-3);
+  EXPECT_LT(shape.length, 21.7e-3);
+  EXPECT_GT(shape.foot, 6.9e-3);
+  EXPECT_LT(shape.foot, 7.3e-3);
+  const auto after = otm.balance();
+  EXPECT_NEAR(after.total(), before.total(), 0.005 * before.total());
+  EXPECT_GT(after.dissipated, 0.93 * before.kinetic);
+  EXPECT_LT(after.renewal + after.contact, 0.05 * before.kinetic);
+  const Tensors F = otm.deformation();
+  for (Index p = 0; p < otm.num_points(); ++p)
+    EXPECT_NEAR(Eigen::Map<const Mat<3>>(F.col(p).data()).determinant(), 1.0, 0.5);
+}
+
+}  // namespace
+}  // namespace efree
