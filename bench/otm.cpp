@@ -3,6 +3,7 @@
 // renewal, anisotropy, courant, stabilisation, momentum (0 affine, 1 nodes, 2 points), shared (0, 1), threads.
 
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 
 #include "clock.hpp"
@@ -56,6 +57,11 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
           static_cast<long long>(count.widened));
       std::fflush(stdout);
     }
+    const OtmTimes times = otm.times();
+    std::printf(
+        "functions %.2f s, kinematics %.2f, materials %.2f, forces %.2f, stability %.2f, nodes %.2f; peak %.0f MB\n",
+        times.functions, times.kinematics, times.materials, times.forces, times.stability, times.nodes,
+        peak_memory_mb());
   } catch (const NumericalError& error) {
     std::printf("%s\n", error.what());
   }
@@ -68,7 +74,8 @@ int main(int argc, char** argv) {
   if (argc < 4) return std::puts("bench_otm taylor 2|3 SIZE [key=value ...]"), 2;
   std::map<std::string, double> key;
   for (int i = 4; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '=')) key[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
+    if (const char* equals = std::strchr(argv[i], '='))
+      key[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
   if (std::atoi(argv[2]) == 2)
     efree::taylor<2>(std::atof(argv[3]), key);
   else

@@ -22,8 +22,10 @@ namespace {
 using namespace internal;
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
+/// Seconds since then, which is now from now on.
+double lap(Clock::time_point& start) {
+  const Clock::time_point now = Clock::now();
+  return std::chrono::duration<double>(now - std::exchange(start, now)).count();
 }
 
 /// Place along a curve that fills space: what is near along it is near.
@@ -351,6 +353,14 @@ template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, co
       if (axisymmetric()) entry.dN[2] = entry.N / radius;
       row.push_back({used[a], entry});
     }
+    const auto narrowest = [](const Mat<Dim>& moment) {
+      return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(moment, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    };
+    if (!first) {
+      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+      if (narrowest(functions.moment()) < 0.8 * narrowest(since * chunk.moment[p] * since.transpose()))
+        chunk.narrowed.push_back(p);
+    }
     chunk.moment[p] = functions.moment();
     chunk.penalty[p] = options.stabilisation * body.shear * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
   }
@@ -438,12 +448,14 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
   OtmChunk<Dim>& chunk = chunks[number];
   const BodyOf& body = bodies[chunk.body];
   const Index n = chunk.size();
+  auto start = Clock::now();
   gather(chunk, x);
   otm_deform(n, chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(), chunk.columns.data());
   Tensors& F = chunk.now.F;
   chunk.now.dt = dt;
   chunk.worn.clear();
   const bool shared = static_cast<Index>(chunk.unions.size()) != n + 1;
+  double worst = 0.0;
   for (Index p = 0; p < n; ++p) {
     const double* column = chunk.columns.data() + 16 * p;
     const Mat<3> since = gradient(column, 1.0);
@@ -458,10 +470,12 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
           fmt::join(chunk.at.col(p), ", "), J));
     chunk.growth[p] = J;
     // Green's strain: turning is no wear.
-    if (body.renewed &&
-        0.25 * (since.transpose() * since - Mat<3>::Identity()).squaredNorm() > options.renewal * options.renewal)
-      chunk.worn.push_back(p);
+    const double wear = 0.5 * (since.transpose() * since - Mat<3>::Identity()).norm();
+    worst = std::max(worst, wear);
+    if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
   }
+  // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
+  if (worst <= options.renewal) chunk.worn.clear();
   if (shared)
     for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
       const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
@@ -472,6 +486,7 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
         F.col(p) /= std::cbrt(chunk.growth[p]);
       }
     }
+  chunk.seconds.kinematics += lap(start);
   try {
     body.material->respond(chunk.now, chunk.response);
   } catch (const NumericalError& error) {
@@ -480,12 +495,14 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
   stored[number] = chunk.response.energy.dot(chunk.volume);
   dissipated[number] += chunk.response.dissipated.dot(chunk.volume);
   chunk.now.history.swap(chunk.response.history);
+  chunk.seconds.materials += lap(start);
   for (Index p = 0; p < n; ++p)
     Eigen::Map<Mat<3>>(chunk.columns.data() + 16 * p) =
         chunk.response.stress(p) * Eigen::Map<const Mat<3>>(F.col(p).data()).transpose();
   push(
       chunk, [&](Index p) { return Vec<Dim>(chunk.at.col(p)); },
       [&](Index p) { return Mat<Dim>(chunk.since[p].template topLeftCorner<Dim, Dim>()); });
+  chunk.seconds.forces += lap(start);
 }
 
 /// Deformation by the columns of otm_deform; across the plane there is none but `across`, or that around the axis.
@@ -533,6 +550,7 @@ void Otm<Dim>::Parts::push(OtmChunk<Dim>& chunk, const At& at, const Since& sinc
 /// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one
 /// by the other, by power iteration; at least one.
 template <int Dim> void Otm<Dim>::Parts::stiffen() {
+  auto begin = Clock::now();
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     OtmChunk<Dim>& chunk = chunks[c];
     const BodyOf& body = bodies[chunk.body];
@@ -555,11 +573,13 @@ template <int Dim> void Otm<Dim>::Parts::stiffen() {
       chunk.stiffening[p] = std::isfinite(most) ? std::max(1.0, most) : 1.0;
     }
   });
+  times.stability += lap(begin);
 }
 
 /// Power iteration for the highest frequency of the bodies as they are now, were they elastic: the stable step is 2
 /// over it.
 template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
+  auto begin = Clock::now();
   double omega2 = 0.0;
   for (Index k = 0; k < repeats; ++k) {
     parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
@@ -613,6 +633,7 @@ template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
   // Steps change no more than they have to: energy swings with their length.
   const double found = options.courant * 2.0 / std::sqrt(omega2);
   if (found < stable || found > 1.25 * stable) stable = 0.98 * found;
+  times.stability += lap(begin);
 }
 
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
@@ -625,7 +646,7 @@ template <int Dim> void Otm<Dim>::Parts::renew() {
       body_is_worn[chunks[c].body] = 1;
     }
   if (worn_chunks.empty()) return;
-  const auto start = Clock::now();
+  auto start = Clock::now();
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b])
       trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
@@ -720,19 +741,22 @@ template <int Dim> void Otm<Dim>::Parts::renew() {
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
   });
   find_places();
-  // New functions may be stiffer than any before: the iteration is told where to look.
+  times.functions += lap(start);
+  // Narrower functions may be stiffer than any before: the iteration is told where to look.
   const double size = 0.1 / std::sqrt(mass.sum());
+  bool narrowed = false;
   for (const Index c : worn_chunks) {
     OtmChunk<Dim>& chunk = chunks[c];
-    for (const Index p : chunk.worn)
+    for (const Index p : chunk.narrowed)
       for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
         const Index a = chunk.nodes[chunk.local[e]];
         for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
       }
+    narrowed = narrowed || !chunk.narrowed.empty();
+    chunk.narrowed.clear();
     chunk.worn.clear();
   }
-  shake(3);
-  times.functions += seconds_since(start);
+  if (narrowed) shake(3);
 }
 
 /// Energy of the motions of its nodes that a point does not see.
@@ -746,7 +770,7 @@ template <int Dim> double Otm<Dim>::Parts::unseen(const OtmChunk<Dim>& chunk, In
 
 /// Nodes get their impulses, and move.
 template <int Dim> void Otm<Dim>::Parts::move(double kick, double dt) {
-  const auto start = Clock::now();
+  auto start = Clock::now();
   was = v;
   for (Index a = 0; a < mass.size(); ++a)
     if (mass[a] > 0.0) v.col(a) += kick / mass[a] * force.col(a);
@@ -776,7 +800,7 @@ template <int Dim> void Otm<Dim>::Parts::move(double kick, double dt) {
   if (axisymmetric())
     for (Index a = 0; a < x.cols(); ++a)
       if (x(0, a) < 0.0) x(0, a) = 0.0;
-  times.nodes += seconds_since(start);
+  times.nodes += lap(start);
 }
 
 template <int Dim> Otm<Dim>::Otm(std::vector<OtmBody<Dim>> bodies, const OtmOptions& options)
@@ -821,7 +845,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   of.renew();
   of.sweep(dt);
-  if (++of.counts.steps % 16 == 0) of.stiffen();
+  if (++of.counts.steps % 64 == 0) of.stiffen();
   if (of.counts.steps % 4 == 0) of.shake(1);
   return dt;
 }
@@ -916,8 +940,14 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
 template <int Dim> const OtmCounts& Otm<Dim>::counts() const {
   return parts_->counts;
 }
-template <int Dim> const OtmTimes& Otm<Dim>::times() const {
-  return parts_->times;
+template <int Dim> OtmTimes Otm<Dim>::times() const {
+  OtmTimes result = parts_->times;
+  for (const auto& chunk : parts_->chunks) {
+    result.kinematics += chunk.seconds.kinematics;
+    result.materials += chunk.seconds.materials;
+    result.forces += chunk.seconds.forces;
+  }
+  return result;
 }
 template <int Dim> const Points<Dim>& Otm<Dim>::wall_forces() const {
   return parts_->wall_forces;

@@ -66,9 +66,14 @@ struct OtmCounts {
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };
 
-/// Seconds of all threads.
+/// Where time goes [seconds]: of all threads for what is done point by point (kinematics, materials, forces), else by
+/// the clock.
 struct OtmTimes {
-  double functions = 0.0, kinematics = 0.0, materials = 0.0, forces = 0.0, nodes = 0.0;
+  double functions = 0.0;   ///< search, Newton's method, hand-over of momentum
+  double kinematics = 0.0;  ///< deformation gradients
+  double materials = 0.0, forces = 0.0;
+  double stability = 0.0;  ///< the stable step
+  double nodes = 0.0;      ///< motion and walls
 };
 
 /// Bodies in motion. Nodes carry positions and velocities, points F, stress and history; leapfrog in time, momentum
@@ -108,7 +113,7 @@ template <int Dim> class Otm {
   Matrix history(Index body) const;  ///< of the material x points of the body
   OtmBalance<Dim> balance() const;
   const OtmCounts& counts() const;
-  const OtmTimes& times() const;
+  OtmTimes times() const;
   /// Force of the bodies on each wall in the last step, in the order they were added.
   const Points<Dim>& wall_forces() const;
 

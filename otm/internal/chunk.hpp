@@ -40,7 +40,9 @@ template <int Dim> struct OtmChunk {
   Vector penalty;                ///< on motions that points do not see [force/length]
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
+  std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
   std::vector<double> columns;   ///< sixteen numbers a point: what kernels hand over
+  OtmTimes seconds;              ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
 };
