@@ -66,15 +66,18 @@ TYPED_TEST(OtmBlock, ThrownAndSpinningBodiesKeepTheirMomentaToRounding) {
     body.velocity(0, a) = 0.2 - 0.5 * (x[1] - 0.5) + 0.25 * std::sin(3.0 * x[0]);
     body.velocity(1, a) = 0.1 + 0.5 * (x[0] - 1.0);
   }
-  Otm<Dim> otm({body}, {.renewal = 0.05});
-  const auto before = otm.balance();
-  otm.run(3.0);
-  const auto after = otm.balance();
-  EXPECT_GT(otm.counts().renewals, otm.num_points());
-  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-13 * before.momentum.norm() * otm.counts().steps);
-  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * before.momentum.norm());
-  EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * before.moment.norm());
-  EXPECT_NEAR(after.total(), before.total(), 0.01 * before.total());
+  for (const double renewal : {0.05, OtmOptions{}.renewal}) {
+    Otm<Dim> otm({body}, {.renewal = renewal});
+    const auto before = otm.balance();
+    otm.run(3.0);
+    const auto after = otm.balance();
+    EXPECT_GT(otm.counts().renewals, renewal < 0.1 ? otm.num_points() : 0);
+    EXPECT_LT((after.momentum - before.momentum).norm(), 1e-13 * before.momentum.norm() * otm.counts().steps);
+    EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * before.momentum.norm());
+    EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * before.moment.norm());
+    // Momentum is handed over half a step off, which costs energy by the step, and by how often that is.
+    EXPECT_NEAR(after.total(), before.total(), (renewal < 0.1 ? 0.02 : 0.005) * before.total()) << renewal;
+  }
 }
 
 TYPED_TEST(OtmBlock, TurningIsNoWear) {
