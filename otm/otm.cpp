@@ -98,6 +98,9 @@ template <int Dim> struct Otm<Dim>::Parts {
     double velocity;
   };
 
+  /// Of points: nodes and functions.
+  using Rows = std::vector<std::vector<std::pair<Index, OtmEntry>>>;
+
   OtmOptions options;
   std::vector<BodyOf> bodies;
   Points<Dim> x, v, force;
@@ -125,10 +128,10 @@ template <int Dim> struct Otm<Dim>::Parts {
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
 
   Parts(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
-  void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first,
-                      std::vector<std::vector<std::pair<Index, OtmEntry>>>& rows, OtmCounts& counted) const;
-  void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
-                std::vector<std::vector<std::pair<Index, OtmEntry>>>& rows);
+  void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
+                      OtmCounts& counted) const;
+  void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
+  void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows);
   void find_places();
   void gather(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   Points<Dim> collected() const;
@@ -167,6 +170,11 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
       fail("expected a union for every point, or none");
     if (!(body.density > 0.0) || !std::isfinite(body.density))
       fail(fmt::format("density {}, expected a positive number", body.density));
+    if (body.shape && (body.shape->num_points() != M || body.shape->num_nodes() != N || !body.shape->has_gradients() ||
+                       body.shape->has_hoop() != axisymmetric()))
+      fail(fmt::format("functions of {} points and {} nodes, expected {} and {}, with gradients{}",
+                       body.shape->num_points(), body.shape->num_nodes(), M, N,
+                       axisymmetric() ? " and values over the radius" : ""));
     if (axisymmetric() && body.nodes.row(0).minCoeff() < 0.0)
       fail("axisymmetric: expected radii x that are not negative");
     const Material& material = *body.material;
@@ -232,6 +240,7 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
         const Index of = order[begin + p];
         X.col(p).template head<Dim>() = body.points.col(of);
         chunk.at.col(p) = body.points.col(of);
+        chunk.number.push_back(of);
         chunk.volume[p] = body.volumes[of];
         place_of_point[bodies[b].first_point + of] = {static_cast<Index>(chunks.size()), p};
       }
@@ -257,8 +266,11 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
     OtmChunk<Dim>& chunk = chunks[c];
     std::vector<Index> all(chunk.size());
     std::iota(all.begin(), all.end(), 0);
-    std::vector<std::vector<std::pair<Index, OtmEntry>>> rows(all.size());
-    make_functions(chunk, all, true, rows, counted[c]);
+    Rows rows(all.size());
+    if (const auto& shape = given[chunk.body].shape)
+      take_functions(chunk, *shape, rows);
+    else
+      make_functions(chunk, all, true, rows, counted[c]);
     put_rows(chunk, all, rows);
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
@@ -289,9 +301,7 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
 }
 
 template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
-                                                        bool first,
-                                                        std::vector<std::vector<std::pair<Index, OtmEntry>>>& rows,
-                                                        OtmCounts& counted) const {
+                                                        bool first, Rows& rows, OtmCounts& counted) const {
   const BodyOf& body = bodies[chunk.body];
   const Neighbours<Dim>& tree = *trees[chunk.body];
   LmeFunctions<Dim> functions(options.lme);
@@ -366,9 +376,22 @@ template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, co
   }
 }
 
+/// Functions that are given, for good. What LME functions say of motions that points do not see, others do not.
+template <int Dim>
+void Otm<Dim>::Parts::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const {
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const ShapeRow<Dim> row = shape.row(chunk.number[p]);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+      OtmEntry entry{{0.0, 0.0, 0.0}, row.N[k]};
+      for (int i = 0; i < Dim; ++i) entry.dN[i] = row.dN[k][i];
+      if (axisymmetric()) entry.dN[2] = row.hoop[k];
+      rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k], entry});
+    }
+  }
+}
+
 /// Replaces the rows of some points.
-template <int Dim> void Otm<Dim>::Parts::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
-                                                  std::vector<std::vector<std::pair<Index, OtmEntry>>>& rows) {
+template <int Dim> void Otm<Dim>::Parts::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) {
   // Local numbers are given as nodes come up.
   thread_local std::vector<Index> number;
   thread_local std::vector<Index> nodes, offsets;
@@ -650,7 +673,6 @@ template <int Dim> void Otm<Dim>::Parts::renew() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b])
       trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
-  using Rows = std::vector<std::vector<std::pair<Index, OtmEntry>>>;
   struct Change {
     Rows rows;
     OtmCounts counted;

@@ -17,6 +17,7 @@ struct OtmEntry {
 
 template <int Dim> struct OtmChunk {
   Index body = 0;
+  std::vector<Index> number;  ///< of the points, in their body
 
   // Functions. Row p: entries offsets[p] .. offsets[p + 1], of the nodes that `local` numbers.
   std::vector<Index> offsets{0};

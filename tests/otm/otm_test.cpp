@@ -7,6 +7,7 @@
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
+#include "efree/quadrature/approximation.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -137,9 +138,7 @@ FineMesh<2> lattice(double length, double size) {
 }
 
 /// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
-double frequency_error(double size) {
-  const double length = 4.0;
-  OtmBody<2> body = otm_body(lattice(length, size), soft(0.0), 1.0);
+double frequency_error(OtmBody<2> body, double length) {
   body.velocity.setZero(2, body.nodes.cols());
   for (Index a = 0; a < body.nodes.cols(); ++a)
     body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
@@ -163,11 +162,34 @@ double frequency_error(double size) {
 }
 
 TEST(OtmBar, FrequencyOfABarConvergesWithOrderTwo) {
-  const double coarse = frequency_error(0.25), fine = frequency_error(0.125);
+  const auto with = [](double size) { return frequency_error(otm_body(lattice(4.0, size), soft(0.0), 1.0), 4.0); };
+  const double coarse = with(0.25), fine = with(0.125);
   EXPECT_LT(std::abs(fine), 0.003);
   const double order = std::log2(std::abs(coarse / fine));
   EXPECT_GT(order, 1.8) << coarse << " " << fine;
   EXPECT_LT(order, 2.4) << coarse << " " << fine;
+}
+
+TEST(OtmBar, VibratesOnTheFunctionsOfTheStaticSolverAsWell) {
+  const double length = 4.0;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = 0.05});
+  const auto with = [&](double spacing) {
+    const Approximation<2> cloud = approximate(mesh, {.spacing = spacing});
+    const OtmBody<2> body{.nodes = cloud.nodes,
+                          .velocity = {},
+                          .points = cloud.quadrature.points,
+                          .volumes = cloud.quadrature.weights,
+                          .unions = cloud.union_of,
+                          .material = soft(0.0),
+                          .density = 1.0,
+                          .shape = cloud.quadrature.shape};
+    return frequency_error(body, length);
+  };
+  const double coarse = with(0.3), fine = with(0.15);
+  EXPECT_LT(std::abs(fine), 0.005);
+  const double order = std::log2(std::abs(coarse / fine));
+  EXPECT_GT(order, 1.5) << coarse << " " << fine;
+  EXPECT_LT(order, 3.0) << coarse << " " << fine;
 }
 
 TEST(OtmBar, EnergySwingsWithTheSquareOfTheStepAndStaysForTenThousands) {
