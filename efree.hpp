@@ -59,6 +59,7 @@
 #include "efree/io/expression.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/inspect.hpp"
+#include "efree/io/otm_record.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/path_record.hpp"
 #include "efree/io/picture.hpp"

@@ -46,7 +46,7 @@ template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name,
   array->SetNumberOfTuples(values.cols());
   int i = 0;
   for (const char* component : components) {
-    if (components.size() > 1) array->SetComponentName(i, component);
+    if (components.size() > 1 && component) array->SetComponentName(i, component);
     for (Index p = 0; p < values.cols(); ++p) array->SetComponent(p, i, i < values.rows() ? values(i, p) : 0.0);
     ++i;
   }
@@ -231,17 +231,35 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   write_grid(file, grid);
 }
 
-template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result) {
-  const Approximation<Dim>& approximation = result.approximation;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(approximation.nodes);
+template <int Dim> void write_points(const std::filesystem::path& file, const Points<Dim>& points,
+                                     const std::vector<PointValues>& values) {
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(points);
   vtkNew<vtkCellArray> cells;
-  for (Index I = 0; I < approximation.nodes.cols(); ++I) {
+  for (Index p = 0; p < points.cols(); ++p) {
     cells->InsertNextCell(1);
-    cells->InsertCellPoint(I);
+    cells->InsertCellPoint(p);
   }
   grid->SetCells(VTK_VERTEX, cells);
-  add_array(grid, "displacement", result.fields.displacement(Eigen::all, approximation.node_dofs), {"x", "y", "z"});
+  for (const PointValues& of : values) {
+    if (of.values.cols() != points.cols())
+      throw InputError(
+          fmt::format("{}: {} values of {}, expected {}", file.string(), of.values.cols(), of.name, points.cols()));
+    std::vector<const char*> components;
+    for (Index i = 0; i < of.values.rows(); ++i)
+      components.push_back(i < static_cast<Index>(of.components.size()) ? of.components[i].c_str() : nullptr);
+    // A vector has three components for ParaView.
+    while (of.components == std::vector<std::string>{"x", "y"} && components.size() == 2) components.push_back("z");
+    add_array(grid, of.name, of.values, components);
+  }
   write_grid(file, grid);
+}
+
+template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result) {
+  const Approximation<Dim>& approximation = result.approximation;
+  std::vector<std::string> axes{"x", "y"};
+  if (Dim == 3) axes.push_back("z");
+  write_points<Dim>(file, approximation.nodes,
+                    {{"displacement", result.fields.displacement(Eigen::all, approximation.node_dofs), axes}});
 }
 
 template <int Dim>
@@ -371,6 +389,8 @@ void write_failure(const std::filesystem::path& file, const std::string& title, 
 
 template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
 template void write_fields<2>(const std::filesystem::path&, const FineSpace<2>&, const Fields<2>&);
+template void write_points<2>(const std::filesystem::path&, const Points<2>&, const std::vector<PointValues>&);
+template void write_points<3>(const std::filesystem::path&, const Points<3>&, const std::vector<PointValues>&);
 template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
 template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
 template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace efree {
 
@@ -15,9 +16,10 @@ std::string version();
 /// Fields on the fine mesh for ParaView (VTK, binary): point data displacement (3 components), strain (xx,
 /// yy, xy | rr, zz, tt, rz | xx, yy, zz, yz, xz, xy with engineering shear), stress, von_mises, restrained and loaded
 /// (1 on parts of the boundary with displacement conditions and loads, else 0); cell data region (counted from 0)
-/// and error (Result::error_density; none of an analysis through time, which has Result::remembered instead). Of load cases after the first "NAME: displacement" and so on. The points are the
-/// places of the space: those on interfaces are there once for each region, with its stress. Quadratic spaces become
-/// quadratic cells. Throws InputError if the file cannot be written, as all writers do.
+/// and error (Result::error_density; none of an analysis through time, which has Result::remembered instead). Of load
+/// cases after the first "NAME: displacement" and so on. The points are the places of the space: those on interfaces
+/// are there once for each region, with its stress. Quadratic spaces become quadratic cells. Throws InputError if the
+/// file cannot be written, as all writers do.
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
 
@@ -28,6 +30,17 @@ void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space
 
 /// The cloud of nodes with the displacement at each.
 template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result);
+
+/// Values at points, a row for each component.
+struct PointValues {
+  std::string name;
+  Matrix values;                             ///< components x points
+  std::vector<std::string> components = {};  ///< their names, as many as there are rows, or none
+};
+/// Anyone's points with values for ParaView (VTK, binary), a vertex each. Throws InputError for values of another
+/// number of points.
+template <int Dim>
+void write_points(const std::filesystem::path& file, const Points<Dim>& points, const std::vector<PointValues>& values);
 
 /// Counts, errors, energy, probes, parts of the boundary, seconds: the format is in docs/case-file.md.
 template <int Dim>

@@ -81,6 +81,8 @@ MaterialResponse::Tangent turns() {
 }
 
 constexpr Index points_of_a_chunk = 256;
+/// |F - I| beyond which what is linear in it is wrong by more than a few per cent.
+constexpr double small_strains = 0.05;
 
 }  // namespace
 
@@ -90,6 +92,7 @@ template <int Dim> struct Otm<Dim>::Parts {
     MaterialResponse::Tangent tangent, compliance;  ///< at rest; of turns as of shear
     double shear;
     bool renewed;  ///< whether functions are
+    bool finite;   ///< whether the material is for finite strains
     Index first_node, first_point;
   };
   struct Prescribed {
@@ -183,11 +186,11 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
     const MaterialResponse::Tangent tangent = rest.tangent_at(0);
     const double shear = softest_shear(tangent);
     bodies.push_back({body.material, tangent, (tangent + shear * turns()).inverse(), shear, !body.shape.has_value(),
-                      num_nodes, num_points});
+                      material.finite_strain(), num_nodes, num_points});
     num_nodes += N;
     num_points += M;
   }
-  bodies.push_back({{}, {}, {}, 0.0, false, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, false, true, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   v.setZero(Dim, num_nodes);
   force.setZero(Dim, num_nodes);
@@ -491,6 +494,12 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
       throw NumericalError(fmt::format(
           "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
           fmt::join(chunk.at.col(p), ", "), J));
+    if (!body.finite && (now - Mat<3>::Identity()).norm() > small_strains)
+      throw NumericalError(
+          fmt::format("at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material "
+                      "is for small "
+                      "strains: take one for finite strains",
+                      time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
     // Green's strain: turning is no wear.
     const double wear = 0.5 * (since.transpose() * since - Mat<3>::Identity()).norm();
@@ -837,6 +846,12 @@ template <int Dim> Index Otm<Dim>::num_nodes() const {
 template <int Dim> Index Otm<Dim>::num_points() const {
   return static_cast<Index>(parts_->place_of_point.size());
 }
+template <int Dim> Index Otm<Dim>::num_bodies() const {
+  return static_cast<Index>(parts_->bodies.size()) - 1;
+}
+template <int Dim> const Material& Otm<Dim>::material(Index body) const {
+  return *parts_->bodies.at(body).material;
+}
 template <int Dim> Index Otm<Dim>::first_node(Index body) const {
   return parts_->bodies.at(body).first_node;
 }
@@ -848,6 +863,7 @@ template <int Dim> void Otm<Dim>::add_wall(const OtmWall<Dim>& wall) {
   if (std::abs(wall.normal.norm() - 1.0) > 1e-9) throw InputError("a wall's normal: expected a unit vector");
   if (!(wall.friction >= 0.0)) throw InputError(fmt::format("a wall's friction {}, expected 0 or more", wall.friction));
   parts_->walls.push_back(wall);
+  parts_->wall_forces.setZero(Dim, static_cast<Index>(parts_->walls.size()));
 }
 
 template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocity) {

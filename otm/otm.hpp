@@ -89,6 +89,8 @@ template <int Dim> class Otm {
   /// Nodes are numbered body by body; points too, and both in the order of their body.
   Index num_nodes() const;
   Index num_points() const;
+  Index num_bodies() const;
+  const Material& material(Index body) const;
   Index first_node(Index body) const;   ///< body = number of bodies: one past the last of all
   Index first_point(Index body) const;  ///< likewise
 

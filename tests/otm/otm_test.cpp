@@ -5,12 +5,17 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/io/otm_record.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
+#include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 
 namespace efree {
@@ -262,6 +267,45 @@ TEST(OtmWall, FrictionHoldsWhatFrictionlessWallsLetGo) {
   EXPECT_NEAR(slid(0.0), 1.0, 1e-12);
   EXPECT_LT(slid(0.2), 0.9);
   EXPECT_LT(slid(std::numeric_limits<double>::infinity()), slid(0.2));
+}
+
+TEST(Otm, MaterialsOfSmallStrainsEndARunThatIsNone) {
+  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), LinearElastic({.E = 1.0, .nu = 0.3}), 1.0);
+  body.velocity = -0.3 * body.nodes;
+  Otm<2> otm({body});
+  otm.add_wall({.normal = Vec<2>::Unit(1)});
+  EXPECT_THAT([&] { otm.run(3.0); }, ThrowsMessage<NumericalError>(HasSubstr("for small strains")));
+}
+
+TEST(OtmRecord, FramesAndHistoryAreWhatTheRunIsNow) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "otm_record";
+  std::filesystem::remove_all(folder);
+  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), soft(), 1.0);
+  body.velocity = -0.1 * body.nodes;
+  Otm<2> otm({body});
+  otm.add_wall({.normal = Vec<2>::Unit(1)});
+  for (int run = 0; run < 2; ++run) {  // the second takes the first one's place
+    OtmRecord<2> record(folder);
+    for (int k = 0; k < 3 - run; ++k) {
+      otm.run(otm.time() + 0.3);
+      record.add(otm);
+    }
+  }
+  EXPECT_TRUE(std::filesystem::exists(folder / "points_0001.vtu"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "points_0002.vtu"));
+  std::ifstream file(folder / "history.csv");
+  std::string header, line, last;
+  std::getline(file, header);
+  int lines = 0;
+  for (; std::getline(file, line); ++lines) last = line;
+  EXPECT_EQ(lines, 2);
+  EXPECT_THAT(header, testing::StartsWith("t,steps,dt,kinetic"));
+  EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(last.begin(), last.end(), ','));
+  EXPECT_EQ(std::stod(last), otm.time());
+  std::ifstream series(folder / "points.pvd");
+  const std::string text(std::istreambuf_iterator<char>(series), {});
+  EXPECT_THAT(text, testing::HasSubstr("points_0001.vtu"));
+  EXPECT_THROW(OtmRecord<2>("/proc/nothing/here"), InputError);
 }
 
 TEST(Otm, RefusesWhatMakesNoSense) {
