@@ -44,7 +44,7 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
   if (takes_mean_dilatation(cloud, result.model))
     return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
   if (result.instability.size() > 0) return "the body was not stable on its way";
-  const bool quadratic = cloud.averaged || cloud.space.degree() == 2;
+  const bool quadratic = ElementsBeside<Dim>::degree(cloud) == 2;
   const Index nodes =
       quadratic && cloud.space.degree() == 1 ? (Dim == 2 ? 4 : 8) * mesh.num_vertices() : cloud.space.size();
   if ((quadratic && !has_memory_for_quadratic_elements(mesh)) || nodes > most_nodes<Dim>)
@@ -80,8 +80,7 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
   const NonlinearEquilibrium<Dim>& equations = beside->equations();
   const Approximation<Dim>& elements = beside->elements();
   PointFields<Dim> points = equations.fields(there->state);
-  Solution<Dim> solution{there->state.u.reshaped(Dim, elements.shape.num_nodes()), std::move(points.strain),
-                         std::move(points.stress), elements.quadrature.weights.dot(points.energy)};
+  Solution<Dim> solution = solution_of(equations, there->state, points);
   Fields<Dim> fields = recover_fields(elements, solution);
   const RecoveryError mesh = recovery_error_of_points(elements, solution.stress, fields, equations.materials());
   const bool corrected = settings.corrected && result.stopped.empty();

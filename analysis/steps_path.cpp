@@ -89,14 +89,6 @@ Matrix recovered(const Approximation<Dim>& approximation, const Matrix& values, 
   return result;
 }
 
-/// Strains and stresses where they live.
-template <int Dim>
-Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const State& state, PointFields<Dim>& points) {
-  const auto& approximation = equations.approximation();
-  return {state.u.reshaped(Dim, approximation.shape.num_nodes()), std::move(points.strain), std::move(points.stress),
-          approximation.quadrature.weights.dot(points.energy)};
-}
-
 /// Says where the path becomes unstable.
 template <int Dim> void warn_of_instability(Result<Dim>& result) {
   Index before = 0;
