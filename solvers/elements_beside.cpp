@@ -78,6 +78,7 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
   TangentSolver tangent(*equations_, linear);
   Converged there =
       newton(*equations_, tangent, start, start.time, {.tolerance = nothing, .max_iterations = 50, .keep = 0.3});
+  equations_->check(there.state);
   SymmetricMatrix K;
   equations_->tangent(there.state, K);
   if (!linear.is_definite(K)) throw NumericalError("the one that they find is not stable");

@@ -711,6 +711,12 @@ template <int Dim> double NonlinearEquilibrium<Dim>::smallest_jacobian(const Sta
   return smallest;
 }
 
+template <int Dim> void NonlinearEquilibrium<Dim>::check(const State& balanced) const {
+  const Gradients<Dim> H = data_->gradients(balanced);
+  for (Index K = 0; K < data_->held.size(); ++K)
+    if (data_->is_finite(K)) data_->volume(H, K);  // small strains know no J
+}
+
 template <int Dim> bool NonlinearEquilibrium<Dim>::finite_strain() const {
   return std::ranges::find(data_->finite, true) != data_->finite.end();
 }

@@ -249,6 +249,7 @@ TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
   const auto columns = history(work / "out/history.csv");
   for (const double J : columns.at("smallest_J")) EXPECT_GT(J, 0.0);
 }
+  EXPECT_THAT(run.output, HasSubstr("turned inside out"));
 
 TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
   std::string tube = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
