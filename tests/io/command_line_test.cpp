@@ -279,6 +279,9 @@ TEST(CommandLine, ConvergenceReportsOrdersAndDrawsCharts) {
   const std::string plate = std::string(EFREE_EXAMPLES) + "/plate_with_hole/case.toml";
   const auto run = work.efree({"convergence", plate, "--spacing", "0.8,0.4", "--seeds", "2", "--out", "out"});
   ASSERT_EQ(run.status, 0) << run.output;
+  for (const char* said : {"\n  0 %  cells, spacing 0.8, seed 1\n", "cells, spacing 0.8, seed 2\n"})  // each once
+    EXPECT_EQ(run.output.find(said), run.output.rfind(said)) << said << run.output;
+  EXPECT_NE(run.output.find("cells, spacing 0.4, seed 2\n"), std::string::npos) << run.output;
   const std::string csv = content(work / "out/convergence.csv");
   EXPECT_EQ(std::ranges::count(csv, '\n'), 5);
   EXPECT_TRUE(csv.starts_with("spacing,seed,method,nodes,")) << csv;
