@@ -8,6 +8,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/reactions.hpp"
 
@@ -129,13 +130,10 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   result.regime = *settings.regime == Regime::automatic ? Regime::finite : *settings.regime;
   const bool in_steps = needs_steps(settings, *mesh.mesh);
   if (!in_steps)
-    for (const auto& loads : loads_by_case(settings))
-      for (const auto& load : loads.followers)
-        throw InputError(said_at(settings.where, fmt::format("pressure on \"{}\" follows the body: that is for "
-                                                             "materials of finite strains, expected one (strain = "
-                                                             "\"finite\", or a hyperelastic model) or follower = "
-                                                             "false",
-                                                             load.on)));
+    located(settings, settings.where, [&] {
+      for (const auto& loads : loads_by_case(settings))
+        for (const auto& load : loads.followers) refuse_follower(load.on);
+    });
   const bool on_cells = !in_steps && is_on_cells(settings, mesh);
   const bool without_cloud =
       !in_steps && !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);

@@ -38,7 +38,7 @@ template <int Dim> bool is_deformed(const Result<Dim>& result) {
 template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
   const Approximation<Dim>& cloud = result.approximation;
   const FineMesh<Dim>& mesh = *result.mesh;
-  if (settings.approximation.kind != BasisKind::mls) return "finite elements through time";
+  if (settings.approximation.kind != BasisKind::mls) return "there is no cloud beside the finite elements";
   if (!settings.estimated) return "nobody asked for it";
   if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
   if (takes_mean_dilatation(cloud, result.model))
@@ -71,10 +71,10 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
     }
   }
   if (!there) {
-    result.warnings.push_back(
-        fmt::format("how far the answer is from the truth is not estimated ({}): compare clouds and meshes of two "
-                    "sizes, or with basis.kind = \"p2\"",
-                    unknown));
+    result.warnings.push_back(fmt::format(
+        "how far the answer is from the truth is not estimated ({}): compare {}", unknown,
+        settings.approximation.kind == BasisKind::mls ? "clouds and meshes of two sizes, or with basis.kind = \"p2\""
+                                                      : "meshes of two sizes"));
     return;
   }
   const NonlinearEquilibrium<Dim>& equations = beside->equations();

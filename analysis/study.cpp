@@ -189,7 +189,7 @@ template <int Dim> Study run_study(const MeshSource<Dim>& source, const Settings
                                  fmt::join(options.spacings, ", ")));
   if (settings.cells == OnCells::always)
     throw InputError(internal::said_at(
-        settings.where,
+        internal::where_said(settings, "basis.kind"),
         "a convergence study is of clouds and finite elements; on cells (basis.kind = \"cells\") every answer has its "
         "study, the grids in result.json"));
   const Variant<Dim> given{source, settings};

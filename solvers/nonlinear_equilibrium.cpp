@@ -6,6 +6,7 @@
 #include "efree/assembly/held_gradient.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/assembly/internal/matrix_pattern.hpp"
+#include "efree/assembly/internal/no_follower.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
@@ -515,7 +516,8 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
-  require(model.stabilisation == 0.0, "a stabilisation is for linear materials: expected 0");
+  if (model.stabilisation != 0.0)
+    throw internal::SettingError("quadrature.stabilisation", "a stabilisation is for linear materials: expected 0");
   require_decided(approximation, model);
   const auto conditions = restraints(program.conditions(program.full_at));
   require_restrained(approximation.space, conditions, tied_facets(approximation.space.mesh(), model.open_interface));
@@ -523,13 +525,11 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
   const FineMesh<Dim>& mesh = approximation.space.mesh();
   for (const auto& follower : data_->program.loads(data_->program.full_at).followers)
     for (const Index f : mesh.group(follower.on))
-      if (!data_->finite[mesh.region(mesh.facet_cell(f))])
-        throw InputError(
-            fmt::format("pressure on \"{}\" follows the body: that is for materials of finite strains, "
-                        "expected one (strain = \"finite\", or a hyperelastic model) or follower = false",
-                        follower.on));
+      if (!data_->finite[mesh.region(mesh.facet_cell(f))]) internal::refuse_follower(follower.on);
   if (Dim == 2 && model.plane == Plane::stress && data_->averaged() && finite_strain())
-    throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
+    throw internal::SettingError(
+        "quadrature.dilatation",
+        "averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
 }
 
 template <int Dim> NonlinearEquilibrium<Dim> NonlinearEquilibrium<Dim>::at_rest() const {
