@@ -84,7 +84,7 @@ std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, c
       throw InputError(
           fmt::format("the tangent of the material at ({:.6g}), undeformed, is not symmetric and positive definite",
                       fmt::join(X.col(p), ", ")));
-    if (const double size = C.norm(); !(size > 1.0 / most && size < most))
+    if (const double size = C.cwiseAbs().maxCoeff(); !(size > 1.0 / most && size < most))
       throw InputError(fmt::format(
           "the moduli of the material at ({:.6g}) are about {:.2g}: products of such numbers leave the range "
           "of double precision, take other units (moduli from {:.0g} to {:.0g})",

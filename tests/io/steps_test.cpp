@@ -299,6 +299,18 @@ TEST(Steps, ModuliBeyondTheRangeOfNumbersAreRefused) {
   }
 }
 
+TEST(Steps, StrainsBelowRoundingAreNoAnswer) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1e9\nnu = 0.3");
+  const auto said = [&](const std::string& traction, int status) {
+    const Workspace work(replaced(elastic, "displacement = [\"1.6*t\", \"free\"]", "traction = [" + traction + ", 0]"));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, status) << run.output;
+    return run.output;
+  };
+  EXPECT_THAT(said("\"1e3*t\"", 0), Not(HasSubstr("out of balance")));
+  EXPECT_THAT(said("\"1e-8*t\"", 3), HasSubstr("error: reactions and loads are out of balance by"));
+}
+
 TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   const auto refused = [](const std::string& text) {
     const Workspace work(text);
