@@ -78,9 +78,9 @@ template <int Dim> void check_balance(const Balance<Dim>& balance, const std::st
   if (const double most = result.fields.strain.cwiseAbs().maxCoeff(); !result.history.empty() && most < least_strain)
     what +=
         fmt::format(" (strains of {:.2g}, of which steps through time see no more than what 1 + strain keeps)", most);
-  if (balance.error <= bearable)
+  if (balance.error <= bearable || !result.refusal.empty())
     result.warnings.push_back(what);
-  else if (result.refusal.empty())
+  else
     result.refusal = what;
 }
 

@@ -54,11 +54,11 @@ void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector>
     direction = linear_.solve(left);
     lacking = equations_.not_in_tangent(at, direction);
   }
-  if (const double share = left.norm() / r.norm(); !(share <= bearable))
+  if (!(left.norm() <= bearable * r.norm()))
     throw NumericalError(fmt::format(
         "the tangent is too far from symmetric: iterations with the factor of its symmetric part leave {:.2g} "
         "of the forces out of balance",
-        share));
+        left.norm() / r.norm()));
 }
 
 OutOfBalance::OutOfBalance(const Vector& r, const Vector& scales) {

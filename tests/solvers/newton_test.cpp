@@ -104,6 +104,10 @@ TEST(Newton, WhatIsNotSymmetricIsIteratedOnAndRefusedWhereThatLeadsNowhere) {
   };
   EXPECT_EQ(solve(1.0), 1);  // 1e-8 by the first change
   EXPECT_GT(solve(8.0), 2);  // thirty directions leave less than a tenth
+  const Turning equations(100, 1.0);
+  Cholesky linear;
+  const Vector nothing = Vector::Zero(200);
+  EXPECT_EQ(TangentSolver(equations, linear).change(equations.rest(), nothing), Matrix(nothing));
   EXPECT_THAT([&] { solve(200.0); }, ThrowsMessage<NumericalError>(HasSubstr("too far from symmetric")));
 }
 
