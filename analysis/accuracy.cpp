@@ -82,7 +82,7 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
     }
     if (!result.estimates) {
       why = result.warnings.front();
-      if (!best) throw InputError(said_at(settings.where, why));
+      if (!best) throw InputError(said_at(where_said(settings, "accuracy"), why));
       break;
     }
     const double error = result.estimates->total();

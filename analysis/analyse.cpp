@@ -8,6 +8,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/reactions.hpp"
 
@@ -67,14 +68,20 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
   return balance;
 }
 
-/// Says so if reactions and loads do not balance to rounding.
+/// Says so if reactions and loads do not balance to rounding; far from it the answer is none.
 template <int Dim> void check_balance(const Balance<Dim>& balance, const std::string& of, Result<Dim>& result) {
-  constexpr double rounding = 1e-8;
-  if (!(balance.error <= rounding))
-    result.warnings.push_back(
-        fmt::format("{}reactions and loads are out of balance by {:.2g}, relative: the equations are not solved to "
-                    "rounding",
-                    of, balance.error));
+  constexpr double rounding = 1e-8, bearable = 0.01, least_strain = 1e-8;
+  if (balance.error <= rounding) return;
+  std::string what = fmt::format(
+      "{}reactions and loads are out of balance by {:.2g}, relative: the equations are not solved to rounding", of,
+      balance.error);
+  if (const double most = result.fields.strain.cwiseAbs().maxCoeff(); !result.history.empty() && most < least_strain)
+    what +=
+        fmt::format(" (strains of {:.2g}, of which steps through time see no more than what 1 + strain keeps)", most);
+  if (balance.error <= bearable || !result.refusal.empty())
+    result.warnings.push_back(what);
+  else
+    result.refusal = what;
 }
 
 /// The settings with the loads of the first case in `loads`, and all that acts in each in `cases`.
@@ -129,13 +136,10 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   result.regime = *settings.regime == Regime::automatic ? Regime::finite : *settings.regime;
   const bool in_steps = needs_steps(settings, *mesh.mesh);
   if (!in_steps)
-    for (const auto& loads : loads_by_case(settings))
-      for (const auto& load : loads.followers)
-        throw InputError(said_at(settings.where, fmt::format("pressure on \"{}\" follows the body: that is for "
-                                                             "materials of finite strains, expected one (strain = "
-                                                             "\"finite\", or a hyperelastic model) or follower = "
-                                                             "false",
-                                                             load.on)));
+    located(settings, settings.where, [&] {
+      for (const auto& loads : loads_by_case(settings))
+        for (const auto& load : loads.followers) refuse_follower(load.on);
+    });
   const bool on_cells = !in_steps && is_on_cells(settings, mesh);
   const bool without_cloud =
       !in_steps && !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);

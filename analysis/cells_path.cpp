@@ -124,7 +124,8 @@ template <int Dim> bool is_on_cells(const Settings<Dim>& settings, const Prepare
   if (Dim == 2 || settings.cells == OnCells::never) return false;
   const std::string why = why_not_on_cells(settings, mesh);
   if (settings.cells == OnCells::always && !why.empty())
-    throw InputError(said_at(settings.where, fmt::format("basis.kind = \"cells\" does not do here: {}", why)));
+    throw InputError(
+        said_at(where_said(settings, "basis.kind"), fmt::format("basis.kind = \"cells\" does not do here: {}", why)));
   return why.empty();
 }
 

@@ -4,6 +4,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/basis/internal/lifted.hpp"
 #include "efree/core/error.hpp"
 #include "efree/solvers/locking.hpp"
 
@@ -14,15 +15,6 @@
 
 namespace efree::internal {
 namespace {
-
-/// Values at the vertices (columns) as values in the quadratic space of the mesh.
-template <int Dim> Matrix at_midpoints_too(const FineSpace<Dim>& quadratic, const Matrix& u) {
-  Matrix result(u.rows(), quadratic.size());
-  result.leftCols(u.cols()) = u;
-  Index dof = static_cast<Index>(u.cols());
-  for (const auto& [a, b] : quadratic.edges()) result.col(dof++) = 0.5 * (u.col(a) + u.col(b));
-  return result;
-}
 
 /// The answers to the load cases after the first, which the cloud has, corrected as that one was.
 template <int Dim> void correct_more(const Settings<Dim>& settings, const Corrected<Dim>& best,
@@ -91,8 +83,8 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   if (cloud.averaged) {
     result.fields = recover_fields(cloud, result.solution);
     Fields<Dim> fields = result.fields;
-    if (lifted) fields.stress = at_midpoints_too(functions.space, fields.stress);
-    fields.displacement = lifted ? Points<Dim>(at_midpoints_too(functions.space, start)) : start;
+    if (lifted) fields.stress = internal::lifted<Dim>(functions.space, fields.stress);
+    fields.displacement = lifted ? Points<Dim>(internal::lifted<Dim>(functions.space, start)) : start;
     uncorrected =
         mixed_distance(best.elements, best.correction.displacement, fields, materials_of(result.model, *result.mesh));
   }

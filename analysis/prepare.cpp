@@ -37,11 +37,20 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
 /// The material of each region.
 template <int Dim>
 std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  if (settings.materials.empty()) return std::vector<SharedMaterial>(mesh.num_regions(), settings.model.material);
+  const auto check = [&](const SharedMaterial& material) {  // others are known at their points only
+    if (material && material->homogeneous()) Materials<Dim>({material}, settings.model.plane.value_or(Plane::strain));
+  };
+  if (settings.materials.empty()) {
+    located(settings, internal::where_said(settings, "material"), [&] { check(settings.model.material); });
+    return std::vector<SharedMaterial>(mesh.num_regions(), settings.model.material);
+  }
   std::vector<SharedMaterial> materials(mesh.num_regions());
   std::vector<char> given(mesh.num_regions(), 0);
   for (const auto& material : settings.materials) {
-    const Index region = located(settings, material.where, [&] { return mesh.region(material.region); });
+    const Index region = located(settings, material.where, [&] {
+      check(material.material);
+      return mesh.region(material.region);
+    });
     materials[region] = material.material;
     given[region] = 1;
   }

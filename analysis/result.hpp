@@ -66,8 +66,8 @@ struct Estimates {
 };
 
 /// How far a cloud's forces and displacements are, at the end of its steps, from those of the finite elements of its
-/// fine mesh: by name, the length of the difference over that of theirs, or over a hundredth of
-/// the largest of their kind if that is more.
+/// fine mesh: by name, the length of the difference over that of theirs, or over a hundredth of the largest of their
+/// kind if that is more.
 struct CloudAlone {
   std::map<std::string, double> reactions, probes;
 };

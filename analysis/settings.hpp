@@ -11,6 +11,7 @@
 
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -100,6 +101,8 @@ template <int Dim> struct Settings {
   /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
   /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
   std::vector<Mention> groups{}, graded{};
+  /// Where single settings were said, by what a case file calls them: "cloud.spacing", "accuracy", ...
+  std::map<std::string, std::string> said{};
 
   /// Steps to take; empty: one step if what is modelled is linear, else those of TimeSettings.
   std::optional<TimeSettings<Dim>> time{};

@@ -38,13 +38,13 @@ template <int Dim> bool is_deformed(const Result<Dim>& result) {
 template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
   const Approximation<Dim>& cloud = result.approximation;
   const FineMesh<Dim>& mesh = *result.mesh;
-  if (settings.approximation.kind != BasisKind::mls) return "finite elements through time";
+  if (settings.approximation.kind != BasisKind::mls) return "there is no cloud beside the finite elements";
   if (!settings.estimated) return "nobody asked for it";
   if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
   if (takes_mean_dilatation(cloud, result.model))
     return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
   if (result.instability.size() > 0) return "the body was not stable on its way";
-  const bool quadratic = cloud.averaged || cloud.space.degree() == 2;
+  const bool quadratic = ElementsBeside<Dim>::degree(cloud) == 2;
   const Index nodes =
       quadratic && cloud.space.degree() == 1 ? (Dim == 2 ? 4 : 8) * mesh.num_vertices() : cloud.space.size();
   if ((quadratic && !has_memory_for_quadratic_elements(mesh)) || nodes > most_nodes<Dim>)
@@ -71,17 +71,16 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
     }
   }
   if (!there) {
-    result.warnings.push_back(
-        fmt::format("how far the answer is from the truth is not estimated ({}): compare clouds and meshes of two "
-                    "sizes, or with basis.kind = \"p2\"",
-                    unknown));
+    result.warnings.push_back(fmt::format(
+        "how far the answer is from the truth is not estimated ({}): compare {}", unknown,
+        settings.approximation.kind == BasisKind::mls ? "clouds and meshes of two sizes, or with basis.kind = \"p2\""
+                                                      : "meshes of two sizes"));
     return;
   }
   const NonlinearEquilibrium<Dim>& equations = beside->equations();
   const Approximation<Dim>& elements = beside->elements();
   PointFields<Dim> points = equations.fields(there->state);
-  Solution<Dim> solution{there->state.u.reshaped(Dim, elements.shape.num_nodes()), std::move(points.strain),
-                         std::move(points.stress), elements.quadrature.weights.dot(points.energy)};
+  Solution<Dim> solution = solution_of(equations, there->state, points);
   Fields<Dim> fields = recover_fields(elements, solution);
   const RecoveryError mesh = recovery_error_of_points(elements, solution.stress, fields, equations.materials());
   const bool corrected = settings.corrected && result.stopped.empty();

@@ -5,6 +5,7 @@
 #include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
+#include "efree/core/internal/setting_error.hpp"
 #include "efree/materials/plasticity.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/locking.hpp"
@@ -87,14 +88,6 @@ Matrix recovered(const Approximation<Dim>& approximation, const Matrix& values, 
   for (Index row = 0; row < values.rows(); ++row)
     if (values.row(row).minCoeff() >= 0.0) result.row(row) = result.row(row).cwiseMax(0.0);
   return result;
-}
-
-/// Strains and stresses where they live.
-template <int Dim>
-Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const State& state, PointFields<Dim>& points) {
-  const auto& approximation = equations.approximation();
-  return {state.u.reshaped(Dim, approximation.shape.num_nodes()), std::move(points.strain), std::move(points.stress),
-          approximation.quadrature.weights.dot(points.energy)};
 }
 
 /// Says where the path becomes unstable.
@@ -186,7 +179,8 @@ template <int Dim> class Walk {
       throw InputError(
           "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
     if (path_.control == Control::load && from->at.time > path_.end)
-      throw InputError(
+      throw SettingError(
+          "time.end",
           fmt::format("these steps have come to time {:.6g}, beyond the end at {:.6g}: run without --resume",
                       from->at.time, path_.end));
     there_ = *from;
@@ -291,19 +285,12 @@ template <int Dim> class Walk {
 
   HistoryStep<Dim> row_of(const PathStep& step) const {
     const State& state = step.now.state;
-    const double smallest = equations().smallest_jacobian(state);
-    if (equations().finite_strain() && !(smallest > 0.0))  // small strains know no J
-      throw PathError(
-          fmt::format("at time {:.6g} the body is turned inside out somewhere (J = {:.3g}): what follows is "
-                      "no answer",
-                      state.time, smallest),
-          step.before.time, there_.at.steps);
     HistoryStep<Dim> row{state.time,
                          step.now.iterations(),
                          step.now.residuals.back(),
                          0.0,
                          there_.history.empty() ? 0.0 : there_.history.back().dissipated,
-                         smallest,
+                         equations().smallest_jacobian(state),
                          0.0,
                          step.now.negative_pivots,
                          equations().reactions(state),
@@ -363,11 +350,13 @@ template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMes
 
 template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   if (settings.asks_for_accuracy())
-    throw InputError(
+    throw SettingError(
+        "accuracy",
         "an accuracy can be asked for where materials are linear (analysis.model = \"linear\" takes them so) and "
         "nothing changes with time");
   if (!settings.cases.empty())
-    throw InputError(
+    throw SettingError(
+        "case",
         "load cases share one matrix: materials have to be linear (analysis.model = \"linear\" takes them so), and "
         "nothing may change with time");
   const ApproximationOptions& options = settings.approximation;
@@ -384,8 +373,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
     result.warnings.push_back(
         "linear elements lock where materials flow or are nearly incompressible (nu > 0.4): the body is far stiffer "
-        "than "
-        "it should be; take moving least squares, or quadratic elements");
+        "than it should be; take moving least squares, or quadratic elements");
   const auto doubtful = doubts(settings.approximation, result.approximation);
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
   if (equations.finite_strain())

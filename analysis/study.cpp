@@ -189,7 +189,7 @@ template <int Dim> Study run_study(const MeshSource<Dim>& source, const Settings
                                  fmt::join(options.spacings, ", ")));
   if (settings.cells == OnCells::always)
     throw InputError(internal::said_at(
-        settings.where,
+        internal::where_said(settings, "basis.kind"),
         "a convergence study is of clouds and finite elements; on cells (basis.kind = \"cells\") every answer has its "
         "study, the grids in result.json"));
   const Variant<Dim> given{source, settings};
@@ -211,11 +211,16 @@ template <int Dim> Study run_study(const MeshSource<Dim>& source, const Settings
     for (int repetition = 0; repetition < options.seeds; ++repetition) {
       const std::uint64_t seed = settings.approximation.seed + static_cast<std::uint64_t>(repetition);
       const std::string run = fmt::format("{}, spacing {:.4g}, seed {}", method.name, size, seed);
-      if (monitor.progress) monitor.progress(run, done / work);
+      Monitor::Progress still;  // the run goes on: its stages are none of the study
+      if (monitor.progress) {
+        still = [&](const std::string&, double) { monitor.progress(run, done / work); };
+        monitor.progress(run, done / work);
+      }
       variant.settings.approximation.seed = seed;
       try {
         study.rows.push_back(
-            row_of(m, size, seed, analyse(variant.source, variant.settings, {.cancelled = monitor.cancelled})));
+            row_of(m, size, seed,
+                   analyse(variant.source, variant.settings, {.progress = still, .cancelled = monitor.cancelled})));
       } catch (const NumericalError& error) {
         throw NumericalError(fmt::format("{}: {}", run, error.what()));
       }

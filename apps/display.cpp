@@ -35,11 +35,12 @@ Monitor::Progress Display::stages(std::vector<std::string> names) {
 
 Monitor::Progress Display::runs() {
   return [this](const std::string& run, double fraction) {
-    finish_line();
+    const bool begins = run != stage_;
+    if (begins) finish_line();
     stage_ = run;
     if (terminal_)
       bar(run, fraction);
-    else if (!quiet_)
+    else if (begins && !quiet_)
       fmt::print(stderr, "{:3.0f} %  {}\n", 100.0 * fraction, run);
   };
 }

@@ -73,8 +73,8 @@ template <int Dim> std::string resultant_text(const Resultant<Dim>& of, const Re
 }
 
 /// Probes, loads, reactions and extremes, with their errors where they are known, a line each.
-template <int Dim>
-std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vector<LoadCase<Dim>>& cases) {
+template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& result, const Settings<Dim>& settings) {
+  const auto& cases = settings.cases;
   std::vector<std::string> lines;
   const auto say = [&](const std::string& what, const Vec<Dim>& value, const Vec<Dim>* error) {
     lines.push_back(fmt::format("{} ({:.6g})", what, fmt::join(value, ", ")));
@@ -89,6 +89,10 @@ std::vector<std::string> numbers_text(const Result<Dim>& result, const std::vect
   }
   for (const auto& reaction : result.reactions)
     say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
+  if (!result.history.empty())  // without errors
+    for (const auto& reaction : settings.reactions)
+      say(fmt::format("reaction \"{}\": force", reaction.name), result.balance.reactions.at(reaction.on).force,
+          nullptr);
   const auto say_balance = [&](const Balance<Dim>& balance) {
     Resultant<Dim> scale;
     const auto add = [&](const Resultant<Dim>& of) { scale += {of.force.cwiseAbs(), of.moment.cwiseAbs()}; };
@@ -155,7 +159,7 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
     }
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
-    for (const std::string& line : numbers_text(result, analysis.cases)) say(line);
+    for (const std::string& line : numbers_text<Dim>(result, analysis)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {
       const Stage stage("output", monitor.timing(result.times));

@@ -57,6 +57,7 @@ template <int Dim> Gradient<Dim> Materials<Dim>::trace() const {
 
 template <int Dim>
 std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, const Points<Dim>& X) const {
+  constexpr double most = 1e60;  // energies are cubes of moduli and lengths
   const Material& material = *materials_[region];
   const auto response = efree::respond(material, Deformation::none(in_space<Dim>(X), material.history_size()), true);
   const std::vector<int> there = strains_in<Dim>(plane_);
@@ -83,6 +84,11 @@ std::vector<typename Materials<Dim>::Answer> Materials<Dim>::ask(Index region, c
       throw InputError(
           fmt::format("the tangent of the material at ({:.6g}), undeformed, is not symmetric and positive definite",
                       fmt::join(X.col(p), ", ")));
+    if (const double size = C.cwiseAbs().maxCoeff(); !(size > 1.0 / most && size < most))
+      throw InputError(fmt::format(
+          "the moduli of the material at ({:.6g}) are about {:.2g}: products of such numbers leave the range "
+          "of double precision, take other units (moduli from {:.0g} to {:.0g})",
+          fmt::join(X.col(p), ", "), size, 1.0 / most, most));
     // Pressure is solved for by itself: in S its compliance is what is left of entries that are larger by the
     // incompressibility.
     const Voigt<Dim> m = strain_of<Dim>(trace());

@@ -2,6 +2,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 
 #include "efree/assembly/internal/boundary_points.hpp"
+#include "efree/core/internal/setting_error.hpp"
 
 #include <map>
 
@@ -53,7 +54,8 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
     const auto normals = normals_on(space, restraint.on);
     if (restraint.component < 0)
       if (const auto dof = curved_at<Dim>(normals))
-        throw InputError(
+        throw internal::SettingError(
+            "analysis.essential",
             fmt::format("normal displacement on \"{}\" cannot be set strongly: the part is not flat at {}; use "
                         "essential = \"nitsche\"",
                         restraint.on, place_text<Dim>(space.points().col(*dof))));
@@ -93,11 +95,13 @@ template <int Dim> NodalConditions<Dim> nodal_conditions(const FineSpace<Dim>& s
     for (const auto& [dof, n] : normals)
       for (Index I : shape.row(dof).nodes)
         if (!on_part[node_dofs[I]])
-          throw InputError(fmt::format(
-              "displacement on \"{}\" cannot be set strongly: the function of the node at {} does not vanish at {}; "
-              "build the basis with vanish_on = \"{}\", or use essential = \"nitsche\"",
-              restraint.on, place_text<Dim>(space.points().col(node_dofs[I])), place_text<Dim>(space.points().col(dof)),
-              restraint.on));
+          throw internal::SettingError(
+              "analysis.essential",
+              fmt::format("displacement on \"{}\" cannot be set strongly: the function of the node at {} does not "
+                          "vanish at {}; "
+                          "build the basis with vanish_on = \"{}\", or use essential = \"nitsche\"",
+                          restraint.on, place_text<Dim>(space.points().col(node_dofs[I])),
+                          place_text<Dim>(space.points().col(dof)), restraint.on));
   }
   return nodal_conditions(space, node_at, restraints);
 }

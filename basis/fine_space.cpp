@@ -2,6 +2,7 @@
 #include "efree/basis/fine_space.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/setting_error.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -116,7 +117,8 @@ template <int Dim> void check_meridian(const FineMesh<Dim>& mesh) {
   const double least = mesh.vertices().row(0).minCoeff(&v);
   const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   if (least < -1e-12 * extent)
-    throw InputError(
+    throw internal::SettingError(
+        "analysis.plane",
         fmt::format("axisymmetric: the vertex ({:.6g}) lies at a negative radius; x is the radius, expected "
                     "x >= 0 everywhere, and y the axis",
                     fmt::join(mesh.vertex(v), ", ")));

@@ -2,6 +2,7 @@
 #include "efree/basis/mls.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
@@ -337,7 +338,9 @@ template <int Dim> Mls<Dim> moving_least_squares(const FineSpace<Dim>& space, co
   const FineMesh<Dim>& mesh = space.mesh();
   const bool by_distance = space.degree() == 2;
   if (by_distance && options.weights.weight == Weight::heat_flow)
-    throw InputError("moving least squares: heat_flow weights have no distances, which degree 2 needs; use degree 1");
+    throw internal::SettingError(
+        "cloud.weight",
+        "moving least squares: heat_flow weights have no distances, which degree 2 needs; use degree 1");
   const auto edges = space.edges();
   Mls<Dim> result;
   result.radii = options.support * cloud.spacing;

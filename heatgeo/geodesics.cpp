@@ -2,6 +2,7 @@
 #include "efree/heatgeo/geodesics.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/internal/fast_marching.hpp"
 #include "efree/heatgeo/internal/heat.hpp"
@@ -118,7 +119,8 @@ template <int Dim> Ragged<Index> clusters(const FineMesh<Dim>& mesh, const std::
 template <int Dim> Weight resolved(Weight weight) {
   if (weight == Weight::automatic) return Dim == 2 ? Weight::visibility : Weight::fast_marching;
   if (Dim == 3 && weight == Weight::visibility)
-    throw InputError(
+    throw internal::SettingError(
+        "cloud.weight",
         "weights by exact visibility exist in 2D only; in 3D take fast_marching, heat_geodesic or heat_flow");
   return weight;
 }

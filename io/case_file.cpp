@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/case_file.hpp"
 
+#include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/expression.hpp"
@@ -51,7 +52,7 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
   if (clock.time)
-    expressions.define("t", fmt::format("{}", *clock.time));
+    expressions.at_time(*clock.time);
   else if (!section.has("t"))
     expressions.refuse("t", clock.why);
   for (const auto& [name, node] : entries)
@@ -323,10 +324,14 @@ template <int Dim> class BoundaryReader {
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
       const auto value = expressions_.field(entry.expression(kind), entry.where(kind));
       if (entry.boolean("follower", false))
-        loads.followers.push_back({on, value});
+        add_follower(entry, {on, value}, loads);
       else
         loads.tractions.push_back(pressure<Dim>(on, value));
     }
+  }
+  void add_follower(const Section& entry, const FollowerPressure<Dim>& pressure, Loads<Dim>& loads) {
+    loads.followers.push_back(pressure);
+    result_.said.try_emplace(internal::follower_on(pressure.on), entry.where("follower"));
   }
   static std::string_view only_kind(const Section& entry) {
     std::vector<std::string_view> found;
@@ -636,6 +641,19 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   return result;
 }
 
+/// Where sections, and what is in them, are said.
+std::map<std::string, std::string> places_in(const Section& root) {
+  std::map<std::string, std::string> said;
+  for (const auto& [name, node] : root.table()) {
+    const std::string section(name.str());
+    const toml::array* entries = node.as_array();
+    said[section] = root.where(entries && !entries->empty() ? entries->front() : node);
+    if (const auto* table = node.as_table())
+      for (const auto& [key, value] : *table) said[fmt::format("{}.{}", section, key.str())] = root.where(value);
+  }
+  return said;
+}
+
 /// How much of the materials is modelled.
 template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& result) {
   if (analysis.has("model"))
@@ -688,6 +706,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
 
   Case<Dim> result;
   result.where = file.string();
+  result.said = places_in(root);
   result.title = root.text("title", file.stem().string());
   result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
   result.model.plane = read_plane<Dim>(analysis);

@@ -205,6 +205,10 @@ template <int Dim> void Expressions<Dim>::define(const std::string& name, Scalar
   require_free(name, {});
   definitions_.push_back({.name = name, .given = std::move(given)});
 }
+template <int Dim> void Expressions<Dim>::at_time(double t) {
+  define("t", fmt::format("{}", t));
+  moment_ = fmt::format("t = {:.6g}", t);
+}
 template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
   require_free(name, {});
   definitions_.push_back({.name = name, .refused = why});
@@ -223,23 +227,29 @@ std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)>
     const std::array<std::string, Size>& texts, const std::string& where) const {
   using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
   const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
-  const auto check = [texts, where](const Values& values, const Vec<Dim>& x) {
-    for (std::size_t k = 0; k < Size; ++k)
-      if (!std::isfinite(values[static_cast<int>(k)]))
-        throw InputError(prefixed(where, fmt::format("expression \"{}\" is {} at ({}), expected a finite number",
-                                                     texts[k], values[static_cast<int>(k)], fmt::join(x, ", "))));
+  const auto check = [texts, where, moment = moment_](const Values& values, const Vec<Dim>* x) {
+    for (std::size_t k = 0; k < Size; ++k) {
+      const double value = values[static_cast<int>(k)];
+      if (std::isfinite(value)) continue;
+      std::vector<std::string> at;
+      if (x) at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
+      if (!moment.empty()) at.push_back(moment);
+      throw InputError(prefixed(where, fmt::format("expression \"{}\" is {}{}{}, expected a finite number", texts[k],
+                                                   std::isnan(value) ? std::abs(value) : value,
+                                                   at.empty() ? "" : " at ", fmt::join(at, ", "))));
+    }
   };
   const auto program = make();
   if (!program->varies()) {
     Values values;
     (*program)(Vec<Dim>::Zero(), values.data());
-    check(values, Vec<Dim>::Zero());
+    check(values, nullptr);
     return [values](const Vec<Dim>&) { return values; };
   }
   return [pool = std::make_shared<Pool<Dim>>(make), check](const Vec<Dim>& x) {
     Values values;
     pool->evaluate(x, values.data());
-    check(values, x);
+    check(values, &x);
     return values;
   };
 }

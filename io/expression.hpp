@@ -22,11 +22,13 @@ template <int Dim> class Expressions {
   void define(const std::string& name, const std::string& text, const std::string& where = {});
   /// Gives a name to a field that is no expression. Throws InputError for a name that is taken or no identifier.
   void define(const std::string& name, ScalarField<Dim> given);
+  /// Calls a time t, which messages about values that are not finite then name. Throws InputError if t is taken.
+  void at_time(double t);
   /// Keeps a name from being defined; expressions that use it are refused with this reason.
   void refuse(const std::string& name, const std::string& why);
 
   /// The field described by `text`. Throws InputError naming expression, position in it and what is wrong; calling the
-  /// field throws InputError naming expression and point where the value is not finite.
+  /// field throws InputError naming expression, point (if it depends on that) and time where the value is not finite.
   ScalarField<Dim> field(const std::string& text, const std::string& where = {}) const;
 
   /// Whether it depends on the position. Throws like field().
@@ -46,6 +48,7 @@ template <int Dim> class Expressions {
   void require_free(const std::string& name, const std::string& where) const;
 
   std::vector<Definition> definitions_;
+  std::string moment_;  ///< "t = 0.5"; empty without a time
 };
 
 }  // namespace efree

@@ -2,6 +2,7 @@
 #include "efree/quadrature/approximation.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/setting_error.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -28,14 +29,16 @@ template <int Dim> void check(const FineMesh<Dim>& mesh, const ApproximationOpti
     throw InputError(fmt::format("quadrature ratio M/N = {}, expected a number from 0.25 to 100", options.ratio));
   const double extent = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
   if (options.kind == BasisKind::mls && !(options.spacing > 0.0 && options.spacing <= extent))
-    throw InputError(fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
-                                 options.spacing, extent));
+    throw internal::SettingError(
+        "cloud.spacing",
+        fmt::format("cloud spacing = {:.6g}, expected a positive length no larger than the body ({:.6g})",
+                    options.spacing, extent));
   const double edge = mean_edge(mesh);  // nodes sit on fine vertices and need some to choose from
   if (options.kind == BasisKind::mls && options.spacing < edge)
-    throw InputError(
-        fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
-                    "expected a finer mesh (H/h of 3 or more) or a wider spacing",
-                    options.spacing, edge));
+    throw internal::SettingError(
+        "cloud.spacing", fmt::format("cloud spacing = {:.6g} is below the edges of the fine mesh (about {:.6g}); "
+                                     "expected a finer mesh (H/h of 3 or more) or a wider spacing",
+                                     options.spacing, edge));
   if (options.kind == BasisKind::mls && mesh.num_regions() > 1)
     for (Index c = 0; c < mesh.num_cells(); ++c)
       for (Index i = 0; i <= Dim; ++i)

@@ -21,11 +21,10 @@ template <int Dim> struct BesideCloud {
 };
 
 /// The nonlinear problem of the finite elements on a cloud's fine mesh, of bodies that remember nothing, solved from
-/// the cloud's answer: Newton's method starts where the cloud is, and ends where the mesh is. Elements of the degree of
-/// the cloud's space; where the cloud averages dilatations quadratic ones. They are held as
-/// the cloud is, so that reactions are of one kind. Not for what is nearly incompressible (takes_mean_dilatation): in single cells a
-/// cloud's motion changes volumes by more than such materials bear. Nor for plastic bodies: the past of their elements
-/// is not that of the cloud, and they have to go all the way by themselves.
+/// the cloud's answer: Newton's method starts where the cloud is, and ends where the mesh is. They are held as the
+/// cloud is, so that reactions are of one kind. Not for what is nearly incompressible (takes_mean_dilatation): in
+/// single cells a cloud's motion changes volumes by more than such materials bear. Nor for plastic bodies: the past of
+/// their elements is not that of the cloud, and they have to go all the way by themselves.
 template <int Dim> class ElementsBeside {
  public:
   /// Refers to the cloud. Throws like `approximate` and NonlinearEquilibrium, and InputError for materials that it is
@@ -33,6 +32,8 @@ template <int Dim> class ElementsBeside {
   ElementsBeside(const Approximation<Dim>& cloud, const ElasticModel& model, Program<Dim> program,
                  const Monitor& monitor = {});
 
+  /// Degree of the elements: that of the cloud's space; 2 where the cloud averages dilatations.
+  static int degree(const Approximation<Dim>& cloud) { return cloud.averaged ? 2 : cloud.space.degree(); }
   const NonlinearEquilibrium<Dim>& equations() const { return *equations_; }
   const Approximation<Dim>& elements() const { return *elements_; }
   /// Balance under what acts in the cloud's state. `stress`: recovered from the cloud's (Fields). Throws NumericalError

@@ -51,6 +51,8 @@ class Equations {
   /// What the tangent lacks, times a change of the unknowns: of a derivative that is not symmetric. Empty for nothing,
   /// and what is not known.
   virtual Vector not_in_tangent(const State& /*state*/, const Vector& /*change*/) const { return {}; }
+  /// Throws NumericalError, saying why, for a state in balance that is no answer all the same.
+  virtual void check(const State& /*balanced*/) const {}
   /// The state with the histories that the materials have at its end.
   virtual State commit(State state) const = 0;
 

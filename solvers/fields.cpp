@@ -2,6 +2,7 @@
 /// Fields on the fine mesh, probes and errors.
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
@@ -175,8 +176,10 @@ template <int Dim> Errors errors_against(const Approximation<Dim>& approximation
     }
   });
   const auto relative = [&](int error, int norm) {
-    if (!std::isfinite(sums[norm])) throw InputError("the exact solution is not finite somewhere in the body");
-    if (sums[norm] == 0.0) throw InputError("the exact solution is zero everywhere: there is no relative error");
+    if (!std::isfinite(sums[norm]))
+      throw internal::SettingError("exact", "the exact solution is not finite somewhere in the body");
+    if (sums[norm] == 0.0)
+      throw internal::SettingError("exact", "the exact solution is zero everywhere: there is no relative error");
     return std::sqrt(sums[error] / sums[norm]);
   };
   Errors errors;

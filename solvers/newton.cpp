@@ -27,9 +27,10 @@ Matrix TangentSolver::change(const State& at, const Matrix& r, bool kept) {
   return change;
 }
 
-/// From a change by the factor alone to that by all of the derivative.
+/// From a change by the factor alone to that by all of the derivative. What the last directions leave is left to
+/// Newton's method (an inexact one; Dembo, Eisenstat & Steihaug 1982), unless it is too much for it to come nearer.
 void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector> change) const {
-  constexpr double enough = 1e-8;
+  constexpr double enough = 1e-8, bearable = 0.1;
   constexpr int most = 30;
   std::vector<Vector> directions, forces;
   Vector left = -r, direction = change, lacking = equations_.not_in_tangent(at, direction);
@@ -43,7 +44,7 @@ void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector>
       direction -= share * directions[i];
     }
     const double size = force.norm();
-    if (!(size > 0.0)) return;
+    if (!(size > 0.0)) break;
     directions.push_back(direction / size);
     forces.push_back(force / size);
     const double share = forces.back().dot(left);
@@ -53,6 +54,11 @@ void TangentSolver::iterate(const State& at, const Vector& r, Eigen::Ref<Vector>
     direction = linear_.solve(left);
     lacking = equations_.not_in_tangent(at, direction);
   }
+  if (!(left.norm() <= bearable * r.norm()))
+    throw NumericalError(fmt::format(
+        "the tangent is too far from symmetric: iterations with the factor of its symmetric part leave {:.2g} "
+        "of the forces out of balance",
+        left.norm() / r.norm()));
 }
 
 OutOfBalance::OutOfBalance(const Vector& r, const Vector& scales) {
@@ -274,7 +280,9 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
     std::string why;
     try {
       now = stepper->step(from, size, after);
+      equations.check(now->state);
     } catch (const NumericalError& error) {
+      now.reset();
       why = error.what();
     }
     if (!now) {

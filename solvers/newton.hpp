@@ -46,7 +46,8 @@ class TangentSolver {
   /// With the tangent at a state, column by column: the change that takes forces r out of balance away. What the
   /// tangent lacks (Equations::not_in_tangent) is iterated on, with the factor, down to 1e-8 of r (generalised
   /// conjugate residuals; Eisenstat, Elman & Schultz 1983). Of linear equations the tangent is factored once; else
-  /// `kept` takes the last one. Throws what the linear solver throws.
+  /// `kept` takes the last one. Throws what the linear solver throws, and NumericalError where thirty of these
+  /// iterations leave more than a tenth of r.
   Matrix change(const State& at, const Matrix& r, bool kept = false);
   Index negative_pivots() const { return linear_.negative_pivots(); }
 
@@ -114,7 +115,8 @@ struct PathStep {
   PathPoint after;  ///< committed
 };
 
-/// Follows equilibria from a committed state to the end. A step that does not converge is halved; after easy ones (up
+/// Follows equilibria from a committed state to the end. A step that does not converge, or to what is no answer
+/// (Equations::check), is halved; after easy ones (up
 /// to five iterations) steps grow by half, after hard ones (ten and more) they shrink. Calls `converged` after every
 /// step. Throws PathError where steps fall below the least. Returns the last point; one that is at the end already
 /// comes back as it is.

@@ -6,6 +6,7 @@
 #include "efree/assembly/held_gradient.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/assembly/internal/matrix_pattern.hpp"
+#include "efree/assembly/internal/no_follower.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
@@ -252,6 +253,18 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
+  /// What averages make of a point of finite strains: it sees F stretched by r, which gives it the mean volume.
+  struct Stretch {
+    Gradient<Dim> F;
+    Volume<Dim> of;
+    double mean, r;
+    Stretch(const Gradient<Dim>& at, double mean_volume)
+        : F(at), of(at), mean(mean_volume), r(std::cbrt(mean_volume / of.J)) {}
+  };
+  Stretch stretch(const Answer& answer, Index K) const {
+    return {deformation(answer.H, K), answer.dilatation[approximation.union_of[K]]};
+  }
+
   Gradients<Dim> gradients(const State& state) const {
     return held.of(displacements(state)) + acting(state.time)->motion.gradients;
   }
@@ -319,9 +332,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       const Index g = approximation.union_of[K];
       const Gradient<Dim> of = answer.of.P.col(K);
       if (is_finite(K)) {
-        const Volume<Dim> v(deformation(answer.H, K));
-        const double r = std::cbrt(answer.dilatation[g] / v.J);
-        P.col(K) = r * of + (answer.pressure[g] * v.J - of.dot(deformation(answer.seen, K)) / 3.0) * v.g;
+        const Stretch at = stretch(answer, K);
+        P.col(K) = at.r * of + (answer.pressure[g] * at.of.J - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
       } else {
         P.col(K) = of + (answer.pressure[g] - swelling(K).dot(of)) * trace;
       }
@@ -335,16 +347,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Tangent<Dim> M;
     Gradient<Dim> s, d;
   };
+  Seen seen(const Answer& answer, Index K, const Stretch& at) const {
+    return {at.r * (Tangent<Dim>::Identity() - at.F * at.of.g.transpose() / 3.0),
+            deformation(answer.seen, K) / (3.0 * at.mean), at.of.J * at.of.g};
+  }
   Seen seen(const Answer& answer, Index K) const {
-    if (!is_finite(K)) {
-      const Gradient<Dim> trace = materials.trace(), s = swelling(K);
-      return {Tangent<Dim>::Identity() - s * trace.transpose(), s, trace};
-    }
-    const Gradient<Dim> F = deformation(answer.H, K);
-    const Volume<Dim> v(F);
-    const double mean = answer.dilatation[approximation.union_of[K]];
-    return {std::cbrt(mean / v.J) * (Tangent<Dim>::Identity() - F * v.g.transpose() / 3.0),
-            deformation(answer.seen, K) / (3.0 * mean), v.J * v.g};
+    if (is_finite(K)) return seen(answer, K, stretch(answer, K));
+    const Gradient<Dim> trace = materials.trace(), s = swelling(K);
+    return {Tangent<Dim>::Identity() - s * trace.transpose(), s, trace};
   }
 
   /// Second derivatives of the energy by the gradient of a point and the dilatation of its union, per volume.
@@ -358,19 +368,20 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Tangent<Dim> A = 0.5 * (answer.of.A[K] + answer.of.A[K].transpose());
     PointTangent result{A, Gradient<Dim>::Zero(), Gradient<Dim>::Zero(), 0.0};
     if (!averaged()) return result;
-    const auto [M, s, d] = seen(answer, K);
+    std::optional<Stretch> at;
+    if (is_finite(K)) at = stretch(answer, K);
+    const auto [M, s, d] = at ? seen(answer, K, *at) : seen(answer, K);
     const Gradient<Dim> change = A * s;
     result = {M.transpose() * A * M, d, M.transpose() * change, s.dot(change)};
-    if (!is_finite(K)) return result;
-    const Index g = approximation.union_of[K];
-    const Gradient<Dim> P = answer.of.P.col(K);
-    const Volume<Dim> v(deformation(answer.H, K));
-    const double mean = answer.dilatation[g], r = std::cbrt(mean / v.J), work = P.dot(deformation(answer.seen, K));
-    const Tangent<Dim> G = v.G(), gg = v.g * v.g.transpose(), Pg = P * v.g.transpose();
+    if (!at) return result;
+    const double pressure = answer.pressure[approximation.union_of[K]];
+    const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
+    const double work = P.dot(deformation(answer.seen, K));
+    const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
     result.A +=
-        -r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G + answer.pressure[g] * v.J * (gg - G);
-    result.mixed += M.transpose() * P / (3.0 * mean);
-    result.bulk -= 2.0 / 9.0 * work / (mean * mean);
+        -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G + pressure * at->of.J * (gg - G);
+    result.mixed += M.transpose() * P / (3.0 * at->mean);
+    result.bulk -= 2.0 / 9.0 * work / (at->mean * at->mean);
     return result;
   }
 
@@ -388,14 +399,21 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     parallel_for(members.rows(), [&](Index g) {
       double dilatation = 0.0, pressure = 0.0;
       const auto share = [&](Index K) { return held.quadrature().weights[K] / volumes[g]; };
-      for (const Index K : members[g]) dilatation += share(K) * seen(answer, K).d.dot(change.col(K));
+      std::vector<Seen> by_member;
+      by_member.reserve(members[g].size());
       for (const Index K : members[g]) {
-        const auto [M, s, d] = seen(answer, K);
+        by_member.push_back(seen(answer, K));
+        dilatation += share(K) * by_member.back().d.dot(change.col(K));
+      }
+      auto member = by_member.begin();
+      for (const Index K : members[g]) {
+        const auto& [M, s, d] = *member++;
         const Gradient<Dim> stress = skew(K) * (M * change.col(K) + dilatation * s);
         pressure += share(K) * s.dot(stress);
         change.col(K) = M.transpose() * stress;
       }
-      for (const Index K : members[g]) change.col(K) += pressure * seen(answer, K).d;
+      member = by_member.begin();
+      for (const Index K : members[g]) change.col(K) += pressure * (member++)->d;
     });
     return held.force(change);
   }
@@ -498,7 +516,8 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
     throw InputError(approximation.space.axisymmetric()
                          ? "the basis is axisymmetric and the model is not: expected Plane::axisymmetric"
                          : "the model is axisymmetric: approximate with axisymmetric = true");
-  require(model.stabilisation == 0.0, "a stabilisation is for linear materials: expected 0");
+  if (model.stabilisation != 0.0)
+    throw internal::SettingError("quadrature.stabilisation", "a stabilisation is for linear materials: expected 0");
   require_decided(approximation, model);
   const auto conditions = restraints(program.conditions(program.full_at));
   require_restrained(approximation.space, conditions, tied_facets(approximation.space.mesh(), model.open_interface));
@@ -506,13 +525,11 @@ template <int Dim> NonlinearEquilibrium<Dim>::NonlinearEquilibrium(const Approxi
   const FineMesh<Dim>& mesh = approximation.space.mesh();
   for (const auto& follower : data_->program.loads(data_->program.full_at).followers)
     for (const Index f : mesh.group(follower.on))
-      if (!data_->finite[mesh.region(mesh.facet_cell(f))])
-        throw InputError(
-            fmt::format("pressure on \"{}\" follows the body: that is for materials of finite strains, "
-                        "expected one (strain = \"finite\", or a hyperelastic model) or follower = false",
-                        follower.on));
+      if (!data_->finite[mesh.region(mesh.facet_cell(f))]) internal::refuse_follower(follower.on);
   if (Dim == 2 && model.plane == Plane::stress && data_->averaged() && finite_strain())
-    throw InputError("averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
+    throw internal::SettingError(
+        "quadrature.dilatation",
+        "averaged dilatations of finite strains are not for plane stress: expected Dilatation::pointwise");
 }
 
 template <int Dim> NonlinearEquilibrium<Dim> NonlinearEquilibrium<Dim>::at_rest() const {
@@ -692,6 +709,12 @@ template <int Dim> double NonlinearEquilibrium<Dim>::smallest_jacobian(const Sta
   for (Index K = 0; K < data_->held.size(); ++K)
     smallest = std::min(smallest, in_space<Dim>(data_->deformation(H, K)).determinant());
   return smallest;
+}
+
+template <int Dim> void NonlinearEquilibrium<Dim>::check(const State& balanced) const {
+  const Gradients<Dim> H = data_->gradients(balanced);
+  for (Index K = 0; K < data_->held.size(); ++K)
+    if (data_->is_finite(K)) data_->volume(H, K);  // small strains know no J
 }
 
 template <int Dim> bool NonlinearEquilibrium<Dim>::finite_strain() const {

@@ -65,6 +65,8 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   void tangent(const State& state, SymmetricMatrix& K) const override;
   Vector not_in_tangent(const State& state, const Vector& change) const override;
   State commit(State state) const override;
+  /// Refuses bodies that are turned inside out somewhere: J <= 0 at a point of finite strains.
+  void check(const State& balanced) const override;
   bool linear() const override;
   const std::vector<Index>& node_of_unknowns() const override;
 

@@ -120,7 +120,7 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
     impl_->equations.tangent(impl_->equations.rest(), K);
   }
   if (!K.coeffs().allFinite())
-    throw NumericalError("the stiffness is not finite: moduli are too large for floating-point numbers");
+    throw NumericalError("the stiffness is not finite: moduli or springs are too large for floating-point numbers");
   Stage stage("solve", monitor);
   try {
     impl_->factor.emplace(K, impl_->equations.node_of_unknowns());

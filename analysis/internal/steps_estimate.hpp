@@ -1,11 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// How far steps through time of a cloud are from the finite elements of its fine mesh.
+/// What steps through time lead to, and how far those of a cloud are from the finite elements of its fine mesh.
 #pragma once
 
 #include "efree/analysis/result.hpp"
 #include "efree/solvers/elements_beside.hpp"
 
+#include <utility>
+
 namespace efree::internal {
+
+/// Strains and stresses where they live, from the `points` of a state.
+template <int Dim>
+Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const State& state, PointFields<Dim>& points) {
+  const auto& approximation = equations.approximation();
+  return {state.u.reshaped(Dim, approximation.shape.num_nodes()), std::move(points.strain), std::move(points.stress),
+          approximation.quadrature.weights.dot(points.energy)};
+}
 
 /// Puts the error of a cloud's last state into the result, which has its fields and history, and, of bodies whose
 /// answer is to be corrected, the state of the elements in its place; a warning where the error is not known.

@@ -214,6 +214,7 @@ TEST(Steps, ForcesInAllMayDependOnTimeAndReactionsHaveTheirNames) {
   const Workspace work(pulled + "[[reaction]]\nname = \"wall\"\non = \"left\"\n");
   const auto run = work.efree({"solve", "case.toml", "--out", "out"});
   ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("reaction \"wall\": force (-0.3, "));
   const auto columns = history(work / "out/history.csv");
   for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
     EXPECT_NEAR(columns.at("reaction.wall.x")[k], -0.3 * std::pow(columns.at("t")[k], 2), 1e-9);
@@ -238,6 +239,8 @@ TEST(Steps, WhatTheAnswerLacksIsWarnedOf) {
   const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
   EXPECT_THAT(said(elastic), HasSubstr("displacement gradients of 0.8"));
   EXPECT_THAT(said(replaced(elastic, "1.6*t", "0.08*t")), Not(HasSubstr("displacement gradients")));
+  EXPECT_THAT(said(rubber + "[basis]\nkind = \"p2\"\n"), HasSubstr("is not estimated (there is no cloud beside the "
+                                                                   "finite elements): compare meshes of two sizes\n"));
 }
 
 TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
@@ -246,7 +249,9 @@ TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
   const Workspace work(replaced(elastic, "1.6*t", "-2.4*t"));
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("turned inside out"));
   const auto columns = history(work / "out/history.csv");
+  EXPECT_LT(columns.at("smallest_J").back(), 0.01) << "steps are halved up to there";
   for (const double J : columns.at("smallest_J")) EXPECT_GT(J, 0.0);
 }
 
@@ -267,6 +272,45 @@ TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
   EXPECT_EQ(json(work / "out/result.json")["path"]["time"], columns.at("t").back());
 }
 
+TEST(Steps, AValueThatIsNotFiniteIsSaidWithItsExpressionPlaceAndTime) {
+  const auto said = [](const std::string& displacement, int status) {
+    const Workspace work(replaced(rubber, "\"1.6*t\"", displacement));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, status) << run.output;
+    return run.output;
+  };
+  EXPECT_THAT(said("\"0.1/(0.5 - t)\"", 3),
+              HasSubstr("case.toml:22: expression \"0.1/(0.5 - t)\" is inf at t = 0.5, expected a finite number"));
+  const std::string of_place = said("\"0.1*t*sqrt(y + 0.9 - t)\"", 3);
+  EXPECT_THAT(of_place, HasSubstr("case.toml:22: expression \"0.1*t*sqrt(y + 0.9 - t)\" is nan at (2, "));
+  EXPECT_THAT(of_place, HasSubstr("), t = 1, expected a finite number"));
+  EXPECT_THAT(said("\"0.1*sqrt(0.9 - t)\"", 2), HasSubstr("is nan at t = 1, expected a finite number"));
+}
+
+TEST(Steps, ModuliBeyondTheRangeOfNumbersAreRefused) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
+  for (const std::string& large :
+       {replaced(elastic, "E = 1\n", "E = 1e300\n"),
+        replaced(replaced(elastic, "E = 1\n", "E = 1e-300\n"), "[time]\nstep = 0.25\n", "[definitions]\nt = 1\n")}) {
+    const Workspace work(large);
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, 2) << run.output;
+    EXPECT_THAT(run.output, HasSubstr("case.toml:8: the moduli of the material at (0, 0) are about"));
+  }
+}
+
+TEST(Steps, StrainsBelowRoundingAreNoAnswer) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1e9\nnu = 0.3");
+  const auto said = [&](const std::string& traction, int status) {
+    const Workspace work(replaced(elastic, "displacement = [\"1.6*t\", \"free\"]", "traction = [" + traction + ", 0]"));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, status) << run.output;
+    return run.output;
+  };
+  EXPECT_THAT(said("\"1e3*t\"", 0), Not(HasSubstr("out of balance")));
+  EXPECT_THAT(said("\"1e-8*t\"", 3), HasSubstr("error: reactions and loads are out of balance by"));
+}
+
 TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   const auto refused = [](const std::string& text) {
     const Workspace work(text);
@@ -281,8 +325,13 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "yield = 0.7")), HasSubstr("yield means nothing for model"));
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "nu = 0.7")), HasSubstr("nu is 0.7"));
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7\n", "")), HasSubstr("case.toml:"));
-  EXPECT_THAT(refused(rubber + "[accuracy]\nenergy = 0.01\n"), HasSubstr("accuracy"));
-  EXPECT_THAT(refused(rubber + "[[case]]\nname = \"a\"\n"), HasSubstr("load cases"));
+  EXPECT_THAT(refused(rubber + "[accuracy]\nenergy = 0.01\n"), HasSubstr("case.toml:26: an accuracy can be"));
+  EXPECT_THAT(refused(rubber + "[[case]]\nname = \"a\"\n"), HasSubstr("case.toml:26: load cases"));
+  EXPECT_THAT(refused(rubber + "[quadrature]\nbasis = \"cells\"\nstabilisation = 0.5\n"),
+              HasSubstr("case.toml:28: a stabilisation is for linear materials"));
+  EXPECT_THAT(refused(replaced(rubber, "\"strain\"", "\"stress\"") + "[quadrature]\ndilatation = true\n"),
+              HasSubstr("case.toml:27: averaged dilatations of finite strains are not for plane stress"));
+  EXPECT_THAT(refused(replaced(rubber, "spacing = 0.4", "spacing = 4")), HasSubstr("case.toml:5: cloud spacing = 4"));
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "mu = \"0.7 + t\"")), HasSubstr("mu depends on t"));
   EXPECT_THAT(refused("[definitions]\nsoft = \"1 - t\"\n" + replaced(rubber, "mu = 0.7", "mu = \"soft\"")),
               HasSubstr("mu depends on t"));
@@ -308,7 +357,8 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   for (const std::string& small :
        {replaced(elastic, end, follows),
         replaced(replaced(elastic, end, "pressure = 1\nfollower = true"), "[time]\nstep = 0.25\n", "")})
-    EXPECT_THAT(refused(small), HasSubstr("pressure on \"right\" follows the body: that is for materials of finite"));
+    EXPECT_THAT(refused(small), HasSubstr(": pressure on \"right\" follows the body: that is for materials of finite"));
+  EXPECT_THAT(refused(replaced(elastic, end, follows)), HasSubstr("case.toml:22: pressure on"));
   EXPECT_THAT(refused(replaced(rubber, "neo_hookean", "neo_hokean")), HasSubstr("\"neo_hookean\""));
 }
 

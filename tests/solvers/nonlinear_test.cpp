@@ -123,6 +123,23 @@ TEST(NonlinearEquilibrium, TangentIsTheDerivativeOfTheResidualInThePlane) {
     }
 }
 
+TEST(NonlinearEquilibrium, BodiesOfFiniteStrainsThatAreTurnedInsideOutAreNoAnswer) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.25});
+  const auto approximation = approximate(mesh, {.spacing = 0.6, .dilatation = Dilatation::pointwise});
+  const auto check = [&](const SharedMaterial& material, double stretch) {
+    const NonlinearEquilibrium<2> equations(approximation, {.material = material, .plane = Plane::strain},
+                                            Program<2>::grows({clamp<2>("left")}));
+    State state = equations.rest();
+    for (Index I = 0; I < static_cast<Index>(approximation.nodes.cols()); ++I)
+      state.u[2 * I] = (stretch - 1.0) * approximation.nodes(0, I);
+    equations.check(state);
+  };
+  EXPECT_NO_THROW(check(NeoHooke(1.3, 0.7), 0.1));
+  EXPECT_THAT([&] { check(NeoHooke(1.3, 0.7), -0.1); },
+              ThrowsMessage<NumericalError>(HasSubstr("the body is turned inside out at (")));
+  EXPECT_NO_THROW(check(LinearElastic(ElasticModuli{.E = 1.0, .nu = 0.3}), -0.1)) << "small strains know no volumes";
+}
+
 TEST(NonlinearEquilibrium, TangentIsTheDerivativeOfTheResidualInBodiesOfRevolutionAndInSpace) {
   const FineMesh<2> section = triangulate(shapes::rectangle(0.5, 0, 2, 1), {.size = 0.25});
   for (const Dilatation dilatation : {Dilatation::pointwise, Dilatation::averaged}) {
