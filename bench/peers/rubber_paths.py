@@ -46,7 +46,7 @@ def efree_once(program, text, folder, more=()):
     case.write_text(text)
     start = time.monotonic()
     try:
-        with open(folder.with_suffix(".log"), "w") as said:
+        with open(f"{folder}.log", "w") as said:
             child = subprocess.Popen([program, "solve", case, "--out", folder, "--quiet", "--no-picture", *more],
                                      env=ENVIRONMENT, stdout=said, stderr=said)
             _, status, usage = os.wait4(child.pid, 0)

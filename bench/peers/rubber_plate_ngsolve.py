@@ -11,7 +11,8 @@ import sys
 import time
 
 from netgen.geom2d import SplineGeometry
-from ngsolve import BilinearForm, Det, GridFunction, Grad, Id, InnerProduct, Mesh, SymbolicEnergy, Trace, VectorH1, log
+from ngsolve import (BilinearForm, Det, GridFunction, Grad, Id, InnerProduct, Mesh, SetNumThreads, SymbolicEnergy, TaskManager,
+                     Trace, VectorH1, log)
 from ngsolve.nonlinearsolvers import NewtonSolver
 
 E, NU, EXTENSION, STEPS = 1.0, 0.3, 4.0, 10
@@ -58,7 +59,9 @@ def load_path(size, order):
 
 if __name__ == "__main__":
     start = time.process_time()
-    result, unknowns = load_path(float(sys.argv[1]), int(sys.argv[2]))
+    SetNumThreads(1)
+    with TaskManager():  # without, its Cholesky factors start threads each time: 20 ms, however small
+        result, unknowns = load_path(float(sys.argv[1]), int(sys.argv[2]))
     seconds = time.process_time() - start
     print("t,force")
     for t, force in result:
