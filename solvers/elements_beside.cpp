@@ -9,6 +9,8 @@
 #include "efree/solvers/locking.hpp"
 
 #include <cmath>
+#include <string>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -51,6 +53,28 @@ class Steadied final : public LinearSolver {
   Cholesky cholesky_;
 };
 
+/// Whether parts that are held along the same direction meet, so that the forces on the vertices between them are
+/// nobody's.
+template <int Dim> bool shared_holds(const FineMesh<Dim>& mesh, const Program<Dim>& program) {
+  struct Hold {
+    std::string part;
+    Vec<Dim> direction;
+  };
+  std::vector<std::vector<Hold>> holds(mesh.num_vertices());
+  for (const Restraint<Dim>& restraint : restraints(program.conditions(program.full_at))) {
+    if (restraint.is_elastic()) continue;
+    for (const Index f : mesh.group(restraint.on)) {
+      const Vec<Dim> direction = restraint.direction(mesh.facet_normal(f));
+      for (const Index v : mesh.facets().col(f)) {
+        for (const Hold& other : holds[v])
+          if (other.part != restraint.on && std::abs(other.direction.dot(direction)) > 1e-6) return true;
+        holds[v].push_back({restraint.on, direction});
+      }
+    }
+  }
+  return false;
+}
+
 double mean_stress(const auto& stress) {
   return stress.template head<3>().sum() / 3.0;
 }
@@ -64,7 +88,14 @@ template <int Dim> ElementsBeside<Dim>::ElementsBeside(const Approximation<Dim>&
           "finite elements beside a cloud: elastic materials expected that are not nearly incompressible");
   elements_ = std::make_shared<const Approximation<Dim>>(
       approximate<Dim>(cloud.space.shared_mesh(), elements_of(cloud), monitor));
-  equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, std::move(program));
+  ElasticModel held = model;
+  held.essential = shared_holds(cloud.space.mesh(), program) ? model.essential : Essential::strong;
+  try {
+    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, held, program);
+  } catch (const InputError&) {  // normal displacements on a part that is not flat
+    if (held.essential == model.essential) throw;
+    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, std::move(program));
+  }
 }
 
 template <int Dim>

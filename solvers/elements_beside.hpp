@@ -21,8 +21,9 @@ template <int Dim> struct BesideCloud {
 };
 
 /// The nonlinear problem of the finite elements on a cloud's fine mesh, of bodies that remember nothing, solved from
-/// the cloud's answer: Newton's method starts where the cloud is, and ends where the mesh is. They are held as the
-/// cloud is, so that reactions are of one kind. Not for what is nearly incompressible (takes_mean_dilatation): in
+/// the cloud's answer: Newton's method starts where the cloud is, and ends where the mesh is. They are held at
+/// their nodes, for weakly they part from their supports as strains grow; as the cloud is where parts held alike meet,
+/// whose reactions nodes cannot tell apart. Not for what is nearly incompressible (takes_mean_dilatation): in
 /// single cells a cloud's motion changes volumes by more than such materials bear. Nor for plastic bodies: the past of
 /// their elements is not that of the cloud, and they have to go all the way by themselves.
 template <int Dim> class ElementsBeside {

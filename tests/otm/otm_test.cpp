@@ -270,7 +270,7 @@ TEST(OtmWall, FrictionHoldsWhatFrictionlessWallsLetGo) {
 }
 
 TEST(Otm, MaterialsOfSmallStrainsEndARunThatIsNone) {
-  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), LinearElastic({.E = 1.0, .nu = 0.3}), 1.0);
+  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), LinearElastic(ElasticModuli{.E = 1.0, .nu = 0.3}), 1.0);
   body.velocity = -0.3 * body.nodes;
   Otm<2> otm({body});
   otm.add_wall({.normal = Vec<2>::Unit(1)});
