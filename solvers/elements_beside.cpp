@@ -119,19 +119,19 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
   if (!cloud_.averaged) {
     const Vector apart = there.state.u - start.u;
     const Gradients<Dim> H = gradient(points, Points<Dim>(apart.reshaped(Dim, apart.size() / Dim)));
-    for (Index K = 0; K < points.size(); ++K) work += points.weights[K] * (to.P.col(K) - from.P.col(K)).dot(H.col(K));
+    for (Index p = 0; p < points.size(); ++p) work += points.weights[p] * (to.P.col(p) - from.P.col(p)).dot(H.col(p));
   } else {
     const Matrix recovered = internal::lifted<Dim>(elements_->space, stress.leftCols(cloud_.space.size()));
     Stiffness<Dim> room;
-    for (Index K = 0; K < points.size(); ++K) {
-      const Voigt<Dim> stress_apart = to.stress.col(K) - from.stress.col(K);
-      const Voigt<Dim> strain_apart = to.strain.col(K) - from.strain.col(K);
-      double pressure = mean_stress(Voigt<Dim>(to.stress.col(K)));
-      const auto row = points.shape.row(K);
+    for (Index p = 0; p < points.size(); ++p) {
+      const Voigt<Dim> stress_apart = to.stress.col(p) - from.stress.col(p);
+      const Voigt<Dim> strain_apart = to.strain.col(p) - from.strain.col(p);
+      double pressure = mean_stress(Voigt<Dim>(to.stress.col(p)));
+      const auto row = points.shape.row(p);
       for (std::size_t k = 0; k < row.nodes.size(); ++k)
         pressure -= row.N[k] * mean_stress(Voigt<Dim>(recovered.col(row.nodes[k])));
-      const double kappa = equations_->materials().stiffness(points.region[K], points.points.col(K), room).kappa;
-      work += points.weights[K] *
+      const double kappa = equations_->materials().stiffness(points.region[p], points.points.col(p), room).kappa;
+      work += points.weights[p] *
               (stress_apart.dot(strain_apart) - mean_stress(stress_apart) * strain_apart.template head<3>().sum() +
                pressure * pressure / kappa);
     }

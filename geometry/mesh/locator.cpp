@@ -128,6 +128,7 @@ template <int Dim> std::optional<Location<Dim>> Locator<Dim>::beside_boundary(co
       foot = p;
     }
   }
+  if (nearest < 0) return {};  // so far away that the distance is no number
   double longest = 0.0, turn = 0.0;
   const auto corners = mesh_->facets().col(nearest);
   for (int i = 0; i < Dim; ++i) {
@@ -153,7 +154,7 @@ template <int Dim> Location<Dim> Locator<Dim>::operator()(const Vec<Dim>& x) con
   if (best.at.minCoeff() >= -tolerance) return best;
   if (const auto beside = beside_boundary(x)) return *beside;
   Index nearest = 0;
-  (mesh_->vertices().colwise() - x).colwise().squaredNorm().minCoeff(&nearest);
+  (mesh_->vertices().colwise() - x).colwise().stableNorm().minCoeff(&nearest);
   throw InputError(fmt::format("({:.6g}) lies outside the body; the nearest fine vertex is ({:.6g})",
                                fmt::join(x, ", "), fmt::join(mesh_->vertex(nearest), ", ")));
 }

@@ -120,6 +120,7 @@ TEST(Locator, RoundingOutsideIsInsideAndMoreNamesTheNearestVertex) {
     EXPECT_GT(there.at.minCoeff(), -1e-9);
     EXPECT_INPUT_ERROR(locator({1.1, 2.2, 3.3}),
                        "(1.1, 2.2, 3.3) lies outside the body; the nearest fine vertex is (1, 2, 3)");
+    EXPECT_INPUT_ERROR(locator({2.0, 1e300, 0.0}), "lies outside the body");  // its square is no number
   }
   EXPECT_INPUT_ERROR(locate(box, Vec<3>(-1.0, -1.0, -1.0)), "the nearest fine vertex is (0, 0, 0)");
 }
