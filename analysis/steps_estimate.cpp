@@ -93,7 +93,7 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
   constexpr double small = 0.01;  // of the largest
   const auto relative = [](const auto& of_cloud, const auto& should, double largest) {
     const double size = std::max(should.norm(), small * largest);
-    return size > 0.0 ? (of_cloud - should).norm() / size : 0.0;
+    return size > 0.0 ? (of_cloud - should).stableNorm() / size : 0.0;
   };
   const Resultants<Dim> reactions = equations.reactions(there->state);
   double most = 0.0;

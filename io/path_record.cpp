@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <bit>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <regex>
@@ -62,6 +63,17 @@ static_assert(std::endian::native == std::endian::little, "checkpoints are writt
 
 constexpr std::string_view mark = "efree path 4\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
+
+/// Whether where the path is, and all it says of its steps, are numbers.
+template <int Dim> bool is_finite(const Checkpoint<Dim>& there) {
+  const auto is_number = [](const HistoryStep<Dim>& step) {
+    double sum = step.time + step.left + step.stored + step.dissipated + step.smallest_jacobian + step.plastic_share;
+    for (const auto& [part, of] : step.reactions) sum += of.force.sum() + of.moment.sum();
+    for (const auto& u : step.probes) sum += u.sum();
+    return std::isfinite(sum);
+  };
+  return there.at.u.allFinite() && there.at.history.allFinite() && std::ranges::all_of(there.history, is_number);
+}
 
 /// Writes a file beside, then puts it in place.
 template <class Write> void replace(const fs::path& file, const Write& write) {
@@ -173,7 +185,8 @@ template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMar
   if (its.how != of.how) there.at.next = 0.0;
   if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
   const int steps = there.at.steps;
-  if (!unpack.empty() || there.history.empty() || static_cast<int>(there.history.size()) != steps ||
+  if (!unpack.empty() || !is_finite(there) || there.history.empty() ||
+      static_cast<int>(there.history.size()) != steps ||
       (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
     fail(damaged);
   return there;

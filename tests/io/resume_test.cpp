@@ -8,7 +8,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <algorithm>
+#include <cmath>
 #include <functional>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -305,6 +307,13 @@ TEST(Resume, CheckpointsComeBackBitForBitOrNotAtAll) {
       },
       ThrowsMessage<InputError>(HasSubstr("another case")));
   const std::string whole = content(work / "a.state");
+  for (double* number :
+       {&there.at.u[3], &there.at.history[2], &there.history[0].stored, &there.history[1].probes[0][1]}) {
+    const double before = std::exchange(*number, std::nan(""));
+    write_checkpoint(work / "a.state", there, {1, 2});
+    refuses("damaged");
+    *number = before;
+  }
   for (std::size_t k = 0; k < whole.size(); k += 7) {
     work.write("a.state", whole.substr(0, k));
     refuses("");
