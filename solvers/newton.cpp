@@ -257,6 +257,7 @@ class ArcStepper final : public Stepper {
 PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint from, const PathOptions& options,
                  const std::function<void(const PathStep&)>& converged, const Monitor& monitor) {
   constexpr int easy = 5, hard = 10;
+  constexpr double near_least = 20.0;
   require(options.step > 0.0, "a path needs a step > 0");
   require(from.steps > 0 || options.end > from.time, "a path needs an end that is to come");
   const double least = options.min_step > 0.0 ? options.min_step : 1e-3 * options.step;
@@ -296,7 +297,9 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
       throw PathError(
           fmt::format("at time {:.6g} the path has come back to before its beginning: it unloads", now->state.time),
           from.time, from.steps);
-    if (now->iterations() <= easy) size = std::min(most, 1.5 * size);
+    // Near the least size, steps that are not easy either grow: a path would never end at that size.
+    const int growing = size < near_least * least ? hard - 1 : easy;
+    if (now->iterations() <= growing) size = std::min(most, 1.5 * size);
     if (now->iterations() >= hard) size = std::max(least, 0.5 * size);
     after.steps = from.steps + 1;
     after.began = begin;

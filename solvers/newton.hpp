@@ -116,10 +116,9 @@ struct PathStep {
 };
 
 /// Follows equilibria from a committed state to the end. A step that does not converge, or to what is no answer
-/// (Equations::check), is halved; after easy ones (up
-/// to five iterations) steps grow by half, after hard ones (ten and more) they shrink. Calls `converged` after every
-/// step. Throws PathError where steps fall below the least. Returns the last point; one that is at the end already
-/// comes back as it is.
+/// (Equations::check), is halved; after easy ones (up to five iterations; up to nine near the least size) steps grow by
+/// half, after hard ones (ten and more) they shrink. Calls `converged` after every step. Throws PathError where steps
+/// fall below the least. Returns the last point; one that is at the end already comes back as it is.
 PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint from, const PathOptions& options,
                  const std::function<void(const PathStep&)>& converged = {}, const Monitor& monitor = {});
 

@@ -55,6 +55,33 @@ class TwoPaths final : public Toy {
   }
 };
 
+/// r = u - t with a tangent that is not quite its: an eighth is left each time, never nothing in five iterations.
+class Stiff final : public Toy {
+ public:
+  Stiff() : Toy(1) {}
+  Vector residual(const State& at) const override { return Vector::Constant(1, at.u[0] - at.time); }
+  void tangent(const State&, SymmetricMatrix& K) const override {
+    K.resize(1, 1);
+    K.coeffRef(0, 0) = 1.15;
+    K.makeCompressed();
+  }
+};
+
+TEST(Path, StepsOfTheLeastSizeGrowThoughTheyAreNotEasy) {
+  const Stiff equations;
+  Cholesky solver;
+  PathOptions options{.step = 1e-2, .min_step = 1e-2, .max_step = 0.5};
+  options.newton.tolerance = 1e-9;
+  std::vector<int> iterations;
+  std::vector<double> times;
+  follow(equations, solver, PathPoint(equations.rest()), options, [&](const PathStep& step) {
+    iterations.push_back(step.now.iterations());
+    times.push_back(step.after.time);
+  });
+  EXPECT_GT(iterations.front(), 5);
+  EXPECT_LT(times.size(), 60u);  // a hundred of that size
+}
+
 TEST(Path, AStepThatLeadsToNoAnswerIsHalved) {
   const TwoPaths equations;
   std::vector<double> times;
