@@ -53,8 +53,10 @@ FileKind kind_of(const Section& geometry, const fs::path& file) {
 
 fs::path file_of(const Section& geometry, const fs::path& folder) {
   const fs::path file = folder / geometry.text("file");
-  if (fs::is_directory(file)) geometry.fail("file", fmt::format("{} is a directory, expected a file", file.string()));
-  if (!fs::is_regular_file(file)) geometry.fail("file", fmt::format("there is no file {}", file.string()));
+  std::error_code error;  // names that are too long are no files
+  if (fs::is_directory(file, error))
+    geometry.fail("file", fmt::format("{} is a directory, expected a file", file.string()));
+  if (!fs::is_regular_file(file, error)) geometry.fail("file", fmt::format("there is no file {}", file.string()));
   return file;
 }
 

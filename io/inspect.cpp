@@ -386,8 +386,9 @@ template <int Dim> ordered_json json_of(const BoundingBox<Dim>& box) {
 AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   const std::string path = file.string(), name = internal::lower_case(file.filename().string());
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
-  if (fs::is_directory(file)) throw InputError(fmt::format("{} is a directory, expected a file", path));
-  if (!fs::is_regular_file(file)) throw InputError(fmt::format("there is no file {}", path));
+  std::error_code error;  // names that are too long are no files
+  if (fs::is_directory(file, error)) throw InputError(fmt::format("{} is a directory, expected a file", path));
+  if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml"))
     return std::visit([&](const auto& analysis) -> AnyInspection { return inspect_case(path, analysis); },
                       read_case(file, reading));

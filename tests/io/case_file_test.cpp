@@ -43,6 +43,12 @@ TEST_P(WrongCase, IsRefusedWithFileAndLine) {
   EXPECT_TRUE(std::regex_search(message, std::regex(wrong.message))) << message;
 }
 
+TEST(CaseFile, NamesLongerThanFilesCanHaveAreOfNoFile) {
+  const std::string message = complaint(
+      replaced(strip_case, "file = \"strip.geo\"", ("file = \"" + std::string(5000, 'x') + ".geo\"").c_str()));
+  EXPECT_TRUE(message.starts_with("case.toml:3: there is no file xxx")) << message.substr(0, 200);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Keys, WrongCase,
     testing::Values(
