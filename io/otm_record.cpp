@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/otm_record.hpp"
 
+#include "efree/assembly/kinematics.hpp"
 #include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/series.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/LU>
-#include <cmath>
 #include <fstream>
 #include <map>
 #include <regex>
@@ -17,22 +18,8 @@ namespace {
 
 constexpr const char* axes[] = {"x", "y", "z"};
 
-void write_text(const fs::path& file, const std::string& text) {
-  std::ofstream out(file);
-  out << text;
-  if (!out.flush()) internal::cannot_write(file);
-}
-
 std::string frame(const char* of, std::size_t number) {
   return fmt::format("{}_{:04}.vtu", of, number);
-}
-
-/// The frames by time, as ParaView reads them.
-std::string series(const char* of, const std::vector<double>& times) {
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
-  for (std::size_t k = 0; k < times.size(); ++k)
-    text += fmt::format("    <DataSet timestep=\"{}\" part=\"0\" file=\"{}\"/>\n", times[k], frame(of, k));
-  return text + "  </Collection>\n</VTKFile>\n";
 }
 
 }  // namespace
@@ -49,11 +36,11 @@ template <int Dim> OtmRecord<Dim>::OtmRecord(fs::path folder) : folder_(std::mov
 template <int Dim> void OtmRecord<Dim>::add(const Otm<Dim>& otm) {
   const Tensors F = otm.deformation(), sigma = otm.cauchy_stress();
   const Index n = otm.num_points();
-  Matrix stress(6, n), von_mises(1, n), J(1, n), of_point(1, n), of_node(1, otm.num_nodes());
+  Matrix stress(6, n), mises(1, n), J(1, n), of_point(1, n), of_node(1, otm.num_nodes());
   for (Index p = 0; p < n; ++p) {
-    const Eigen::Map<const Mat<3>> s(sigma.col(p).data());
-    stress.col(p) << s(0, 0), s(1, 1), s(2, 2), s(1, 2), s(0, 2), s(0, 1);
-    von_mises(0, p) = std::sqrt(1.5) * (Mat<3>(s) - s.trace() / 3.0 * Mat<3>::Identity()).norm();
+    const Voigt<3> of = stress_of<3>(sigma.col(p));
+    stress.col(p) = of;
+    mises(0, p) = von_mises<3>(of);
     J(0, p) = Eigen::Map<const Mat<3>>(F.col(p).data()).determinant();
   }
   std::map<std::string, Matrix> scalars;  // zero where a body's material knows of none
@@ -68,16 +55,17 @@ template <int Dim> void OtmRecord<Dim>::add(const Otm<Dim>& otm) {
             history.row(part.offset);
   }
   std::vector<PointValues> values{
-      {"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"von_mises", von_mises}, {"J", J}, {"body", of_point}};
+      {"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"von_mises", mises}, {"J", J}, {"body", of_point}};
   for (const auto& [name, scalar] : scalars) values.push_back({name, scalar});
   const std::vector<std::string> components(axes, axes + Dim);
-  write_points<Dim>(folder_ / frame("points", times_.size()), otm.points(), values);
+  points_.emplace_back(otm.time(), frame("points", points_.size()));
+  nodes_.emplace_back(otm.time(), frame("nodes", nodes_.size()));
+  write_points<Dim>(folder_ / points_.back().second, otm.points(), values);
   write_points<Dim>(
-      folder_ / frame("nodes", times_.size()), otm.nodes(),
+      folder_ / nodes_.back().second, otm.nodes(),
       {{"velocity", otm.velocities(), components}, {"mass", otm.masses().transpose()}, {"body", of_node}});
-  times_.push_back(otm.time());
-  write_text(folder_ / "points.pvd", series("points", times_));
-  write_text(folder_ / "nodes.pvd", series("nodes", times_));
+  internal::write_series(folder_ / "points.pvd", points_);
+  internal::write_series(folder_ / "nodes.pvd", nodes_);
   note(otm);
 }
 
@@ -100,7 +88,10 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm) {
   for (Index w = 0; w < walls.cols(); ++w)
     for (int i = 0; i < Dim; ++i) history_ += fmt::format(",{}", walls(i, w));
   history_ += '\n';
-  write_text(folder_ / "history.csv", history_);
+  const fs::path file = folder_ / "history.csv";
+  std::ofstream out(file);
+  out << history_;
+  if (!out.flush()) internal::cannot_write(file);
 }
 
 template class OtmRecord<2>;

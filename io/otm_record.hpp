@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace efree {
@@ -25,7 +26,8 @@ template <int Dim> class OtmRecord {
 
  private:
   std::filesystem::path folder_;
-  std::vector<double> times_;  ///< of the frames
+  using Frames = std::vector<std::pair<double, std::string>>;  ///< times and files
+  Frames points_, nodes_;
   std::string history_;
 };
 

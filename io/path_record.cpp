@@ -5,6 +5,7 @@
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/series.hpp"
 #include "efree/io/internal/transfer.hpp"
 #include "efree/io/writers.hpp"
 
@@ -110,16 +111,12 @@ std::vector<int> steps_in(const fs::path& folder) {
   std::ranges::sort(steps);
   return steps;
 }
-/// The fields of these steps by time, as ParaView reads it.
+/// The fields of these steps by time.
 template <int Dim>
 void write_series(const fs::path& file, const std::vector<int>& steps, const std::vector<HistoryStep<Dim>>& history) {
-  std::ofstream out(file);
-  out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
-  for (const int step : steps)
-    out << fmt::format("    <DataSet timestep=\"{}\" part=\"0\" file=\"{}\"/>\n", history[step - 1].time,
-                       fields_name(step));
-  out << "  </Collection>\n</VTKFile>\n";
-  if (!out.flush()) internal::cannot_write(file);
+  std::vector<std::pair<double, std::string>> frames;
+  for (const int step : steps) frames.emplace_back(history[step - 1].time, fields_name(step));
+  internal::write_series(file, frames);
 }
 
 /// The same file at another place, without its bytes where the file system can do that.

@@ -38,6 +38,17 @@ template <int Dim> std::uint64_t along_curve(const Vec<Dim>& unit) {
   return key;
 }
 
+template <int Dim> double smallest_eigenvalue(const Mat<Dim>& of) {
+  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(of, Eigen::EigenvaluesOnly).eigenvalues()[0];
+}
+
+/// A node's function as kernels read it; `hoop` is over the radius.
+template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) {
+  OtmEntry entry{{0.0, 0.0, hoop}, N};
+  for (int i = 0; i < Dim; ++i) entry.dN[i] = dN[i];
+  return entry;
+}
+
 /// The metric with the same determinant whose axes have lengths of at most that ratio.
 template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
   const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(metric);
@@ -134,9 +145,10 @@ template <int Dim> struct Otm<Dim>::Parts {
   void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
                       OtmCounts& counted) const;
   void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
-  void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows);
+  void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
-  void gather(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
+  void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
+  void place(OtmChunk<Dim>& chunk, Index p) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* column, double across) const;
   template <class At, class Since> void push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const;
@@ -204,7 +216,6 @@ template <int Dim> Otm<Dim>::Parts::Parts(std::vector<OtmBody<Dim>> given, const
     if (body.velocity.size() != 0) v.middleCols(first, N) = body.velocity;
     trees.push_back(std::make_unique<Neighbours<Dim>>());
     trees.back()->build(body.nodes);
-    // The spacing around a node: of as many nodes as there are, the side of a cube for each.
     for (Index a = 0; a < N; ++a) spacing[first + a] = trees.back()->spacing(body.nodes.col(a));
     // Points in the order of a curve, unions together.
     const Vec<Dim> low = body.nodes.rowwise().minCoeff();
@@ -324,9 +335,7 @@ template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, co
       metric = rounded<Dim>(inverse.transpose() * metric * inverse, options.anisotropy);
       lambda = inverse.transpose() * lambda;
     }
-    const double least = Dim == 1
-                             ? metric(0, 0)
-                             : Eigen::SelfAdjointEigenSolver<Mat<Dim>>(metric, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    const double least = smallest_eigenvalue<Dim>(metric);
     LmeStatus status = LmeStatus::outside;
     for (double share = 1.0; status != LmeStatus::found; share *= 3.0) {
       if (share > 10.0 || (share > 4.0 && !first))
@@ -358,20 +367,15 @@ template <int Dim> void Otm<Dim>::Parts::make_functions(OtmChunk<Dim>& chunk, co
     }
     auto& row = rows[k];
     row.clear();
-    const double radius = at[0];
-    for (std::size_t a = 0; a < used.size(); ++a) {
-      const Vec<Dim> dN = functions.dN(static_cast<Index>(a));
-      OtmEntry entry{{0.0, 0.0, 0.0}, functions.N(static_cast<Index>(a))};
-      for (int i = 0; i < Dim; ++i) entry.dN[i] = dN[i];
-      if (axisymmetric()) entry.dN[2] = entry.N / radius;
-      row.push_back({used[a], entry});
+    for (std::size_t k_used = 0; k_used < used.size(); ++k_used) {
+      const auto a = static_cast<Index>(k_used);
+      const double N = functions.N(a);
+      row.push_back({used[k_used], entry_of<Dim>(N, functions.dN(a), axisymmetric() ? N / at[0] : 0.0)});
     }
-    const auto narrowest = [](const Mat<Dim>& moment) {
-      return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(moment, Eigen::EigenvaluesOnly).eigenvalues()[0];
-    };
     if (!first) {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-      if (narrowest(functions.moment()) < 0.8 * narrowest(since * chunk.moment[p] * since.transpose()))
+      if (smallest_eigenvalue<Dim>(functions.moment()) <
+          0.8 * smallest_eigenvalue<Dim>(since * chunk.moment[p] * since.transpose()))
         chunk.narrowed.push_back(p);
     }
     chunk.moment[p] = functions.moment();
@@ -384,17 +388,15 @@ template <int Dim>
 void Otm<Dim>::Parts::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const {
   for (Index p = 0; p < chunk.size(); ++p) {
     const ShapeRow<Dim> row = shape.row(chunk.number[p]);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-      OtmEntry entry{{0.0, 0.0, 0.0}, row.N[k]};
-      for (int i = 0; i < Dim; ++i) entry.dN[i] = row.dN[k][i];
-      if (axisymmetric()) entry.dN[2] = row.hoop[k];
-      rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k], entry});
-    }
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k],
+                         entry_of<Dim>(row.N[k], row.dN[k], axisymmetric() ? row.hoop[k] : 0.0)});
   }
 }
 
 /// Replaces the rows of some points.
-template <int Dim> void Otm<Dim>::Parts::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) {
+template <int Dim>
+void Otm<Dim>::Parts::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows) {
   // Local numbers are given as nodes come up.
   thread_local std::vector<Index> number;
   thread_local std::vector<Index> nodes, offsets;
@@ -444,9 +446,19 @@ template <int Dim> void Otm<Dim>::Parts::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
-template <int Dim> void Otm<Dim>::Parts::gather(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
+/// What values at the nodes come to at the points, in their columns: gradients, and the values there.
+template <int Dim> void Otm<Dim>::Parts::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]);
+  otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
+             chunk.columns.data());
+}
+
+/// Where a point is and how it is deformed, after `deform` by where the nodes are.
+template <int Dim> void Otm<Dim>::Parts::place(OtmChunk<Dim>& chunk, Index p) const {
+  const double* column = chunk.columns.data() + 16 * p;
+  chunk.since[p] = gradient(column, 1.0);
+  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
 }
 
 /// Deformations, stresses and forces where the nodes are now.
@@ -475,18 +487,15 @@ template <int Dim> void Otm<Dim>::Parts::sweep(Index number, double dt) {
   const BodyOf& body = bodies[chunk.body];
   const Index n = chunk.size();
   auto start = Clock::now();
-  gather(chunk, x);
-  otm_deform(n, chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(), chunk.columns.data());
+  deform(chunk, x);
   Tensors& F = chunk.now.F;
   chunk.now.dt = dt;
   chunk.worn.clear();
-  const bool shared = static_cast<Index>(chunk.unions.size()) != n + 1;
+  const bool shared = chunk.shares_dilatation();
   double worst = 0.0;
   for (Index p = 0; p < n; ++p) {
-    const double* column = chunk.columns.data() + 16 * p;
-    const Mat<3> since = gradient(column, 1.0);
-    for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
-    chunk.since[p] = since;
+    place(chunk, p);
+    const Mat<3>& since = chunk.since[p];
     const Mat<3> now = since * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
     Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     const double J = now.determinant();
@@ -551,7 +560,7 @@ template <int Dim> Mat<3> Otm<Dim>::Parts::gradient(const double* column, double
 /// do not see. Points of a union share the work of its dilatation (growth: each one's J over the union's).
 template <int Dim> template <class At, class Since>
 void Otm<Dim>::Parts::push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const {
-  const bool shared = static_cast<Index>(chunk.unions.size()) != chunk.size() + 1;
+  const bool shared = chunk.shares_dilatation();
   for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
     const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
     double volume = 0.0, pressure = 0.0;
@@ -617,10 +626,8 @@ template <int Dim> void Otm<Dim>::Parts::shake(Index repeats) {
     parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
       OtmChunk<Dim>& chunk = chunks[c];
       const BodyOf& body = bodies[chunk.body];
-      gather(chunk, shaken);
-      otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-                 chunk.columns.data());
-      const bool shared = static_cast<Index>(chunk.unions.size()) != chunk.size() + 1;
+      deform(chunk, shaken);
+      const bool shared = chunk.shares_dilatation();
       thread_local std::vector<Mat<3>> since;
       thread_local std::vector<Vec<Dim>> at;
       since.resize(chunk.size());
@@ -691,17 +698,11 @@ template <int Dim> void Otm<Dim>::Parts::renew() {
   parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
     // Where points are now, and how they are deformed, by the functions they had.
-    gather(chunk, x);
-    otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-               chunk.columns.data());
+    deform(chunk, x);
     for (const Index p : chunk.worn) {
-      const double* column = chunk.columns.data() + 16 * p;
-      for (int j = 0; j < Dim; ++j)
-        for (int i = 0; i < Dim; ++i) chunk.since[p](i, j) = column[4 * j + i];
-      if (axisymmetric()) chunk.since[p](2, 2) = column[8];
-      for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
+      place(chunk, p);
+      changes[k].unseen += unseen(chunk, p);
     }
-    for (const Index p : chunk.worn) changes[k].unseen += unseen(chunk, p);
     changes[k].rows.resize(chunk.worn.size());
     make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
     for (const Index p : chunk.worn) {

@@ -9,10 +9,11 @@ Prints "t,force" for each step, and as comments the number of unknowns and secon
 (imports, a second or so, left out).
 """
 import sys
-import time
 
 import felupe as fem
 import numpy as np
+
+from timed_path import report
 
 E, NU, EXTENSION, STEPS = 1.0, 0.3, 4.0, 10
 
@@ -51,10 +52,4 @@ def load_path(n, order):
 
 
 if __name__ == "__main__":
-    start = time.process_time()
-    result, unknowns = load_path(int(sys.argv[1]), int(sys.argv[2]))
-    seconds = time.process_time() - start
-    print("t,force")
-    for t, force in result:
-        print(f"{t:g},{force:.10g}")
-    print(f"# unknowns {unknowns}\n# seconds {seconds:.3f}")
+    report(lambda: load_path(int(sys.argv[1]), int(sys.argv[2])))

@@ -8,12 +8,13 @@ Prints "t,force" for each step, and as comments the number of unknowns and secon
 (imports, half a second or so, left out).
 """
 import sys
-import time
 
 from netgen.geom2d import SplineGeometry
 from ngsolve import (BilinearForm, Det, GridFunction, Grad, Id, InnerProduct, Mesh, SetNumThreads, SymbolicEnergy, TaskManager,
                      Trace, VectorH1, log)
 from ngsolve.nonlinearsolvers import NewtonSolver
+
+from timed_path import report
 
 E, NU, EXTENSION, STEPS = 1.0, 0.3, 4.0, 10
 
@@ -57,13 +58,11 @@ def load_path(size, order):
     return path, sum(space.FreeDofs())
 
 
-if __name__ == "__main__":
-    start = time.process_time()
+def on_one_thread(size, order):
     SetNumThreads(1)
     with TaskManager():  # without, its Cholesky factors start threads each time: 20 ms, however small
-        result, unknowns = load_path(float(sys.argv[1]), int(sys.argv[2]))
-    seconds = time.process_time() - start
-    print("t,force")
-    for t, force in result:
-        print(f"{t:g},{force:.10g}")
-    print(f"# unknowns {unknowns}\n# seconds {seconds:.3f}")
+        return load_path(size, order)
+
+
+if __name__ == "__main__":
+    report(lambda: on_one_thread(float(sys.argv[1]), int(sys.argv[2])))

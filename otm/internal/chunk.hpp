@@ -46,6 +46,8 @@ template <int Dim> struct OtmChunk {
   OtmTimes seconds;              ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
+  /// Whether there are unions of more than one point.
+  bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };
 
 /// Sums over a row of x_a dN_a (three columns of four numbers) and x_a N_a, for every point.

@@ -200,7 +200,8 @@ TEST(Lme, RefusesWhatIsNoLocality) {
               testing::ThrowsMessage<InputError>(testing::HasSubstr("gamma -1")));
   EXPECT_THAT([] { LmeFunctions<2>({.cutoff = 2.0}); },
               testing::ThrowsMessage<InputError>(testing::HasSubstr("cutoff 2")));
-  EXPECT_THROW(lme(LmeNodes<2>{Points<2>::Random(2, 3), Vector::Zero(3)}, Points<2>(Points<2>::Zero(2, 1))), InputError);
+  EXPECT_THROW(lme(LmeNodes<2>{Points<2>::Random(2, 3), Vector::Zero(3)}, Points<2>(Points<2>::Zero(2, 1))),
+               InputError);
 }
 
 }  // namespace
