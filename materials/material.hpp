@@ -28,6 +28,7 @@ struct Deformation {
   Tensors F;        ///< 9 x n, deformation gradients
   Matrix history;   ///< Material::history_size() x n, before
   double dt = 0.0;  ///< since then [time]
+  Vector heat{};    ///< n, energy that came from elsewhere since then, as from shock viscosity [stress]; empty: none
 
   /// Nothing has happened to the points yet.
   static Deformation none(Points<3> X, Index history_size = 0);
