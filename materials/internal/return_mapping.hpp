@@ -40,7 +40,8 @@ template <class F> double root(const F& f, double low, double high, double scale
     (value > 0.0 ? low : high) = x;
     const double newton = x - value / slope;
     if (std::abs(value) <= 4.0 * epsilon * scale || high - low <= epsilon * std::abs(high)) return x;
-    x = newton >= low && newton <= high ? newton : 0.5 * (low + high);
+    // At a slope without bounds, as of Ludwik's law where nothing has flown, Newton's method stands still.
+    x = newton > low && newton <= high ? newton : 0.5 * (low + high);
   }
   throw NumericalError("no stress on the yield surface is found");
 }
@@ -113,7 +114,7 @@ template <class Return> void respond_by_return(Index p, const ElasticModuli& mod
     const Vec<3> flow = frame.strain() - answer.elastic;
     after = finite ? Mat<3>(frame.tensor((-2.0 * flow).array().exp().matrix()) - Mat<3>::Identity())
                    : Mat<3>(before + frame.tensor(flow));
-    response.history.col(p) << components(after), answer.equivalent;
+    response.history.col(p).template head<7>() << components(after), answer.equivalent;
   }
   response.energy[p] = elastic_energy(answer.elastic, elastic);
   if (kinematic != 0.0) {
