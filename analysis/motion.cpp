@@ -50,7 +50,7 @@ template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh
 }
 
 template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material, double density,
-                                          bool axisymmetric, const Motion<Dim>& motion) {
+                                          bool axisymmetric, const MotionSettings<Dim>& motion) {
   Built<Dim> result{otm_body(mesh, material, density, axisymmetric), {}};
   if (!motion.shared_dilatation) result.body.unions.clear();
   for (const auto& part : motion.moved)
@@ -64,7 +64,7 @@ template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const Share
 }
 
 template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material, double density,
-                                       const Settings<Dim>& settings, const Motion<Dim>& motion,
+                                       const Settings<Dim>& settings, const MotionSettings<Dim>& motion,
                                        const Monitor& monitor) {
   ApproximationOptions options = settings.approximation;
   options.axisymmetric = settings.model.plane == Plane::axisymmetric;
@@ -94,7 +94,7 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
   return result;
 }
 
-template <int Dim> void throw_bodies(const Settings<Dim>& settings, const Motion<Dim>& motion,
+template <int Dim> void throw_bodies(const Settings<Dim>& settings, const MotionSettings<Dim>& motion,
                                      const std::string& region, OtmBody<Dim>& body) {
   body.velocity.setZero(Dim, body.nodes.cols());
   for (const auto& thrown : motion.velocities) {
@@ -109,7 +109,7 @@ template <int Dim> void throw_bodies(const Settings<Dim>& settings, const Motion
   }
 }
 
-template <int Dim> void check_walls(const Motion<Dim>& motion, const Points<Dim>& nodes) {
+template <int Dim> void check_walls(const MotionSettings<Dim>& motion, const Points<Dim>& nodes) {
   const double size = (nodes.rowwise().maxCoeff() - nodes.rowwise().minCoeff()).norm();
   for (const auto& [wall, where] : motion.walls) {
     Index lowest = 0;
@@ -121,7 +121,7 @@ template <int Dim> void check_walls(const Motion<Dim>& motion, const Points<Dim>
 }
 
 template <int Dim>
-void check_probes(const Motion<Dim>& motion, const Settings<Dim>& settings, MovingBodies<Dim>& bodies) {
+void check_probes(const MotionSettings<Dim>& motion, const Settings<Dim>& settings, MovingBodies<Dim>& bodies) {
   std::vector<std::string> fields;
   for (const auto& [name, values] : point_scalars(bodies.otm)) fields.push_back(name);
   for (const auto& probe : motion.probes) {
@@ -161,7 +161,7 @@ bool locks(const Material& material) {
 }  // namespace
 
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
-                                                   const Motion<Dim>& motion, const Monitor& monitor) {
+                                                   const MotionSettings<Dim>& motion, const Monitor& monitor) {
   const FineMesh<Dim>& all = *mesh.mesh;
   const bool axisymmetric = Dim == 2 && settings.model.plane == Plane::axisymmetric;
   for (const auto& thrown : motion.velocities)
@@ -185,7 +185,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
       throw InputError(said_at(where,
                                "the material is for small strains, and bodies in motion turn: take hencky, "
                                "neo_hookean, st_venant_kirchhoff, j2 or another one for finite strains"));
-    Motion<Dim> its = motion;
+    MotionSettings<Dim> its = motion;
     its.shared_dilatation = motion.shared_dilatation && (!motion.cloud || locks(*material));
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
     Built<Dim> built = located(settings, settings.where, [&] {
@@ -283,7 +283,7 @@ template <int Dim> std::vector<double> measure(const MotionProbe<Dim>& probe, co
   return {probe.of == Of::largest ? most : probe.of == Of::smallest ? least : most - least};
 }
 
-template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const Motion<Dim>& motion,
+template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<Dim>& motion,
                                                                                     const MovingBodies<Dim>& bodies) {
   const bool asks = std::ranges::any_of(motion.probes, [](const auto& probe) { return !probe.field.empty(); });
   const auto scalars = asks ? point_scalars(bodies.otm) : std::vector<std::pair<std::string, Vector>>{};
@@ -302,8 +302,8 @@ template <int Dim> void EnergyWatch::look(const OtmBalance<Dim>& now) {
   if (std::abs(error) > std::abs(largest)) largest = error;
 }
 
-template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const Motion<Dim>& motion, EnergyWatch& energy,
-                                        const MotionWatcher& watcher, const Monitor& monitor) {
+template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionSettings<Dim>& motion,
+                                        EnergyWatch& energy, const MotionWatcher& watcher, const Monitor& monitor) {
   using Clock = std::chrono::steady_clock;
   const auto began = Clock::now();
   const auto seconds = [&] { return std::chrono::duration<double>(Clock::now() - began).count(); };
@@ -382,19 +382,25 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const Motion<
   return result;
 }
 
-template MovingBodies<2> set_in_motion(const PreparedMesh<2>&, const Settings<2>&, const Motion<2>&, const Monitor&);
+template MovingBodies<2> set_in_motion(const PreparedMesh<2>&, const Settings<2>&, const MotionSettings<2>&,
+                                       const Monitor&);
 template std::vector<std::pair<std::string, Vector>> point_scalars(const Otm<2>&);
 template std::vector<double> measure(const MotionProbe<2>&, const MovingBodies<2>&,
                                      const std::vector<std::pair<std::string, Vector>>&, Index);
-template std::vector<std::pair<std::string, std::vector<double>>> measure(const Motion<2>&, const MovingBodies<2>&);
+template std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<2>&,
+                                                                          const MovingBodies<2>&);
 template void EnergyWatch::look(const OtmBalance<2>&);
-template MotionEnd run_motion(MovingBodies<2>&, const Motion<2>&, EnergyWatch&, const MotionWatcher&, const Monitor&);
-template MovingBodies<3> set_in_motion(const PreparedMesh<3>&, const Settings<3>&, const Motion<3>&, const Monitor&);
+template MotionEnd run_motion(MovingBodies<2>&, const MotionSettings<2>&, EnergyWatch&, const MotionWatcher&,
+                              const Monitor&);
+template MovingBodies<3> set_in_motion(const PreparedMesh<3>&, const Settings<3>&, const MotionSettings<3>&,
+                                       const Monitor&);
 template std::vector<std::pair<std::string, Vector>> point_scalars(const Otm<3>&);
 template std::vector<double> measure(const MotionProbe<3>&, const MovingBodies<3>&,
                                      const std::vector<std::pair<std::string, Vector>>&, Index);
-template std::vector<std::pair<std::string, std::vector<double>>> measure(const Motion<3>&, const MovingBodies<3>&);
+template std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<3>&,
+                                                                          const MovingBodies<3>&);
 template void EnergyWatch::look(const OtmBalance<3>&);
-template MotionEnd run_motion(MovingBodies<3>&, const Motion<3>&, EnergyWatch&, const MotionWatcher&, const Monitor&);
+template MotionEnd run_motion(MovingBodies<3>&, const MotionSettings<3>&, EnergyWatch&, const MotionWatcher&,
+                              const Monitor&);
 
 }  // namespace efree

@@ -51,7 +51,7 @@ template <int Dim> struct MotionProbe {
 
 /// What bodies in motion are told besides Settings, of which title, materials, densities, model.plane, the parts of the
 /// boundary, the approximation (see `cloud`) and where things were said count.
-template <int Dim> struct Motion {
+template <int Dim> struct MotionSettings {
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
   double min_step = 0.0;  ///< [time], a stable step below it ends the run; 0: a thousandth of the first one
@@ -85,7 +85,7 @@ template <int Dim> struct MovingBodies {
 /// of small strains, a density that is missing or varies, names that are not there, velocities that are no numbers and
 /// bodies that reach through walls at the start; and NumericalError as Otm does. Stages of approximate, bodies.
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
-                                                   const Motion<Dim>& motion, const Monitor& monitor = {});
+                                                   const MotionSettings<Dim>& motion, const Monitor& monitor = {});
 
 /// The scalar fields of material points: von_mises, pressure (both of Cauchy's stress), J and what histories hold (zero
 /// where a body's material knows of none).
@@ -95,7 +95,7 @@ template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(con
 template <int Dim> std::vector<double> measure(const MotionProbe<Dim>& probe, const MovingBodies<Dim>& bodies,
                                                const std::vector<std::pair<std::string, Vector>>& scalars, Index node);
 /// All of them, in their order.
-template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const Motion<Dim>& motion,
+template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<Dim>& motion,
                                                                                     const MovingBodies<Dim>& bodies);
 
 /// How well energy is accounted for: at the start, and its largest error, relative to the largest of what there was of
@@ -126,7 +126,7 @@ struct MotionEnd {
 /// their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before
 /// Cancelled is thrown. monitor.detail hears of time, step, balance and time to go. Throws NumericalError as Otm does,
 /// and for energies that are no numbers. Stage: motion.
-template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const Motion<Dim>& motion, EnergyWatch& energy,
-                                        const MotionWatcher& watcher, const Monitor& monitor = {});
+template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionSettings<Dim>& motion,
+                                        EnergyWatch& energy, const MotionWatcher& watcher, const Monitor& monitor = {});
 
 }  // namespace efree

@@ -526,8 +526,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   const auto probes = root.sections("probe", {"name", "at"});
   const auto reactions = root.sections("reaction", {"name", "on"});
 
-  if (analysis.choice<bool>("kind", {{"static", false}, {"otm", true}}, false))
-    analysis.fail("kind", "bodies in motion are not what is wanted here: efree run moves them");
+  analysis.choice<bool>("kind", {{"static", true}}, true);
   Case<Dim> result;
   result.where = file.string();
   result.said = places_in(root);
@@ -574,6 +573,11 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
 
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
+  if ((*table)["analysis"]["kind"].value_or(std::string()) == "otm")
+    Section(*table->get_as<toml::table>("analysis"), "[analysis]", file.string(), {})
+        .fail("kind",
+              "this case is about bodies in motion: efree run moves them, and what is asked for here is for "
+              "bodies at rest");
   const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});

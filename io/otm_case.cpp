@@ -23,8 +23,8 @@ bool moves(const toml::table& table) {
   return table["analysis"]["kind"].value_or(std::string()) == "otm";
 }
 
-template <int Dim>
-void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>& expressions, Motion<Dim>& motion) {
+template <int Dim> void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
+                                        MotionSettings<Dim>& motion) {
   for (const Section& entry : entries) {
     InitialVelocity<Dim> thrown{.region = entry.text("region", ""), .velocity = {}, .where = entry.where("value")};
     for (const auto& earlier : motion.velocities)
@@ -38,7 +38,7 @@ void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>
   }
 }
 
-template <int Dim> void read_walls(const std::vector<Section>& entries, Motion<Dim>& motion) {
+template <int Dim> void read_walls(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
   for (const Section& entry : entries) {
     const Vec<Dim> normal = entry.template point<Dim>("normal");
     if (!(normal.norm() > 0.0)) entry.fail("normal", "normal is zero, expected a direction");
@@ -53,7 +53,7 @@ template <int Dim> void read_walls(const std::vector<Section>& entries, Motion<D
 }
 
 template <int Dim> void read_moved(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
-                                   internal::PlaceReader<Dim>& places, Motion<Dim>& motion) {
+                                   internal::PlaceReader<Dim>& places, MotionSettings<Dim>& motion) {
   constexpr const char* axes[] = {"x", "y", "z"};
   for (const Section& entry : entries) {
     MovedPart<Dim> part{.on = places.name(entry), .velocity = {}};
@@ -107,7 +107,7 @@ MotionProbe<Dim> read_probe(const Section& entry, const Section& definitions, co
 }
 
 template <int Dim> void read_probes(const std::vector<Section>& entries, const Section& definitions,
-                                    const Expressions<Dim>& expressions, Motion<Dim>& motion) {
+                                    const Expressions<Dim>& expressions, MotionSettings<Dim>& motion) {
   std::set<std::string> names;
   for (const Section& entry : entries) {
     motion.probes.push_back(read_probe<Dim>(entry, definitions, expressions));
@@ -162,7 +162,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
 
   OtmCase<Dim> result;
-  Motion<Dim>& motion = result.motion;
+  MotionSettings<Dim>& motion = result.motion;
   result.where = file.string();
   result.said = internal::places_in(root);
   result.title = root.text("title", file.stem().string());

@@ -13,7 +13,7 @@ namespace efree {
 
 /// A case as read, before anything is computed. Of its mark `how` is 0, and `what` all but [time] and [output].
 template <int Dim> struct OtmCase : Case<Dim> {
-  Motion<Dim> motion{};
+  MotionSettings<Dim> motion{};
   std::string
       colour{};  ///< field of points that pictures show; empty: plastic strain where it is known, else von Mises
 };

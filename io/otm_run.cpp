@@ -32,7 +32,8 @@ template <class Values> ordered_json array(const Values& values) {
 }
 
 /// What probes say, by columns.
-template <int Dim> typename OtmRecord<Dim>::More columns(const Motion<Dim>& motion, const MovingBodies<Dim>& bodies) {
+template <int Dim>
+typename OtmRecord<Dim>::More columns(const MotionSettings<Dim>& motion, const MovingBodies<Dim>& bodies) {
   constexpr const char* axes[] = {"x", "y", "z"};
   typename OtmRecord<Dim>::More more;
   for (const auto& [name, values] : measure(motion, bodies)) {

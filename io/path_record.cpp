@@ -51,7 +51,7 @@ template <int Dim> static auto fields(Checkpoint<Dim>& there) {
 
 namespace {
 
-constexpr std::string_view mark = "efree path 4\n";
+constexpr std::string_view mark = "efree path 5\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Whether where the path is, and all it says of its steps, are numbers.

@@ -808,7 +808,7 @@ template <int Dim> void draw_motion(const std::filesystem::path& file, const Mot
   for (const double side : picture.axisymmetric ? std::vector<double>{1.0, -1.0} : std::vector<double>{1.0})
     for (Index p = 0; p < n; ++p) {
       // As large as the point, and a little more: gaps between circles are no gaps.
-      Mat<3> F = 0.7 * picture.size[p] * Eigen::Map<const Mat<3>>(picture.F.col(p).data());
+      Mat<3> F = 0.8 * picture.size[p] * Eigen::Map<const Mat<3>>(picture.F.col(p).data());
       Vec3 middle = Vec3::Zero();
       middle.template head<Dim>() = picture.points.col(p);
       if (Dim == 2) F.col(2).setZero();
@@ -830,7 +830,7 @@ template <int Dim> void draw_motion(const std::filesystem::path& file, const Mot
     }
   draw_scale(canvas, scale);
   canvas.text(picture.title, 50, 1140, 34);
-  canvas.text(picture.field, 1300, 1060, 26);
+  canvas.text(picture.field, 1570.0 - 13.0 * static_cast<double>(picture.field.size()), 1060, 26);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }

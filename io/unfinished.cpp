@@ -54,11 +54,11 @@ void is_damaged(const fs::path& file) {
   throw InputError(fmt::format("{}: the file is damaged: run without --resume", file.string()));
 }
 
-void write_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of, std::string_view packed) {
+void write_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of, std::string packed) {
   Packer pack;
   std::string by = version();
-  pack(by), pack(dimension), pack(of.what), pack(of.how);
-  std::string bytes = std::string(kind) + std::move(pack).bytes() + std::string(packed);
+  pack(by), pack(dimension), pack(of.what), pack(of.how), pack(packed);
+  std::string bytes = std::string(kind) + std::move(pack).bytes();
   const std::uint64_t sum = Fingerprint().add(bytes).value();
   bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
   replace(file, [&](const fs::path& part) {
@@ -83,9 +83,10 @@ std::pair<std::string, CaseMark> read_sealed(const fs::path& file, std::string_v
   std::string by;
   int its_dimension = 0;
   CaseMark its;
+  std::string packed;
   try {
     unpack(by);
-    if (by == version()) unpack(its_dimension), unpack(its.what), unpack(its.how);
+    if (by == version()) unpack(its_dimension), unpack(its.what), unpack(its.how), unpack(packed);
   } catch (const InputError&) {
     is_damaged(file);
   }
@@ -95,7 +96,8 @@ std::pair<std::string, CaseMark> read_sealed(const fs::path& file, std::string_v
     fail(
         "these steps are of another case: the case file, or the geometry's, has changed by more than steps of [time]; "
         "run without --resume");
-  return {std::string(unpack.rest()), its};
+  if (!unpack.empty()) is_damaged(file);
+  return {std::move(packed), its};
 }
 
 }  // namespace efree::internal

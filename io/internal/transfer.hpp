@@ -165,7 +165,6 @@ class Unpacker {
   explicit Unpacker(std::string_view bytes) : rest_(bytes) {}
   /// Whether there is nothing left.
   bool empty() const { return rest_.empty(); }
-  std::string_view rest() const { return rest_; }
 
   template <class T>
   requires is_plain<T>

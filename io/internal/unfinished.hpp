@@ -42,7 +42,7 @@ void link(const std::filesystem::path& from, const std::filesystem::path& to);
 /// tells damage; what was in the file stays until the new one is complete. `kind` is how such files begin. Throws
 /// InputError if the file cannot be written.
 void write_sealed(const std::filesystem::path& file, std::string_view kind, int dimension, CaseMark of,
-                  std::string_view packed);
+                  std::string packed);
 /// What was packed, and the case that it is of. Throws InputError for a file that cannot be read, is of another kind,
 /// version, dimension or case (CaseMark::what), or is damaged.
 std::pair<std::string, CaseMark> read_sealed(const std::filesystem::path& file, std::string_view kind, int dimension,
