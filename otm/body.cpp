@@ -17,6 +17,7 @@ OtmBody<Dim> otm_body(const FineMesh<Dim>& mesh, SharedMaterial material, double
                     .velocity = {},
                     .points = Points<Dim>(Dim, n),
                     .volumes = mesh.volumes(),
+                    .cells = mesh.cells(),
                     .unions = std::vector<Index>(n),
                     .material = std::move(material),
                     .density = density};

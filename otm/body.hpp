@@ -12,13 +12,17 @@ namespace efree {
 
 /// A body at rest in its reference configuration, of one material.
 template <int Dim> struct OtmBody {
-  Points<Dim> nodes;          ///< Dim x N
-  Points<Dim> velocity;       ///< Dim x N, at the start; empty: at rest [length/time]
-  Points<Dim> points;         ///< Dim x M, material points, each between nodes
-  Vector volumes;             ///< M, positive; in the plane per unit thickness, axisymmetric times 2 pi r
+  Points<Dim> nodes;     ///< Dim x N
+  Points<Dim> velocity;  ///< Dim x N, at the start; empty: at rest [length/time]
+  Points<Dim> points;    ///< Dim x M, material points, each between nodes
+  Vector volumes;        ///< M, positive; in the plane per unit thickness, axisymmetric times 2 pi r
+  /// M columns of Dim + 1 nodes: the cell around each point, positively oriented; their outer facets are the surface
+  /// that other bodies touch. Empty: there is none.
+  Cells<Dim> cells{};
   std::vector<Index> unions;  ///< M, numbered from 0: points that share their mean dilatation; empty: each its own
   SharedMaterial material;
   double density = 0.0;  ///< of mass, in the reference configuration
+  Vector densities{};    ///< M, where points differ; empty: `density` is of all of them
   /// Functions at the points, with gradients, for good; none: local maximum entropy, renewed as points move.
   std::optional<ShapeTable<Dim>> shape{};
 };

@@ -6,8 +6,14 @@
 #include "efree/otm/body.hpp"
 
 #include <memory>
+#include <string>
+#include <string_view>
 
 namespace efree {
+
+namespace internal {
+template <int Dim> struct Motion;
+}
 
 /// What nodes get of a point's momentum when its functions change.
 enum class OtmMomentum {
@@ -18,6 +24,23 @@ enum class OtmMomentum {
   nodes,
   /// N_a times the point's momentum (Li 2009): momentum is conserved, moment of momentum is not, and energy is lost.
   points,
+};
+
+/// Pressure against compression, without which shocks ring and turn points inside out: rho l d (linear c + quadratic l
+/// d) where volume shrinks at the rate d, with l the spacing of nodes along the fastest compression and c the speed of
+/// pressure waves (von Neumann & Richtmyer 1950; Landshoff 1955). What it takes is heat of the point
+/// (Deformation::heat).
+struct ShockViscosity {
+  double linear = 0.0, quadratic = 0.0;
+  bool on() const { return linear > 0.0 || quadratic > 0.0; }
+};
+
+/// How bodies meet. Nodes of a surface that have got through another body's are pushed back to the nearest point of it
+/// by springs, and its nodes from them: momenta are conserved to rounding, energy as far as the distance to a surface
+/// of facets is smooth.
+struct OtmContact {
+  double stiffness = 1.0;  ///< of the surfaces against each other, over that of a layer of nodes; 0: bodies pass freely
+  double friction = 0.0;   ///< Coulomb's coefficient
 };
 
 /// How bodies move.
@@ -35,6 +58,8 @@ struct OtmOptions {
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
   /// the functions' width (Weissenfels & Wriggers 2018).
   double stabilisation = 0.1;
+  ShockViscosity shock{};
+  OtmContact contact{};
 };
 
 /// A plane that no node goes through: x . normal >= level.
@@ -44,17 +69,27 @@ template <int Dim> struct OtmWall {
   double friction = 0.0;  ///< Coulomb's coefficient; infinity: nodes that touch stick
 };
 
+/// Gas inside a closed surface of nodes, which keeps p V^exponent.
+template <int Dim> struct OtmCavity {
+  Facets<Dim> facets;     ///< of nodes, oriented alike; one way or the other
+  double pressure = 0.0;  ///< at the start, over that outside
+  double exponent = 1.4;
+};
+
 /// Sums over all bodies. In the plane per unit thickness; axisymmetric per full turn.
 template <int Dim> struct OtmBalance {
-  double kinetic = 0.0, stored = 0.0, dissipated = 0.0;  ///< energies; dissipated: by the materials
+  double kinetic = 0.0, stored = 0.0, dissipated = 0.0;  ///< energies; stored: in materials and cavities
   double stabilising = 0.0;                              ///< energy of the motions that points do not see
-  double contact = 0.0;                                  ///< energy lost in contact
+  double viscous = 0.0;                                  ///< heat of shock viscosity
+  double contact = 0.0;                                  ///< energy lost in contact, or stored in it
   double renewal = 0.0;                                  ///< energy lost where functions changed
   double prescribed = 0.0;                               ///< work of prescribed velocities
   Vec<Dim> momentum = Vec<Dim>::Zero();
   Vec<Dim == 2 ? 1 : 3> moment;  ///< of momentum, about the origin
   /// All of it; constant but for the integration in time.
-  double total() const { return kinetic + stored + dissipated + stabilising + contact + renewal - prescribed; }
+  double total() const {
+    return kinetic + stored + dissipated + stabilising + viscous + contact + renewal - prescribed;
+  }
 };
 
 /// What a run has done so far.
@@ -74,6 +109,7 @@ struct OtmTimes {
   double materials = 0.0, forces = 0.0;
   double stability = 0.0;  ///< the stable step
   double nodes = 0.0;      ///< motion and walls
+  double contact = 0.0;    ///< of bodies
 };
 
 /// Bodies in motion. Nodes carry positions and velocities, points F, stress and history; leapfrog in time, momentum
@@ -95,6 +131,8 @@ template <int Dim> class Otm {
   Index first_point(Index body) const;  ///< likewise
 
   void add_wall(const OtmWall<Dim>& wall);
+  /// Throws InputError for facets that do not close or enclose nothing.
+  void add_cavity(const OtmCavity<Dim>& cavity);
   /// The node's velocity along an axis is prescribed from now on.
   void prescribe(Index node, int axis, double velocity);
 
@@ -103,6 +141,11 @@ template <int Dim> class Otm {
   double step(double at_most = std::numeric_limits<double>::infinity());
   /// Steps until this time, the last of which is cut to end there.
   void run(double until);
+
+  /// All that changes as bodies move, as bytes: what `restore` goes on from to bitwise the same results.
+  std::string state() const;
+  /// Goes on from there. Throws InputError for bytes that are not of bodies, options and walls such as these.
+  void restore(std::string_view state);
 
   double time() const;
   double stable_step() const;        ///< the next one's bound
@@ -120,8 +163,7 @@ template <int Dim> class Otm {
   const Points<Dim>& wall_forces() const;
 
  private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  std::unique_ptr<internal::Motion<Dim>> motion_;
 };
 
 }  // namespace efree

@@ -37,11 +37,15 @@ template <int Dim> struct OtmChunk {
   std::vector<Mat<Dim>> moment;  ///< J of them
   std::vector<Vec<Dim>> lambda;  ///< of them
   Vector growth;                 ///< J, over that of the union
+  Vector dilatation;             ///< J, of the union
+  Vector shock;                  ///< viscous pressure times J
+  Vector modulus;                ///< of pressure waves
   Vector stiffening;             ///< how many times stiffer than at rest, at the most
   Vector penalty;                ///< on motions that points do not see [force/length]
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
   std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
+  double damping = 0.0;          ///< viscous pressure over that of sound, at the most
   std::vector<double> columns;   ///< sixteen numbers a point: what kernels hand over
   OtmTimes seconds;              ///< kinematics, materials, forces
 

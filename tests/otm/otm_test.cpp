@@ -120,6 +120,30 @@ TYPED_TEST(OtmBlock, ResultsAreBitwiseTheSameOnAnyNumberOfThreads) {
   EXPECT_EQ(one.second, three.second);
 }
 
+TYPED_TEST(OtmBlock, RunsThatGoOnFromAStateEndBitwiseWhereTheyWouldHave) {
+  constexpr int Dim = TypeParam::value;
+  OtmBody<Dim> body = otm_body(block<Dim>(2.0, Dim == 2 ? 0.1 : 0.3), soft(), 1.0);
+  body.velocity = 0.6 * (body.nodes.array() - 0.5).matrix();
+  const auto made = [&](Index walls) {
+    Otm<Dim> otm({body}, {.shock = {.linear = 0.06, .quadratic = 1.5}});
+    for (Index w = 0; w < walls; ++w) otm.add_wall({.normal = Vec<Dim>::Unit(0), .level = -0.05, .friction = 0.3});
+    return otm;
+  };
+  Otm<Dim> straight = made(1), broken = made(1);
+  straight.run(0.5);
+  const std::string state = straight.state();
+  straight.run(1.0);
+  broken.restore(state);
+  broken.run(1.0);
+  EXPECT_GT(broken.counts().renewals, 0);
+  EXPECT_EQ(broken.nodes(), straight.nodes());
+  EXPECT_EQ(broken.cauchy_stress(), straight.cauchy_stress());
+  EXPECT_EQ(broken.balance().total(), straight.balance().total());
+  Otm<Dim> other = made(0);
+  EXPECT_THROW(other.restore(state), InputError);
+  EXPECT_THROW(broken.restore(state.substr(0, state.size() / 2)), InputError);
+}
+
 /// Squares of that size, cut along one diagonal or the other in turn.
 FineMesh<2> lattice(double length, double size) {
   const auto nx = static_cast<Index>(std::lround(length / size)), ny = static_cast<Index>(std::lround(1.0 / size));

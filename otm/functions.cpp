@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Functions of points: made, given, and made anew, with what nodes carry of the points.
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace efree::internal {
+namespace {
+
+template <int Dim> double smallest_eigenvalue(const Mat<Dim>& of) {
+  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(of, Eigen::EigenvaluesOnly).eigenvalues()[0];
+}
+
+/// A node's function as kernels read it; `hoop` is over the radius.
+template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) {
+  OtmEntry entry{{0.0, 0.0, hoop}, N};
+  for (int i = 0; i < Dim; ++i) entry.dN[i] = dN[i];
+  return entry;
+}
+
+/// The metric with the same determinant whose axes have lengths of at most that ratio.
+template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
+  const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(metric);
+  Vec<Dim> value = axes.eigenvalues();  // ascending, 1 / length^2
+  const double most = ratio * ratio;
+  if (value[Dim - 1] <= most * value[0]) return metric;
+  const double product = value.prod();
+  // The two ends are brought in by as much, until the ratio is what it may be.
+  Vec<Dim> log = value.array().log();
+  const double excess = log[Dim - 1] - log[0] - std::log(most);
+  log[0] += 0.5 * excess;
+  log[Dim - 1] -= 0.5 * excess;
+  if constexpr (Dim == 3) log[1] = std::clamp(log[1], log[0], log[2]);
+  value = log.array().exp();
+  value *= std::pow(product / value.prod(), 1.0 / Dim);
+  return axes.eigenvectors() * value.asDiagonal() * axes.eigenvectors().transpose();
+}
+
+}  // namespace
+
+template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first,
+                                                    Rows& rows, OtmCounts& counted) const {
+  const BodyOf& body = bodies[chunk.body];
+  const Neighbours<Dim>& tree = *trees[chunk.body];
+  LmeFunctions<Dim> functions(options.lme);
+  std::vector<Index> around, used;
+  const double furthest = -std::log(options.lme.cutoff);
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    const Index p = which[k];
+    const Vec<Dim> at = chunk.at.col(p);
+    Mat<Dim>& metric = chunk.metric[p];
+    Vec<Dim>& lambda = chunk.lambda[p];
+    if (!first) {
+      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+      const Mat<Dim> inverse = since.inverse();
+      metric = rounded<Dim>(inverse.transpose() * metric * inverse, options.anisotropy);
+      lambda = inverse.transpose() * lambda;
+    }
+    const double least = smallest_eigenvalue<Dim>(metric);
+    LmeStatus status = LmeStatus::outside;
+    for (double share = 1.0; status != LmeStatus::found; share *= 3.0) {
+      if (share > 10.0 || (share > 4.0 && !first))
+        throw NumericalError(fmt::format("a material point at ({:.6g}) is outside of the nodes around it, {} of them",
+                                         fmt::join(at, ", "), functions.size()));
+      tree.within(at, std::sqrt(furthest * share / least), around);
+      functions.clear();
+      used.clear();
+      for (const Index a : around) {
+        const Vec<Dim> d = x.col(body.first_node + a) - at;
+        if (d.dot(metric * d) > furthest * share) continue;
+        functions.add(d);
+        used.push_back(body.first_node + a);
+      }
+      if (share > 2.0 && !first) {
+        // The nodes it had: it is a mean of them.
+        const std::size_t found = used.size();
+        for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+          const Index a = chunk.nodes[chunk.local[e]];
+          if (std::binary_search(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(found), a)) continue;
+          functions.add(x.col(a) - at);
+          used.push_back(a);
+        }
+        ++counted.widened;
+      }
+      status = functions.find(metric, lambda);
+      counted.iterations += functions.iterations();
+      if (status != LmeStatus::found) lambda.setZero();
+    }
+    auto& row = rows[k];
+    row.clear();
+    for (std::size_t k_used = 0; k_used < used.size(); ++k_used) {
+      const auto a = static_cast<Index>(k_used);
+      const double N = functions.N(a);
+      row.push_back({used[k_used], entry_of<Dim>(N, functions.dN(a), axisymmetric() ? N / at[0] : 0.0)});
+    }
+    if (!first) {
+      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+      if (smallest_eigenvalue<Dim>(functions.moment()) <
+          0.8 * smallest_eigenvalue<Dim>(since * chunk.moment[p] * since.transpose()))
+        chunk.narrowed.push_back(p);
+    }
+    chunk.moment[p] = functions.moment();
+    chunk.penalty[p] = options.stabilisation * body.shear * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
+  }
+}
+
+/// Functions that are given, for good. What LME functions say of motions that points do not see, others do not.
+template <int Dim>
+void Motion<Dim>::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const {
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const ShapeRow<Dim> row = shape.row(chunk.number[p]);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k)
+      rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k],
+                         entry_of<Dim>(row.N[k], row.dN[k], axisymmetric() ? row.hoop[k] : 0.0)});
+  }
+}
+
+template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows) {
+  // Local numbers are given as nodes come up.
+  thread_local std::vector<Index> number;
+  thread_local std::vector<Index> nodes, offsets;
+  thread_local std::vector<std::uint16_t> local;
+  thread_local std::vector<OtmEntry> entries;
+  number.resize(std::max(number.size(), static_cast<std::size_t>(x.cols())), -1);
+  nodes.clear();
+  offsets.assign(1, 0);
+  local.clear();
+  entries.clear();
+  const auto put = [&](Index node, const OtmEntry& entry) {
+    if (number[node] < 0) {
+      number[node] = static_cast<Index>(nodes.size());
+      nodes.push_back(node);
+    }
+    local.push_back(static_cast<std::uint16_t>(number[node]));
+    entries.push_back(entry);
+  };
+  std::size_t next = 0;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    if (next < which.size() && which[next] == p)
+      for (const auto& [node, entry] : rows[next++]) put(node, entry);
+    else
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
+        put(chunk.nodes[chunk.local[e]], chunk.entries[e]);
+    offsets.push_back(static_cast<Index>(entries.size()));
+  }
+  for (const Index node : nodes) number[node] = -1;
+  if (nodes.size() > 65535) throw NumericalError("material points that lie together see more than 65535 nodes");
+  chunk.offsets = offsets;
+  chunk.local = local;
+  chunk.entries = entries;
+  chunk.nodes = nodes;
+  chunk.x.assign(4 * nodes.size(), 0.0);
+  chunk.force.assign(4 * nodes.size(), 0.0);
+}
+
+template <int Dim> void Motion<Dim>::find_places() {
+  node_offsets.assign(x.cols() + 1, 0);
+  for (const auto& chunk : chunks)
+    for (const Index a : chunk.nodes) ++node_offsets[a + 1];
+  std::partial_sum(node_offsets.begin(), node_offsets.end(), node_offsets.begin());
+  node_places.resize(node_offsets.back());
+  std::vector<Index> next(node_offsets.begin(), node_offsets.end() - 1);
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (std::size_t l = 0; l < chunks[c].nodes.size(); ++l)
+      node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
+}
+
+/// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
+template <int Dim> void Motion<Dim>::renew() {
+  std::vector<Index> worn_chunks;
+  std::vector<char> body_is_worn(bodies.size(), 0);
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    if (!chunks[c].worn.empty()) {
+      worn_chunks.push_back(static_cast<Index>(c));
+      body_is_worn[chunks[c].body] = 1;
+    }
+  if (worn_chunks.empty()) return;
+  auto start = Clock::now();
+  for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
+    if (body_is_worn[b])
+      trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
+  struct Change {
+    Rows rows;
+    OtmCounts counted;
+    double unseen = 0.0;
+  };
+  std::vector<Change> changes(worn_chunks.size());
+  parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
+    OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
+    // Where points are now, and how they are deformed, by the functions they had.
+    deform(chunk, x);
+    for (const Index p : chunk.worn) {
+      place(chunk, p);
+      changes[k].unseen += unseen(chunk, p);
+    }
+    changes[k].rows.resize(chunk.worn.size());
+    make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
+    for (const Index p : chunk.worn) {
+      const Mat<3> made = chunk.since[p] * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+      Eigen::Map<Mat<3>>(chunk.made.col(p).data()) = made;
+    }
+  });
+  // Masses and momenta of the nodes, in the order of the points.
+  const auto energy = [&] {
+    double sum = 0.0;
+    for (Index a = 0; a < mass.size(); ++a) sum += 0.5 * mass[a] * v.col(a).squaredNorm();
+    return sum;
+  };
+  const double before = energy();
+  Points<Dim> momentum = Points<Dim>::Zero(Dim, x.cols());
+  Vector change = Vector::Zero(mass.size());
+  for (std::size_t k = 0; k < worn_chunks.size(); ++k) {
+    const OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
+    counts.renewals += static_cast<std::int64_t>(chunk.worn.size());
+    counts.iterations += changes[k].counted.iterations;
+    counts.widened += changes[k].counted.widened;
+    renewal_loss += changes[k].unseen;
+    for (std::size_t w = 0; w < chunk.worn.size(); ++w) {
+      const Index p = chunk.worn[w];
+      const Vec<Dim> at = chunk.at.col(p);
+      const double m = chunk.mass[p];
+      Vec<Dim> mean = Vec<Dim>::Zero();
+      Mat<Dim> affine = Mat<Dim>::Zero();
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        const double N = chunk.entries[e].N;
+        mean += N * v.col(a);
+        affine += N * v.col(a) * (x.col(a) - at).transpose();
+        change[a] -= m * N;
+        momentum.col(a) -= m * N * v.col(a);
+      }
+      Vec<Dim> shift = Vec<Dim>::Zero();
+      Mat<Dim> turn = Mat<Dim>::Zero();
+      if (options.momentum == OtmMomentum::affine) {
+        shift = mean;
+        turn = affine;
+        for (const auto& [a, entry] : changes[k].rows[w]) {
+          shift -= entry.N * v.col(a);
+          turn -= entry.N * v.col(a) * (x.col(a) - at).transpose();
+        }
+        turn *= chunk.moment[p].inverse();
+      }
+      for (const auto& [a, entry] : changes[k].rows[w]) {
+        change[a] += m * entry.N;
+        if (options.momentum == OtmMomentum::points)
+          momentum.col(a) += m * entry.N * mean;
+        else
+          momentum.col(a) += m * entry.N * (v.col(a) + shift + turn * (x.col(a) - at));
+      }
+    }
+  }
+  for (Index a = 0; a < mass.size(); ++a) {
+    if (change[a] == 0.0 && momentum.col(a).isZero(0.0)) continue;
+    const Vec<Dim> l = mass[a] * v.col(a) + momentum.col(a);
+    mass[a] += change[a];
+    if (options.momentum != OtmMomentum::nodes && mass[a] > 0.0) v.col(a) = l / mass[a];
+  }
+  for (const auto& [node, axis, velocity] : prescribed) v(axis, node) = velocity;
+  renewal_loss += before - energy();
+  parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
+    OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
+    put_rows(chunk, chunk.worn, changes[k].rows);
+    for (const Index p : chunk.worn) chunk.since[p].setIdentity();
+  });
+  find_places();
+  times.functions += lap(start);
+  // Narrower functions may be stiffer than any before: the iteration is told where to look.
+  const double size = 0.1 / std::sqrt(mass.sum());
+  bool narrowed = false;
+  for (const Index c : worn_chunks) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    for (const Index p : chunk.narrowed)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
+      }
+    narrowed = narrowed || !chunk.narrowed.empty();
+    chunk.narrowed.clear();
+    chunk.worn.clear();
+  }
+  if (narrowed) shake(3);
+}
+
+/// Energy of the motions of its nodes that a point does not see.
+template <int Dim> double Motion<Dim>::unseen(const OtmChunk<Dim>& chunk, Index p) const {
+  double spread = 0.0;
+  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
+    spread += chunk.entries[e].N * (x.col(chunk.nodes[chunk.local[e]]) - chunk.at.col(p)).squaredNorm();
+  const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+  return 0.5 * chunk.penalty[p] * (spread - (since * chunk.moment[p] * since.transpose()).trace());
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What Otm is made of.
+#pragma once
+
+#include "efree/basis/internal/neighbours.hpp"
+#include "efree/otm/internal/chunk.hpp"
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace efree::internal {
+
+using Clock = std::chrono::steady_clock;
+
+/// Seconds since then, which is now from now on.
+inline double lap(Clock::time_point& start) {
+  const Clock::time_point now = Clock::now();
+  return std::chrono::duration<double>(now - std::exchange(start, now)).count();
+}
+
+template <int Dim> struct Motion {
+  struct BodyOf {
+    SharedMaterial material;
+    MaterialResponse::Tangent tangent, compliance;  ///< at rest; of turns as of shear
+    double shear, modulus;                          ///< against shear, and of pressure waves
+    bool renewed;                                   ///< whether functions are
+    bool finite;                                    ///< whether the material is for finite strains
+    Cells<Dim> cells;                               ///< around the points; nodes as the body numbers them
+    Index first_node, first_point;
+  };
+  struct Prescribed {
+    Index node;
+    int axis;
+    double velocity;
+  };
+
+  /// Of points: nodes and functions.
+  using Rows = std::vector<std::vector<std::pair<Index, OtmEntry>>>;
+
+  OtmOptions options;
+  std::vector<BodyOf> bodies;
+  Points<Dim> x, v, force;
+  Points<Dim> was;  ///< v a step ago
+  Vector mass;
+  std::vector<OtmChunk<Dim>> chunks;
+  std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
+  // By node: where its forces are.
+  std::vector<Index> node_offsets;
+  std::vector<std::pair<Index, Index>> node_places;
+  std::vector<OtmWall<Dim>> walls;
+  Points<Dim> wall_forces;
+  std::vector<Prescribed> prescribed;
+
+  std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
+  Vector spacing;                                       ///< by node, at the start
+  double time = 0.0, last_step = 0.0, stable = 0.0;
+  double contact_loss = 0.0, renewal_loss = 0.0, prescribed_work = 0.0;
+  Vector dissipated;   ///< by chunk, so far
+  Vector viscous;      ///< likewise
+  Vector stored;       ///< by chunk
+  Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
+  OtmCounts counts;
+  OtmTimes times;
+
+  bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
+
+  Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
+  void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
+                      OtmCounts& counted) const;
+  void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
+  void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
+  void find_places();
+  void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
+  void place(OtmChunk<Dim>& chunk, Index p) const;
+  Points<Dim> collected() const;
+  Mat<3> gradient(const double* column, double across) const;
+  template <class At, class Since> void push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const;
+  void sweep(double dt);
+  void sweep(Index number, double dt);
+  void renew();
+  double unseen(const OtmChunk<Dim>& chunk, Index p) const;
+  void move(double kick, double dt);
+  void stiffen();
+  void shake(Index repeats);
+  void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
+
+  // Contact of bodies.
+  /// A node and its patch of another body's surface.
+  struct Held {
+    Index node;
+    double weight;   ///< of it in the point below the touching node
+    Vec<Dim> lever;  ///< forces along the normal of this times s sum up to nothing, and to the moment s x normal
+  };
+  struct Touch {
+    Index node;
+    double stiffness;
+    Vec<Dim> normal;  ///< out of the other body
+    std::vector<Held> patch;
+    double gap = 0.0;  ///< negative
+  };
+  struct Surface {
+    Facets<Dim> facets;        ///< outwards; none on an axis
+    std::vector<Index> nodes;  ///< of them
+  };
+  struct Near {
+    Index node, body;
+    std::vector<Index> facets;  ///< of that body
+  };
+  std::vector<Surface> surfaces;  ///< by body
+  Vector surface_area;            ///< by node; axisymmetric of the full turn
+  std::vector<Near> near;
+  Points<Dim> seen;  ///< where nodes were when these were found
+  std::vector<Touch> touches;
+  struct Cavity {
+    OtmCavity<Dim> of;
+    double volume;  ///< at the start; negative by orientation
+    double stored = 0.0;
+  };
+  std::vector<Cavity> cavities;
+  double contact_stored = 0.0;
+  std::vector<Index> body_of_node;
+  bool has_contact() const { return options.contact.stiffness > 0.0 && bodies.size() > 2; }
+  void find_surface();
+  Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
+  void find_near();
+  bool find_touch(const Near& of, Touch& touch) const;
+  void touch();
+  double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;
+  void inflate();
+  Points<Dim> rub(double kick);
+  void resist(const Points<Dim>& moved, Points<Dim>& forces) const;
+};
+
+}  // namespace efree::internal

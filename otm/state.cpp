@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Bodies in motion as bytes, and back.
+#include "efree/core/internal/packer.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <fmt/format.h>
+
+namespace efree {
+
+// By structured bindings: what is added and not listed does not compile. What a step begins with by filling it is left
+// out.
+auto fields(OtmTimes& of) {
+  auto& [functions, kinematics, materials, forces, stability, nodes, contact] = of;
+  return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
+}
+auto fields(OtmCounts& of) {
+  auto& [steps, updates, renewals, iterations, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, widened);
+}
+auto fields(Deformation& of) {
+  auto& [X, F, history, dt, heat] = of;
+  return std::tie(X, F, history, dt, heat);
+}
+auto fields(MaterialResponse& of) {
+  auto& [P, history, energy, A, tangent, dissipated] = of;
+  return std::tie(P, history, energy, A, tangent, dissipated);
+}
+template <int Dim> auto fields(OtmCavity<Dim>& of) {
+  auto& [facets, pressure, exponent] = of;
+  return std::tie(facets, pressure, exponent);
+}
+template <int Dim> auto fields(OtmWall<Dim>& of) {
+  auto& [normal, level, friction] = of;
+  return std::tie(normal, level, friction);
+}
+namespace internal {
+
+template <> inline constexpr bool is_plain<OtmEntry> = true;
+static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
+
+template <int Dim> auto fields(OtmChunk<Dim>& of) {
+  auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
+         moment, lambda, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed, damping,
+         columns, seconds] = of;
+  return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
+                  moment, lambda, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
+                  damping, seconds);
+}
+template <class T>
+concept IsPrescribed = requires(T of) {
+  of.axis;
+  of.velocity;
+};
+auto fields(IsPrescribed auto& of) {
+  auto& [node, axis, velocity] = of;
+  return std::tie(node, axis, velocity);
+}
+template <class T>
+concept IsHeld = requires(T of) {
+  of.lever;
+};
+auto fields(IsHeld auto& of) {
+  auto& [node, weight, lever] = of;
+  return std::tie(node, weight, lever);
+}
+template <class T>
+concept IsTouch = requires(T of) {
+  of.patch;
+  of.gap;
+};
+auto fields(IsTouch auto& of) {
+  auto& [node, stiffness, normal, patch, gap] = of;
+  return std::tie(node, stiffness, normal, patch, gap);
+}
+template <class T>
+concept IsCavity = requires(T cavity) {
+  cavity.of;
+  cavity.volume;
+};
+auto fields(IsCavity auto& cavity) {
+  auto& [of, volume, stored] = cavity;
+  return std::tie(of, volume, stored);
+}
+template <class T>
+concept IsSurface = requires(T of) {
+  of.facets;
+  of.nodes;
+};
+auto fields(IsSurface auto& of) {
+  auto& [facets, nodes] = of;
+  return std::tie(facets, nodes);
+}
+template <class T>
+concept IsNear = requires(T of) {
+  of.facets;
+  of.body;
+};
+auto fields(IsNear auto& of) {
+  auto& [node, body, facets] = of;
+  return std::tie(node, body, facets);
+}
+template <int Dim> auto fields(Motion<Dim>& of) {
+  return std::tie(of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces, of.prescribed, of.spacing,
+                  of.time, of.last_step, of.stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated,
+                  of.viscous, of.stored, of.shaken, of.counts, of.times, of.surfaces, of.surface_area, of.near, of.seen,
+                  of.touches, of.cavities, of.contact_stored);
+}
+
+}  // namespace internal
+
+template <int Dim> std::string Otm<Dim>::state() const {
+  internal::Packer pack;
+  pack(*motion_);
+  return std::move(pack).bytes();
+}
+
+template <int Dim> void Otm<Dim>::restore(std::string_view state) {
+  internal::Motion<Dim>& of = *motion_;
+  const Index nodes = num_nodes(), walls = static_cast<Index>(of.walls.size());
+  std::vector<std::vector<Index>> numbers;
+  for (auto& chunk : of.chunks) numbers.push_back(chunk.number);
+  const std::string before = this->state();
+  const auto take = [&](std::string_view bytes) {
+    internal::Unpacker unpack(bytes);
+    unpack(of);
+    return unpack.empty();
+  };
+  bool same = false;
+  try {
+    same = take(state);
+  } catch (const InputError&) {
+  }
+  same = same && num_nodes() == nodes && static_cast<Index>(of.walls.size()) == walls &&
+         of.chunks.size() == numbers.size();
+  for (std::size_t c = 0; same && c < numbers.size(); ++c) same = of.chunks[c].number == numbers[c];
+  if (!same) take(before);
+  for (auto& chunk : of.chunks) {
+    chunk.x.assign(4 * chunk.nodes.size(), 0.0);
+    chunk.force.assign(4 * chunk.nodes.size(), 0.0);
+  }
+  of.find_places();
+  if (!same) throw InputError("the state is damaged, or not of bodies and walls such as these");
+}
+
+template std::string Otm<2>::state() const;
+template std::string Otm<3>::state() const;
+template void Otm<2>::restore(std::string_view);
+template void Otm<3>::restore(std::string_view);
+
+}  // namespace efree

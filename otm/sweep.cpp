@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// From where nodes are to the forces on them; and the longest stable step.
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+namespace {
+
+/// |F - I| beyond which what is linear in it is wrong by more than a few per cent.
+constexpr double small_strains = 0.05;
+
+}  // namespace
+
+/// What values at the nodes come to at the points, in their columns: gradients, and the values there.
+template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
+  for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
+    for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]);
+  otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
+             chunk.columns.data());
+}
+
+/// Where a point is and how it is deformed, after `deform` by where the nodes are.
+template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
+  const double* column = chunk.columns.data() + 16 * p;
+  chunk.since[p] = gradient(column, 1.0);
+  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
+}
+
+/// Deformations, stresses and forces where the nodes are now.
+template <int Dim> void Motion<Dim>::sweep(double dt) {
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) { sweep(c, dt); });
+  force = collected();
+  counts.updates += static_cast<std::int64_t>(place_of_point.size());
+}
+
+/// What the chunks say of each node, summed in their order.
+template <int Dim> Points<Dim> Motion<Dim>::collected() const {
+  Points<Dim> result(Dim, x.cols());
+  parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+      const auto [c, l] = node_places[k];
+      for (int i = 0; i < Dim; ++i) sum[i] += chunks[c].force[4 * l + i];
+    }
+    result.col(a) = sum;
+  });
+  return result;
+}
+
+template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
+  OtmChunk<Dim>& chunk = chunks[number];
+  const BodyOf& body = bodies[chunk.body];
+  const Index n = chunk.size();
+  auto start = Clock::now();
+  deform(chunk, x);
+  Tensors& F = chunk.now.F;
+  chunk.now.dt = dt;
+  chunk.worn.clear();
+  const bool shared = chunk.shares_dilatation();
+  double worst = 0.0;
+  const bool viscous_shocks = options.shock.on() && dt > 0.0;
+  thread_local std::vector<Mat<3>> before;
+  if (viscous_shocks) before = chunk.since;
+  for (Index p = 0; p < n; ++p) {
+    place(chunk, p);
+    const Mat<3>& since = chunk.since[p];
+    const Mat<3> now = since * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
+    const double J = now.determinant();
+    if (!(J > 0.0))
+      throw NumericalError(fmt::format(
+          "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
+          fmt::join(chunk.at.col(p), ", "), J));
+    if (!body.finite && (now - Mat<3>::Identity()).norm() > small_strains)
+      throw NumericalError(
+          fmt::format("at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material "
+                      "is for small "
+                      "strains: take one for finite strains",
+                      time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
+    chunk.growth[p] = J;
+    // Green's strain: turning is no wear.
+    const double wear = 0.5 * (since.transpose() * since - Mat<3>::Identity()).norm();
+    worst = std::max(worst, wear);
+    if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
+  }
+  // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
+  if (worst <= options.renewal) chunk.worn.clear();
+  if (shared)
+    for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+      const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
+      const auto volume = chunk.volume.segment(begin, size);
+      const double mean = volume.dot(chunk.growth.segment(begin, size)) / volume.sum();
+      for (Index p = begin; p < begin + size; ++p) {
+        chunk.growth[p] /= mean;
+        F.col(p) /= std::cbrt(chunk.growth[p]);
+      }
+    }
+  chunk.damping = 0.0;
+  if (viscous_shocks) {
+    for (Index p = 0; p < n; ++p) shock(chunk, p, before[p], dt);
+    viscous[number] += chunk.now.heat.dot(chunk.volume);
+  }
+  chunk.seconds.kinematics += lap(start);
+  try {
+    body.material->respond(chunk.now, chunk.response);
+  } catch (const NumericalError& error) {
+    throw NumericalError(fmt::format("at time {:.6g}: {}", time, error.what()));
+  }
+  stored[number] = chunk.response.energy.dot(chunk.volume);
+  dissipated[number] += chunk.response.dissipated.dot(chunk.volume);
+  chunk.now.history.swap(chunk.response.history);
+  chunk.seconds.materials += lap(start);
+  for (Index p = 0; p < n; ++p)
+    Eigen::Map<Mat<3>>(chunk.columns.data() + 16 * p) =
+        chunk.response.stress(p) * Eigen::Map<const Mat<3>>(F.col(p).data()).transpose() -
+        chunk.shock[p] * Mat<3>::Identity();
+  push(
+      chunk, [&](Index p) { return Vec<Dim>(chunk.at.col(p)); },
+      [&](Index p) { return Mat<Dim>(chunk.since[p].template topLeftCorner<Dim, Dim>()); });
+  chunk.seconds.forces += lap(start);
+}
+
+/// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
+template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const {
+  const double J = chunk.now.gradient(p).determinant(), shrunk = -std::log(J / chunk.dilatation[p]);
+  chunk.dilatation[p] = J;
+  double pressure = 0.0;
+  if (shrunk > 0.0) {
+    const Mat<Dim> now = chunk.since[p].template topLeftCorner<Dim, Dim>();
+    const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
+    Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+    axes.computeDirect(rate + rate.transpose());
+    const Vec<Dim> then = now.inverse() * axes.eigenvectors().col(0);
+    const double l = std::sqrt(options.lme.gamma / then.dot(chunk.metric[p] * then));
+    const double rho = chunk.mass[p] / chunk.volume[p], c = std::sqrt(chunk.modulus[p] / rho);
+    const double speed = options.shock.linear * c + options.shock.quadratic * l * shrunk / dt;
+    pressure = rho * l * shrunk / dt * speed;
+    chunk.damping = std::max(chunk.damping, speed / c);
+  }
+  chunk.now.heat[p] = 0.5 * (pressure + chunk.shock[p]) * shrunk;
+  chunk.shock[p] = pressure;
+}
+
+/// Deformation by the columns of otm_deform; across the plane there is none but `across`, or that around the axis.
+template <int Dim> Mat<3> Motion<Dim>::gradient(const double* column, double across) const {
+  Mat<3> result = Mat<3>::Zero();
+  result(2, 2) = across;
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) result(i, j) = column[4 * j + i];
+  if (axisymmetric()) result(2, 2) = column[8];
+  return result;
+}
+
+/// Forces of Kirchhoff stresses, which are the first nine numbers of each point's columns, and of motions that points
+/// do not see. Points of a union share the work of its dilatation (growth: each one's J over the union's).
+template <int Dim> template <class At, class Since>
+void Motion<Dim>::push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const {
+  const bool shared = chunk.shares_dilatation();
+  for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+    const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
+    double volume = 0.0, pressure = 0.0;
+    for (Index p = begin; p < end; ++p) {
+      const double* tau = chunk.columns.data() + 16 * p;
+      volume += chunk.volume[p];
+      pressure += chunk.volume[p] * (tau[0] + tau[4] + tau[8]) / 3.0;
+    }
+    for (Index p = begin; p < end; ++p) {
+      double* column = chunk.columns.data() + 16 * p;
+      Mat<3> tau = Eigen::Map<const Mat<3>>(column);
+      if (shared) tau.diagonal().array() += pressure / volume * chunk.growth[p] - tau.trace() / 3.0;
+      Mat<3> columns = -chunk.volume[p] * tau * chunk.since[p].inverse().transpose();
+      columns.template topLeftCorner<Dim, Dim>() += chunk.penalty[p] * since(p) * chunk.moment[p];
+      std::fill_n(column, 16, 0.0);
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i < Dim; ++i) column[4 * j + i] = columns(i, j);
+      if (axisymmetric()) column[8] = columns(2, 2);
+      const Vec<Dim> where = at(p);
+      for (int i = 0; i < Dim; ++i) column[12 + i] = chunk.penalty[p] * where[i];
+    }
+  }
+  std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
+  otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
+           chunk.columns.data(), chunk.penalty.data(), chunk.force.data());
+}
+
+/// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one
+/// by the other, by power iteration; at least one.
+template <int Dim> void Motion<Dim>::stiffen() {
+  auto begin = Clock::now();
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    const BodyOf& body = bodies[chunk.body];
+    if (body.material->linear()) return;
+    const MaterialResponse response = respond(*body.material, chunk.now, true);
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Mat<3> F = chunk.now.gradient(p);
+      Vec<9> h;
+      h << 1.0, 0.3, -0.2, 0.25, 0.9, 0.15, -0.1, 0.2, 1.1;
+      double most = 1.0;
+      for (int k = 0; k < 6; ++k) {
+        // A change of F by H F does the work of P : H F.
+        Mat<3> change = Eigen::Map<const Mat<3>>(h.data()) * F;
+        const Vec<9> stress = response.tangent_at(p) * Eigen::Map<const Vec<9>>(change.data());
+        const Mat<3> pushed = Eigen::Map<const Mat<3>>(stress.data()) * F.transpose();
+        const Vec<9> next = body.compliance * Eigen::Map<const Vec<9>>(pushed.data());
+        most = next.norm() / h.norm();
+        h = next / next.norm();
+      }
+      chunk.stiffening[p] = std::isfinite(most) ? std::max(1.0, most) : 1.0;
+      double modulus = 0.0;
+      for (int i = 0; i < 3; ++i) {
+        Mat<3> change = Mat<3>::Zero();
+        change.row(i) = F.row(i);
+        const Vec<9> stress = response.tangent_at(p) * Eigen::Map<const Vec<9>>(change.data());
+        modulus = std::max(modulus, Eigen::Map<const Mat<3>>(stress.data()).row(i).dot(F.row(i)));
+      }
+      if (std::isfinite(modulus) && modulus > 0.0) chunk.modulus[p] = modulus;
+    }
+  });
+  times.stability += lap(begin);
+}
+
+/// Power iteration for the highest frequency of the bodies as they are now, were they elastic: the stable step is 2
+/// over it.
+template <int Dim> void Motion<Dim>::shake(Index repeats) {
+  auto begin = Clock::now();
+  double omega2 = 0.0;
+  for (Index k = 0; k < repeats; ++k) {
+    parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+      OtmChunk<Dim>& chunk = chunks[c];
+      const BodyOf& body = bodies[chunk.body];
+      deform(chunk, shaken);
+      const bool shared = chunk.shares_dilatation();
+      thread_local std::vector<Mat<3>> since;
+      thread_local std::vector<Vec<Dim>> at;
+      since.resize(chunk.size());
+      at.resize(chunk.size());
+      for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+        double volume = 0.0, dilatation = 0.0;
+        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+          double* column = chunk.columns.data() + 16 * p;
+          since[p] = gradient(column, 0.0);
+          for (int i = 0; i < Dim; ++i) at[p][i] = column[12 + i];
+          const Mat<3> now = since[p] * chunk.since[p].inverse();
+          std::copy_n(now.data(), 9, column);
+          volume += chunk.volume[p];
+          dilatation += chunk.volume[p] * chunk.growth[p] * now.trace();
+        }
+        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+          double* column = chunk.columns.data() + 16 * p;
+          Vec<9> H = Eigen::Map<const Vec<9>>(column);
+          if (shared) {
+            const double shift = (dilatation / volume - H[0] - H[4] - H[8]) / 3.0;
+            for (const int d : {0, 4, 8}) H[d] += shift;
+          }
+          const Vec<9> stress = chunk.stiffening[p] * (body.tangent * H);
+          std::copy_n(stress.data(), 9, column);
+        }
+      }
+      push(
+          chunk, [&](Index p) { return at[p]; },
+          [&](Index p) { return Mat<Dim>(since[p].template topLeftCorner<Dim, Dim>()); });
+    });
+    Points<Dim> next = -collected();
+    resist(shaken, next);
+    for (const auto& [node, axis, velocity] : prescribed) next(axis, node) = 0.0;
+    double norm2 = 0.0, before2 = 0.0;
+    for (Index a = 0; a < mass.size(); ++a) {
+      before2 += mass[a] * shaken.col(a).squaredNorm();
+      if (mass[a] > 0.0) next.col(a) /= mass[a];
+      norm2 += mass[a] * next.col(a).squaredNorm();
+    }
+    omega2 = std::sqrt(norm2 / before2);
+    shaken = next / std::sqrt(norm2);
+  }
+  // Steps change no more than they have to: energy swings with their length.
+  const double found = options.courant * 2.0 / std::sqrt(omega2);
+  if (found < stable || found > 1.25 * stable) stable = 0.98 * found;
+  times.stability += lap(begin);
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal
