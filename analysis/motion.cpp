@@ -23,7 +23,8 @@ namespace {
 using internal::located, internal::said_at, internal::where_said;
 
 /// Where the material of a region was said, and its density.
-template <int Dim> std::pair<std::string, double> density_of(const Settings<Dim>& settings, const std::string& region) {
+template <int Dim>
+std::pair<std::string, Parameter> density_of(const Settings<Dim>& settings, const std::string& region) {
   std::string where = where_said(settings, "material");
   Parameter density = settings.density;
   for (const auto& material : settings.materials)
@@ -31,17 +32,29 @@ template <int Dim> std::pair<std::string, double> density_of(const Settings<Dim>
       where = material.where;
       density = material.density;
     }
-  if (!density.is_constant())
-    throw InputError(said_at(where, "density varies: of bodies in motion it is a number for each region"));
-  const double value = density.at(Vec<3>::Zero());
-  if (!(value > 0.0)) throw InputError(said_at(where, "density is missing: bodies in motion need one"));
-  return {where, value};
+  if (density.is_constant() && !(density.at(Vec<3>::Zero()) > 0.0))
+    throw InputError(said_at(where, "density is missing: bodies in motion need one"));
+  return {where, density};
+}
+
+template <int Dim> void give_density(const Parameter& density, OtmBody<Dim>& body) {
+  if (density.is_constant()) {
+    body.density = density.at(Vec<3>::Zero());
+    return;
+  }
+  body.densities.resize(body.points.cols());
+  for (Index p = 0; p < body.points.cols(); ++p) {
+    Vec<3> X = Vec<3>::Zero();
+    X.template head<Dim>() = body.points.col(p);
+    body.densities[p] = density.at(X);
+  }
 }
 
 /// A body as it is built: its mesh, nodes on parts of its boundary, what it is made of.
 template <int Dim> struct Built {
   OtmBody<Dim> body;
   std::map<std::string, std::vector<Index>> nodes_on;  ///< by part of the boundary, ascending
+  std::map<std::string, Facets<Dim>> inside;           ///< of nodes, by part that holds a gas
 };
 
 template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh, const std::string& part) {
@@ -49,9 +62,11 @@ template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh
   return group == mesh.groups().end() ? nullptr : &group->facets;
 }
 
-template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material, double density,
-                                          bool axisymmetric, const MotionSettings<Dim>& motion) {
-  Built<Dim> result{otm_body(mesh, material, density, axisymmetric), {}};
+template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material, bool axisymmetric,
+                                          const MotionSettings<Dim>& motion) {
+  Built<Dim> result{otm_body(mesh, material, 0.0, axisymmetric), {}, {}};
+  for (const auto& gas : motion.gases)
+    if (const auto* facets = facets_of(mesh, gas.on)) result.inside[gas.on] = mesh.facets()(Eigen::all, *facets);
   if (!motion.shared_dilatation) result.body.unions.clear();
   for (const auto& part : motion.moved)
     if (const auto* facets = facets_of(mesh, part.on)) {
@@ -63,12 +78,18 @@ template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const Share
   return result;
 }
 
-template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material, double density,
+/// Whether dilatations have to be shared on the functions of the static solver.
+bool locks(const Material& material) {
+  const auto rest = respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);
+  return !material.elastic() || incompressibility(rest.tangent_at(0)) > bearable_incompressibility(BasisKind::mls);
+}
+
+template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material,
                                        const Settings<Dim>& settings, const MotionSettings<Dim>& motion,
                                        const Monitor& monitor) {
   ApproximationOptions options = settings.approximation;
   options.axisymmetric = settings.model.plane == Plane::axisymmetric;
-  options.dilatation = averaged_if(motion.shared_dilatation);
+  options.dilatation = averaged_if(motion.shared_dilatation && locks(*material));
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
   // Functions of other nodes vanish where some are held: values there are those of the nodes.
   for (const auto& part : motion.moved)
@@ -80,8 +101,8 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
                                  .volumes = cloud.quadrature.weights,
                                  .unions = cloud.union_of,
                                  .material = material,
-                                 .density = density,
                                  .shape = cloud.quadrature.shape},
+                    {},
                     {}};
   for (const auto& part : motion.moved)
     if (const auto* facets = facets_of(mesh, part.on)) {
@@ -152,10 +173,58 @@ void check_probes(const MotionSettings<Dim>& motion, const Settings<Dim>& settin
   }
 }
 
-/// Whether dilatations have to be shared on the functions of the static solver.
-bool locks(const Material& material) {
-  const auto rest = respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);
-  return !material.elastic() || incompressibility(rest.tangent_at(0)) > bearable_incompressibility(BasisKind::mls);
+/// A region as a body.
+template <int Dim> Built<Dim> build(const FineMesh<Dim>& part, const std::string& region,
+                                    const SharedMaterial& material, const Settings<Dim>& settings,
+                                    const MotionSettings<Dim>& motion, const Monitor& monitor) {
+  const auto [where, density] = density_of(settings, region);
+  if (!material->finite_strain())
+    throw InputError(said_at(where,
+                             "the material is for small strains, and bodies in motion turn: take hencky, "
+                             "neo_hookean, st_venant_kirchhoff, j2 or another one for finite strains"));
+  Built<Dim> result = located(settings, settings.where, [&] {
+    return motion.cloud ? on_cloud(part, material, settings, motion, monitor)
+                        : at_vertices(part, material, Dim == 2 && settings.model.plane == Plane::axisymmetric, motion);
+  });
+  give_density(density, result.body);
+  throw_bodies(settings, motion, region, result.body);
+  return result;
+}
+
+/// Gases into the parts that hold them.
+template <int Dim> void fill(const Settings<Dim>& settings, const MotionSettings<Dim>& motion,
+                             const std::vector<Built<Dim>>& built, Otm<Dim>& otm) {
+  for (const auto& gas : motion.gases) {
+    if (motion.cloud) throw InputError(said_at(gas.where, "a gas needs nodes at the vertices of the mesh, no [cloud]"));
+    OtmCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
+    for (std::size_t b = 0; b < built.size(); ++b)
+      if (const auto found = built[b].inside.find(gas.on); found != built[b].inside.end()) {
+        const Index before = static_cast<Index>(cavity.facets.cols()), more = static_cast<Index>(found->second.cols());
+        cavity.facets.conservativeResize(Eigen::NoChange, before + more);
+        cavity.facets.rightCols(more) = found->second.array() + otm.first_node(static_cast<Index>(b));
+      }
+    located(settings, gas.where, [&] { otm.add_cavity(cavity); });
+  }
+}
+
+/// Velocities of nodes on parts of the boundary, and across the axis.
+template <int Dim> void prescribe(const MotionSettings<Dim>& motion, const std::vector<Built<Dim>>& built,
+                                  bool axisymmetric, MovingBodies<Dim>& bodies) {
+  std::map<std::pair<Index, int>, double> velocities;
+  for (const auto& part : motion.moved)
+    for (std::size_t b = 0; b < built.size(); ++b) {
+      const auto nodes = built[b].nodes_on.find(part.on);
+      if (nodes == built[b].nodes_on.end()) continue;
+      for (const Index of_body : nodes->second) {
+        const Index a = bodies.otm.first_node(static_cast<Index>(b)) + of_body;
+        for (int i = 0; i < Dim; ++i)
+          if (part.velocity[i]) velocities[{a, i}] = part.velocity[i](bodies.start.col(a));
+      }
+    }
+  if (axisymmetric)
+    for (Index a = 0; a < bodies.otm.num_nodes(); ++a)
+      if (bodies.start(0, a) < 1e-9 * bodies.start.row(0).maxCoeff()) velocities[{a, 0}] = 0.0;
+  for (const auto& [which, velocity] : velocities) bodies.otm.prescribe(which.first, which.second, velocity);
 }
 
 }  // namespace
@@ -170,61 +239,44 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
     throw InputError(said_at(where_said(settings, "analysis.plane"),
                              fmt::format("axisymmetric: x is the radius, and the body reaches to x = {:.6g}",
                                          all.vertices().row(0).minCoeff())));
-  std::vector<OtmBody<Dim>> bodies;
-  std::vector<std::map<std::string, std::vector<Index>>> nodes_on;
+  std::vector<Built<Dim>> built;
   std::vector<std::string> names;
   std::vector<double> sizes;
   for (Index r = 0; r < all.num_regions(); ++r) {
-    const std::string& name = all.region_names()[r];
     std::vector<char> kept(all.num_cells());
     for (Index c = 0; c < all.num_cells(); ++c) kept[c] = all.region(c) == r;
     if (std::ranges::count(kept, 1) == 0) continue;
-    const SharedMaterial& material = mesh.materials[r];
-    const auto [where, density] = density_of(settings, name);
-    if (!material->finite_strain())
-      throw InputError(said_at(where,
-                               "the material is for small strains, and bodies in motion turn: take hencky, "
-                               "neo_hookean, st_venant_kirchhoff, j2 or another one for finite strains"));
-    MotionSettings<Dim> its = motion;
-    its.shared_dilatation = motion.shared_dilatation && (!motion.cloud || locks(*material));
+    names.push_back(all.region_names()[r]);
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
-    Built<Dim> built = located(settings, settings.where, [&] {
-      return motion.cloud ? on_cloud(part, material, density, settings, its, monitor)
-                          : at_vertices(part, material, density, axisymmetric, its);
-    });
-    throw_bodies(settings, motion, name, built.body);
-    for (Index p = 0; p < built.body.points.cols(); ++p) {
-      const double turn = axisymmetric ? 2.0 * std::numbers::pi * built.body.points(0, p) : 1.0;
-      sizes.push_back(std::pow(built.body.volumes[p] / turn, 1.0 / Dim));
+    built.push_back(build(part, names.back(), mesh.materials[r], settings, motion, monitor));
+    const OtmBody<Dim>& body = built.back().body;
+    for (Index p = 0; p < body.points.cols(); ++p) {
+      const double turn = axisymmetric ? 2.0 * std::numbers::pi * body.points(0, p) : 1.0;
+      sizes.push_back(std::pow(body.volumes[p] / turn, 1.0 / Dim));
     }
-    bodies.push_back(std::move(built.body));
-    nodes_on.push_back(std::move(built.nodes_on));
-    names.push_back(name);
   }
   const Stage stage("bodies", monitor);
   OtmOptions options = motion.options;
   options.plane = settings.model.plane.value_or(Plane::strain);
-  Otm<Dim> otm = located(settings, settings.where, [&] { return Otm<Dim>(std::move(bodies), options); });
-  const Points<Dim> start = otm.nodes();
-  check_walls(motion, start);
-  for (const auto& [wall, where] : motion.walls) located(settings, where, [&, &added = wall] { otm.add_wall(added); });
-  for (const auto& part : motion.moved)
-    for (std::size_t b = 0; b < names.size(); ++b)
-      for (const Index a : nodes_on[b][part.on])
-        for (int i = 0; i < Dim; ++i)
-          if (part.velocity[i])
-            otm.prescribe(otm.first_node(b) + a, i, part.velocity[i](start.col(otm.first_node(b) + a)));
-  if (axisymmetric)
-    for (Index a = 0; a < otm.num_nodes(); ++a)
-      if (start(0, a) < 1e-9 * start.row(0).maxCoeff()) otm.prescribe(a, 0, 0.0);
-  MovingBodies<Dim> result{.otm = std::move(otm),
-                           .names = std::move(names),
-                           .start = start,
-                           .size = Eigen::Map<const Vector>(sizes.data(), static_cast<Index>(sizes.size())),
-                           .nodes_of_probes = {}};
+  std::vector<OtmBody<Dim>> bodies;
+  for (auto& one : built) bodies.push_back(std::move(one.body));
+  MovingBodies<Dim> result{
+      .otm = located(settings, settings.where, [&] { return Otm<Dim>(std::move(bodies), options); }),
+      .names = std::move(names),
+      .start = {},
+      .size = Eigen::Map<const Vector>(sizes.data(), static_cast<Index>(sizes.size())),
+      .nodes_of_probes = {}};
+  result.start = result.otm.nodes();
+  check_walls(motion, result.start);
+  for (const auto& [wall, where] : motion.walls)
+    located(settings, where, [&, &added = wall] { result.otm.add_wall(added); });
+  fill(settings, motion, built, result.otm);
+  prescribe(motion, built, axisymmetric, result);
   if (const auto ties = tied_facets(all); !ties.empty())
     result.warnings.push_back(
         fmt::format("regions touch along {} facets: they are bodies of their own, and nothing ties them", ties.size()));
+  if (motion.cloud && built.size() > 1)
+    result.warnings.emplace_back("bodies on a cloud have no surface: they pass through each other");
   check_probes(motion, settings, result);
   return result;
 }

@@ -31,6 +31,12 @@ template <int Dim> struct MovedPart {
   std::string on;
   std::array<ScalarField<Dim>, Dim> velocity;
 };
+/// Gas inside a part of the boundary that closes, by its name.
+struct GasInside {
+  std::string on;
+  double pressure = 0.0, exponent = 1.4;  ///< as in OtmCavity
+  std::string where{};
+};
 /// A number to report, or the motion of one node.
 template <int Dim> struct MotionProbe {
   enum class Of {
@@ -63,6 +69,7 @@ template <int Dim> struct MotionSettings {
   std::vector<InitialVelocity<Dim>> velocities{};
   std::vector<MotionWall<Dim>> walls{};
   std::vector<MovedPart<Dim>> moved{};
+  std::vector<GasInside> gases{};
   std::vector<MotionProbe<Dim>> probes{};
   Index frames = 20;         ///< over the run, besides that of the start
   Index lines = 1000;        ///< of the history, likewise: as many at most
@@ -82,7 +89,7 @@ template <int Dim> struct MovingBodies {
 
 /// A body for every region of the mesh, with its material, density, velocities, what moves it, and the walls. Nodes on
 /// the axis of an axisymmetric section stay there. Throws InputError beginning with where it was said, for a material
-/// of small strains, a density that is missing or varies, names that are not there, velocities that are no numbers and
+/// of small strains, a density that is missing, names that are not there, velocities that are no numbers and
 /// bodies that reach through walls at the start; and NumericalError as Otm does. Stages of approximate, bodies.
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
                                                    const MotionSettings<Dim>& motion, const Monitor& monitor = {});

@@ -129,6 +129,11 @@ void read_options(const Section& section, bool cloud, OtmOptions& options) {
       "momentum", {{"affine", OtmMomentum::affine}, {"nodes", OtmMomentum::nodes}, {"points", OtmMomentum::points}},
       options.momentum);
   options.courant = section.number("courant", {0.0, 1.0, false, true}, options.courant);
+  if (section.has("shock")) {
+    const Section shock = section.section("shock", {"linear", "quadratic"});
+    options.shock.linear = shock.number("linear", not_negative, options.shock.linear);
+    options.shock.quadratic = shock.number("quadratic", not_negative, options.shock.quadratic);
+  }
   options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
 }
 
@@ -159,6 +164,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   const auto velocities = root.sections("velocity", {"region", "value"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
+  const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
   const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
 
   OtmCase<Dim> result;
@@ -181,9 +187,17 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   read_walls<Dim>(walls, motion);
   read_moved<Dim>(boundaries, expressions, places, motion);
   read_functions(root, places, result);
-  read_options(
-      root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "momentum", "courant", "stabilisation"}),
-      motion.cloud, motion.options);
+  read_options(root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "momentum", "courant", "stabilisation",
+                                    "shock"}),
+               motion.cloud, motion.options);
+  const Section contact = root.section("contact", {"stiffness", "friction"});
+  motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);
+  motion.options.contact.friction = contact.number("friction", not_negative, motion.options.contact.friction);
+  for (const Section& entry : gases)
+    motion.gases.push_back({.on = places.name(entry),
+                            .pressure = entry.number("pressure", any_number),
+                            .exponent = entry.number("exponent", positive, GasInside{}.exponent),
+                            .where = entry.where("on")});
   motion.end = time.number("end", positive);
   motion.max_step = time.number("max_step", positive, motion.max_step);
   motion.min_step = time.number("min_step", {0.0, motion.max_step, false, true}, motion.min_step);
@@ -212,7 +226,7 @@ AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& readi
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
-                      "wall", "boundary", "probe", "time", "otm", "output"});
+                      "wall", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const Section analysis = root.required_section("analysis", {"kind", "plane"});
   if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");

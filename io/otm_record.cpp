@@ -4,9 +4,9 @@
 #include "efree/analysis/motion.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/packer.hpp"
 #include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/internal/series.hpp"
-#include "efree/io/internal/transfer.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
@@ -106,6 +106,7 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"stored", now.stored},
             {"dissipated", now.dissipated},
             {"stabilising", now.stabilising},
+            {"viscous", now.viscous},
             {"contact", now.contact},
             {"renewal", now.renewal},
             {"prescribed", now.prescribed},

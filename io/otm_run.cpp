@@ -2,10 +2,10 @@
 #include "efree/io/otm_run.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/packer.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/internal/cannot_write.hpp"
-#include "efree/io/internal/transfer.hpp"
 #include "efree/io/internal/unfinished.hpp"
 #include "efree/io/picture.hpp"
 #include "efree/io/writers.hpp"
@@ -15,7 +15,6 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 namespace efree {
 namespace fs = std::filesystem;
@@ -45,17 +44,6 @@ typename OtmRecord<Dim>::More columns(const MotionSettings<Dim>& motion, const M
     for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.v{}", name, axes[i]), values[Dim + i]);
   }
   return more;
-}
-
-// Until Otm can save itself.
-template <class O> bool save(const O& otm, std::ostream& to) {
-  if constexpr (requires { otm.save(to); })
-    return otm.save(to), true;
-  else
-    return false;
-}
-template <class O> void restore(O& otm, std::istream& from) {
-  if constexpr (requires { otm.restore(from); }) otm.restore(from);
 }
 
 }  // namespace
@@ -92,8 +80,7 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWat
     unpack(energy.start), unpack(energy.scale), unpack(energy.error), unpack(energy.largest), unpack(energy.begun);
     unpack(record), unpack(state);
     if (!unpack.empty()) internal::is_damaged(file);
-    std::istringstream stream(state);
-    restore(bodies.otm, stream);
+    bodies.otm.restore(state);
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
@@ -138,9 +125,7 @@ template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
 
 template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy) {
   begin();
-  std::ostringstream stream;
-  if (!save(bodies.otm, stream)) return;
-  std::string record = record_->state(), state = std::move(stream).str();
+  std::string record = record_->state(), state = bodies.otm.state();
   EnergyWatch there = energy;
   internal::Packer pack;
   pack(there.start), pack(there.scale), pack(there.error), pack(there.largest), pack(there.begun);
@@ -193,10 +178,11 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened}};
   json["stable_step"] = otm.stable_step();
-  json["energy"] = {{"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
-                    {"dissipated", now.dissipated}, {"stabilising", now.stabilising}, {"contact", now.contact},
-                    {"renewal", now.renewal},       {"prescribed", now.prescribed},   {"total", now.total()},
-                    {"error", energy.error},        {"largest_error", energy.largest}};
+  json["energy"] = {
+      {"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
+      {"dissipated", now.dissipated}, {"stabilising", now.stabilising}, {"viscous", now.viscous},
+      {"contact", now.contact},       {"renewal", now.renewal},         {"prescribed", now.prescribed},
+      {"total", now.total()},         {"error", energy.error},          {"largest_error", energy.largest}};
   json["momentum"] = array(now.momentum);
   json["moment_of_momentum"] = array(now.moment);
   for (Index w = 0; w < otm.wall_forces().cols(); ++w)
@@ -218,12 +204,13 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                               {"min", {{"value", values[least]}, {"at", array(points.col(least))}}}};
   }
   json["reports"]["warnings"] = warnings;
-  const double all =
-      spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability + spent.nodes;
+  const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
+                     spent.nodes + spent.contact;
   if (all > 0.0)
     json["shares"] = {{"functions", spent.functions / all}, {"kinematics", spent.kinematics / all},
                       {"materials", spent.materials / all}, {"forces", spent.forces / all},
-                      {"stability", spent.stability / all}, {"nodes", spent.nodes / all}};
+                      {"stability", spent.stability / all}, {"nodes", spent.nodes / all},
+                      {"contact", spent.contact / all}};
   for (const auto& [stage, seconds] : times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = times.total();
   json["peak_memory_mb"] = peak_memory_mb();
