@@ -73,7 +73,7 @@ auto says(const std::string& what) {
 
 TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(without("density = 1")), says("density is missing"));
-  EXPECT_THAT(refuses(with("density = 1", "density = \"1 + x\"")), says("density varies"));
+  EXPECT_THAT(refuses(with("density = 1", "density = \"1 - x\"")), says("density is -"));
   EXPECT_THAT(refuses(with("\"neo_hookean\"", "\"linear_elastic\"")), says("for small strains"));
   EXPECT_THAT(refuses(with("nu = 0.3", "nu = 0.3\nyield = 1")), says("means nothing for model"));
   EXPECT_THAT(refuses(with("\"neo_hookean\"\nE = 1", "\"j2\"\nyield = 1\nstrain = \"small\"\nE = 1")),
@@ -104,6 +104,8 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[cloud]\nsupport = 2\n"), says("\"spacing\" is missing"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[otm]\ngamma = 2\n"), says("gamma is for functions"));
   EXPECT_THAT(refuses(rubber + "[otm]\ncourant = 2\n"), says("courant"));
+  EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
+  EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
   EXPECT_THAT(refuses(with("\"otm\"", "\"motion\"")), says("kind"));
 }
 
@@ -237,6 +239,30 @@ Physical Surface("two") = {2};
   EXPECT_NEAR(result["probes"]["two"].get<double>(), 3.5, 1e-12);
 }
 
+TEST(OtmRun, BodiesThatMeetPushEachOtherAndMassVariesAsTheCaseSays) {
+  const Workspace workspace;
+  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {1.1, 0, 0, 1, 1};
+Physical Surface("one") = {1};
+Physical Surface("two") = {2};
+)");
+  const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
+  const auto done =
+      run(workspace,
+          "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"otm\"\n"
+          "plane = \"strain\"\n[[material]]\nregion = \"one\"\ndensity = \"1 + y\"\n" +
+              material + "[[material]]\nregion = \"two\"\ndensity = 1.5\n" + material +
+              "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n[contact]\nfriction = 0.1\n[time]\nend = 8\n"
+              "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
+              "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_NEAR(result["momentum"][0].get<double>(), -0.15, 1e-12);  // both bodies have a mass of 1.5
+  EXPECT_GT(result["probes"]["gap"].get<double>(), result["probes"]["one"].get<double>() - 0.02);
+  EXPECT_LT(result["probes"]["one"].get<double>(), 0.9);  // pushed away
+}
+
 TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   const Workspace workspace;
   // Steps at the bound of stability of a body that is thrown to twice its size.
@@ -255,6 +281,95 @@ TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   // And one that ends well takes its place.
   ASSERT_EQ(run(workspace, rubber).status, 0);
   EXPECT_FALSE(fs::exists(workspace / "out/failure.json"));
+}
+
+/// Of many steps, with a checkpoint every hundredth of a second.
+std::string long_run() {
+  return replaced(replaced(replaced(rubber, "mesh_size = 0.25", "mesh_size = 0.1"), "end = 4", "end = 12"),
+                  "frames = 3\nhistory = 20", "frames = 12\nhistory = 300\ncheckpoint = 0.01");
+}
+
+/// Runs it, and sends a signal once history.csv has this many lines. The status it ends with.
+int stopped(const Workspace& work, const std::string& out, int lines, int signal, bool resume = false) {
+  const std::string script = fmt::format(
+      "\"{}\" run case.toml --out {} --no-picture --quiet --threads 1 {} & p=$!\n"
+      "while kill -0 $p 2>/dev/null && {{ [ ! -e {}/unfinished/otm.state ] || "
+      "[ $(cat {}/unfinished/history.csv 2>/dev/null | wc -l) -lt {} ]; }}; do sleep 0.01; done\n"
+      "kill -{} $p; wait $p",
+      EFREE_PROGRAM, out, resume ? "--resume" : "", out, out, lines, signal);
+  std::string output;
+  return run_program(work / "", {"/bin/sh", "-c", script}, &output);
+}
+
+/// But for the clock.
+nlohmann::json numbers(const fs::path& folder) {
+  auto all = json(folder / "result.json");
+  for (const char* key : {"seconds", "shares", "peak_memory_mb", "threads"}) all.erase(key);
+  return all;
+}
+
+void expect_same(const fs::path& a, const fs::path& b) {
+  EXPECT_EQ(names_in(a), names_in(b));
+  for (const std::string& name : names_in(a))
+    EXPECT_TRUE(name == "result.json" || name == "otm.state" || content(a / name) == content(b / name)) << name;
+  EXPECT_EQ(numbers(a), numbers(b));
+}
+
+TEST(OtmRun, ThatWasStoppedGoesOnToTheSameEndBitForBit) {
+  const Workspace work(long_run());
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture", "--threads", "2"}).status, 0);
+  ASSERT_EQ(stopped(work, "out", 100, 9), 128 + 9) << "it was done before";
+  EXPECT_FALSE(fs::exists(work / "out/result.json"));
+  ASSERT_EQ(stopped(work, "out", 150, 15, true), 128 + 15);
+  EXPECT_EQ(names_in(work / "out"), (std::set<std::string>{"unfinished"})) << "nothing else is left behind";
+  const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+  ASSERT_EQ(done.status, 0) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("goes on from step"));
+  expect_same(work / "whole", work / "out");
+}
+
+TEST(OtmRun, ATimeLimitStopsItAndAResumedOneEndsAllTheSame) {
+  const Workspace work(long_run());
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture"}).status, 0);
+  const auto limited = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--time-limit", "0.05"});
+  EXPECT_EQ(limited.status, 3);
+  EXPECT_THAT(limited.output, HasSubstr("--resume goes on"));
+  EXPECT_TRUE(fs::exists(work / "out/failure.json"));
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"}).status, 0);
+  expect_same(work / "whole", work / "out");
+  // One that ended goes further.
+  work.write("case.toml", replaced(long_run(), "end = 12", "end = 13"));
+  const auto further = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+  ASSERT_EQ(further.status, 0) << further.output;
+  EXPECT_EQ(json(work / "out/result.json")["time"], 13.0);
+  EXPECT_EQ(column(work / "out/history.csv", "t").front(), 0.0);
+}
+
+TEST(OtmRun, CheckpointsOfOtherCasesAndDamagedOnesAreRefused) {
+  const Workspace work(rubber);
+  const auto refuses = [&](const std::string& why) {
+    const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+    EXPECT_EQ(done.status, 2) << done.output;
+    EXPECT_THAT(done.output, HasSubstr(why));
+  };
+  refuses("no steps of an earlier run");
+  ASSERT_EQ(run(work, rubber).status, 0);
+  work.write("case.toml", with("density = 1", "density = 2"));
+  refuses("of another case");
+  work.write("case.toml", rubber + "[otm]\ncourant = 0.4\n");
+  refuses("of another case");
+  work.write("case.toml", rubber);
+  const std::string whole = content(work / "out/otm.state");
+  for (const std::size_t at : {whole.size() / 2, whole.size() - 20}) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] + 1);
+    work.write("out/otm.state", damaged);
+    refuses("damaged");
+  }
+  work.write("out/otm.state", whole.substr(0, whole.size() / 2));
+  refuses("damaged");
+  work.write("out/otm.state", "other");
+  refuses("expected the steps");
 }
 
 TEST(OtmRun, TaylorBarOfTheExamplesEndsInTheBandsOfPublishedComputations) {
