@@ -36,12 +36,13 @@ typename OtmRecord<Dim>::More columns(const MotionSettings<Dim>& motion, const M
   constexpr const char* axes[] = {"x", "y", "z"};
   typename OtmRecord<Dim>::More more;
   for (const auto& [name, values] : measure(motion, bodies)) {
+    const std::string column = "probe." + name;
     if (values.size() == 1) {
-      more.emplace_back(name, values[0]);
+      more.emplace_back(column, values[0]);
       continue;
     }
-    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.u{}", name, axes[i]), values[i]);
-    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.v{}", name, axes[i]), values[Dim + i]);
+    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.u{}", column, axes[i]), values[i]);
+    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.v{}", column, axes[i]), values[Dim + i]);
   }
   return more;
 }

@@ -183,8 +183,9 @@ TEST(OtmRun, StripComesBackFromTheWallWithItsEnergyAccounted) {
   double share = 0.0;
   for (const auto& of : result["shares"]) share += of.get<double>();
   EXPECT_NEAR(share, 1.0, 1e-9);
-  const auto t = column(out / "history.csv", "t"), height = column(out / "history.csv", "height"),
-             corner = column(out / "history.csv", "corner.uy"), vy = column(out / "history.csv", "corner.vy");
+  const auto t = column(out / "history.csv", "t"), height = column(out / "history.csv", "probe.height"),
+             corner = column(out / "history.csv", "probe.corner.uy"),
+             vy = column(out / "history.csv", "probe.corner.vy");
   EXPECT_GE(t.size(), 20u);
   EXPECT_LE(t.size(), 22u);
   EXPECT_EQ(t.front(), 0.0);
