@@ -4,6 +4,7 @@
 #include "efree/analysis/internal/located.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
@@ -258,6 +259,10 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
   const Stage stage("bodies", monitor);
   OtmOptions options = motion.options;
   options.plane = settings.model.plane.value_or(Plane::strain);
+  // Measured, with a checkpoint.
+  constexpr double bytes_of_a_point = 4e3;
+  require_memory(bytes_of_a_point * static_cast<double>(sizes.size()),
+                 fmt::format("moving {} material points", sizes.size()), "take a coarser mesh, or a [cloud]");
   std::vector<OtmBody<Dim>> bodies;
   for (auto& one : built) bodies.push_back(std::move(one.body));
   MovingBodies<Dim> result{

@@ -73,15 +73,14 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWat
   if (!fs::exists(file))
     throw InputError(
         fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
-  const std::string packed = internal::read_sealed(file, kind, Dim, case_.mark).first;
+  const internal::Sealed sealed = internal::read_sealed(file, kind, Dim, case_.mark);
   unfinished_->begin();
-  std::string record, state;
+  std::string record;
   try {
-    internal::Unpacker unpack(packed);
+    internal::Unpacker unpack(sealed.packed());
     unpack(energy.start), unpack(energy.scale), unpack(energy.error), unpack(energy.largest), unpack(energy.begun);
-    unpack(record), unpack(state);
-    if (!unpack.empty()) internal::is_damaged(file);
-    bodies.otm.restore(state);
+    unpack(record);
+    bodies.otm.restore(unpack.rest());
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
@@ -126,12 +125,13 @@ template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
 
 template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy) {
   begin();
-  std::string record = record_->state(), state = bodies.otm.state();
+  std::string record = record_->state();
   EnergyWatch there = energy;
   internal::Packer pack;
   pack(there.start), pack(there.scale), pack(there.error), pack(there.largest), pack(there.begun);
-  pack(record), pack(state);
-  internal::write_sealed(unfinished_->folder() / state_name, kind, Dim, case_.mark, std::move(pack).bytes());
+  pack(record);
+  internal::write_sealed(unfinished_->folder() / state_name, kind, Dim, case_.mark,
+                         {std::move(pack).bytes(), bodies.otm.state()});
 }
 
 template <int Dim> void OtmRun<Dim>::finish(OutputDirectory& out) const {

@@ -51,7 +51,7 @@ template <int Dim> static auto fields(Checkpoint<Dim>& there) {
 
 namespace {
 
-constexpr std::string_view mark = "efree path 5\n";
+constexpr std::string_view mark = "efree path 4\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Whether where the path is, and all it says of its steps, are numbers.
@@ -99,20 +99,20 @@ template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<
   internal::Packer pack;
   Checkpoint<Dim> all = there;
   pack(all);
-  internal::write_sealed(file, mark, Dim, of, std::move(pack).bytes());
+  internal::write_sealed(file, mark, Dim, of, {std::move(pack).bytes()});
 }
 
 template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMark of) {
-  const auto [packed, its] = internal::read_sealed(file, mark, Dim, of);
-  internal::Unpacker unpack(packed);
+  const internal::Sealed sealed = internal::read_sealed(file, mark, Dim, of);
+  internal::Unpacker unpack(sealed.packed());
   Checkpoint<Dim> there;
   try {
     unpack(there);
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
-  if (its.how != of.how) there.at.next = 0.0;
-  if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
+  if (sealed.of.how != of.how) there.at.next = 0.0;
+  if (sealed.of.how != of.how && there.agreed) there.agreed->next = 0.0;
   const int steps = there.at.steps;
   if (!unpack.empty() || !is_finite(there) || there.history.empty() ||
       static_cast<int>(there.history.size()) != steps ||

@@ -54,50 +54,60 @@ void is_damaged(const fs::path& file) {
   throw InputError(fmt::format("{}: the file is damaged: run without --resume", file.string()));
 }
 
-void write_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of, std::string packed) {
+void write_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of,
+                  std::initializer_list<std::string_view> packed) {
   Packer pack;
   std::string by = version();
-  pack(by), pack(dimension), pack(of.what), pack(of.how), pack(packed);
-  std::string bytes = std::string(kind) + std::move(pack).bytes();
-  const std::uint64_t sum = Fingerprint().add(bytes).value();
-  bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
+  pack(by), pack(dimension), pack(of.what), pack(of.how);
+  const std::string header = std::string(kind) + std::move(pack).bytes();
   replace(file, [&](const fs::path& part) {
     std::ofstream stream(part, std::ios::binary);
-    stream << bytes;
+    Fingerprint sum;
+    const auto put = [&](std::string_view bytes) {
+      sum.add(bytes);
+      stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    };
+    put(header);
+    for (const std::string_view bytes : packed) put(bytes);
+    const std::uint64_t value = sum.value();
+    stream.write(reinterpret_cast<const char*>(&value), sizeof value);
     if (!stream.flush()) cannot_write(file);
   });
 }
 
-std::pair<std::string, CaseMark> read_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of) {
+Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of) {
   const auto fail = [&](const std::string& why) { throw InputError(fmt::format("{}: {}", file.string(), why)); };
+  Sealed result;
+  std::string& bytes = result.file;
+  std::error_code unknown;
+  bytes.resize(fs::file_size(file, unknown));
+  if (unknown) bytes.clear();
   std::ifstream stream(file, std::ios::binary);
-  const std::string bytes(std::istreambuf_iterator<char>(stream), {});
-  if (!stream) fail("the steps of an earlier run cannot be read");
+  stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  if (!stream || unknown) fail("the steps of an earlier run cannot be read");
   if (!bytes.starts_with(kind)) fail("expected the steps of an earlier run of efree");
   std::uint64_t sum = 0;
   if (bytes.size() < kind.size() + sizeof sum) is_damaged(file);
-  const std::string_view summed(bytes.data(), bytes.size() - sizeof sum);
-  std::memcpy(&sum, summed.end(), sizeof sum);
-  if (sum != Fingerprint().add(summed).value()) is_damaged(file);
-  Unpacker unpack(summed.substr(kind.size()));
+  std::memcpy(&sum, bytes.data() + bytes.size() - sizeof sum, sizeof sum);
+  bytes.resize(bytes.size() - sizeof sum);
+  if (sum != Fingerprint().add(bytes).value()) is_damaged(file);
+  Unpacker unpack(std::string_view(bytes).substr(kind.size()));
   std::string by;
   int its_dimension = 0;
-  CaseMark its;
-  std::string packed;
   try {
     unpack(by);
-    if (by == version()) unpack(its_dimension), unpack(its.what), unpack(its.how), unpack(packed);
+    if (by == version()) unpack(its_dimension), unpack(result.of.what), unpack(result.of.how);
   } catch (const InputError&) {
     is_damaged(file);
   }
   if (by != version())
     fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
-  if (its_dimension != dimension || its.what != of.what)
+  if (its_dimension != dimension || result.of.what != of.what)
     fail(
         "these steps are of another case: the case file, or the geometry's, has changed by more than steps of [time]; "
         "run without --resume");
-  if (!unpack.empty()) is_damaged(file);
-  return {std::move(packed), its};
+  result.begin = bytes.size() - unpack.rest().size();
+  return result;
 }
 
 }  // namespace efree::internal

@@ -6,6 +6,7 @@
 #include "efree/io/internal/cannot_write.hpp"
 
 #include <filesystem>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -38,15 +39,22 @@ template <class Write> void replace(const std::filesystem::path& file, const Wri
 /// The same file at another place, without its bytes where the file system can do that. Throws InputError.
 void link(const std::filesystem::path& from, const std::filesystem::path& to);
 
-/// Writes a checkpoint: what is packed, beside the version, the dimension and the case that it is of, with a sum that
-/// tells damage; what was in the file stays until the new one is complete. `kind` is how such files begin. Throws
-/// InputError if the file cannot be written.
+/// Writes a checkpoint: what is packed, part by part, after the version, the dimension and the case that it is of, with
+/// a sum that tells damage; what was in the file stays until the new one is complete. `kind` is how such files begin.
+/// Throws InputError if the file cannot be written.
 void write_sealed(const std::filesystem::path& file, std::string_view kind, int dimension, CaseMark of,
-                  std::string packed);
-/// What was packed, and the case that it is of. Throws InputError for a file that cannot be read, is of another kind,
+                  std::initializer_list<std::string_view> packed);
+/// What such a file says.
+struct Sealed {
+  std::string file;       ///< all of it
+  std::size_t begin = 0;  ///< of what was packed
+  CaseMark of{};
+
+  std::string_view packed() const { return std::string_view(file).substr(begin); }
+};
+/// Throws InputError for a file that cannot be read, is of another kind,
 /// version, dimension or case (CaseMark::what), or is damaged.
-std::pair<std::string, CaseMark> read_sealed(const std::filesystem::path& file, std::string_view kind, int dimension,
-                                             CaseMark of);
+Sealed read_sealed(const std::filesystem::path& file, std::string_view kind, int dimension, CaseMark of);
 /// Throws InputError that says so of a file.
 [[noreturn]] void is_damaged(const std::filesystem::path& file);
 
