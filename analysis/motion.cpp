@@ -146,13 +146,17 @@ template <int Dim>
 void check_probes(const MotionSettings<Dim>& motion, const Settings<Dim>& settings, MovingBodies<Dim>& bodies) {
   std::vector<std::string> fields;
   for (const auto& [name, values] : point_scalars(bodies.otm)) fields.push_back(name);
+  const auto check_field = [&](const std::string& field, const std::string& where) {
+    if (!field.empty() && std::ranges::find(fields, field) == fields.end())
+      throw InputError(
+          said_at(where, fmt::format("there is no field \"{}\"; the points have {}", field, fmt::join(fields, ", "))));
+  };
+  check_field(motion.colour, where_said(settings, "output.colour"));
   for (const auto& probe : motion.probes) {
+    check_field(probe.field, probe.where);
     if (!probe.region.empty() && std::ranges::find(bodies.names, probe.region) == bodies.names.end())
       throw InputError(said_at(probe.where, fmt::format("there is no region \"{}\"; the mesh has \"{}\"", probe.region,
                                                         fmt::join(bodies.names, "\", \""))));
-    if (!probe.field.empty() && std::ranges::find(fields, probe.field) == fields.end())
-      throw InputError(said_at(probe.where, fmt::format("there is no field \"{}\"; the points have {}", probe.field,
-                                                        fmt::join(fields, ", "))));
     Index nearest = -1;
     if (probe.of == MotionProbe<Dim>::Of::node) {
       double least = std::numeric_limits<double>::infinity();
@@ -374,11 +378,11 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     energy.look(otm.balance());
     if (!std::isfinite(energy.error))
       throw NumericalError(fmt::format("at time {:.6g} velocities or stresses are no numbers any more", otm.time()));
-    call(watcher.line);
   };
   const double from = otm.time();
   if (!energy.begun) {
     look();
+    call(watcher.line);
     call(watcher.frame);
   }
   // Whether a step passes one of so many times up to the end.
@@ -405,7 +409,9 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     // The last two share what is left, so that no step is tiny.
     otm.step(std::min(motion.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left));
     const bool last = is_over();
-    if (last || passes(before, motion.lines)) look();
+    const bool has_line = last || passes(before, motion.lines);
+    if (has_line || passes(before, 100)) look();
+    if (has_line) call(watcher.line);
     if (last || passes(before, motion.frames)) call(watcher.frame);
     const double now = seconds();
     if (now >= next_detail || last) {

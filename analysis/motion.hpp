@@ -71,6 +71,7 @@ template <int Dim> struct MotionSettings {
   std::vector<MovedPart<Dim>> moved{};
   std::vector<GasInside> gases{};
   std::vector<MotionProbe<Dim>> probes{};
+  std::string colour{};      ///< field of points that pictures show; empty: plastic strain if known, else von Mises
   Index frames = 20;         ///< over the run, besides that of the start
   Index lines = 1000;        ///< of the history, likewise: as many at most
   double checkpoint = 60.0;  ///< [s] between checkpoints; infinity: none but where a run is stopped
@@ -130,9 +131,10 @@ struct MotionEnd {
 };
 
 /// Steps until motion.end. `watcher.line` and `watcher.frame` are called at the start and after the steps that pass
-/// their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before
-/// Cancelled is thrown. monitor.detail hears of time, step, balance and time to go. Throws NumericalError as Otm does,
-/// and for energies that are no numbers. Stage: motion.
+/// their times, the last one included, so that steps do not depend on them; energies are looked at with the lines, and
+/// a hundred times at least; `checkpoint` by the clock, and before Cancelled is thrown. monitor.detail hears of time,
+/// step, balance and time to go. Throws NumericalError as Otm does, and for energies that are no numbers. Stage:
+/// motion.
 template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionSettings<Dim>& motion,
                                         EnergyWatch& energy, const MotionWatcher& watcher, const Monitor& monitor = {});
 

@@ -29,6 +29,7 @@
 #include <future>
 #include <iostream>
 #include <thread>
+#include <utility>
 
 namespace {
 
@@ -251,6 +252,14 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
     stopped.get_future().wait_for(std::chrono::seconds(20));  // a step and a checkpoint
     out.discard();
   });
+  struct Ended {
+    std::promise<void>& promise;
+    bool is_said = false;
+    void say() {
+      if (!std::exchange(is_said, true)) promise.set_value();
+    }
+    ~Ended() { say(); }
+  } ended{stopped};
   OtmRun<Dim> run(options.out, of, !options.no_picture);
   const auto say = [&](const std::string& remark) {
     if (!options.quiet) display.say(remark);
@@ -263,7 +272,7 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
                         .detail = [&](const std::string& how_far) { display.detail(how_far); }};
   EnergyWatch energy;
   std::string refusal;
-  bool moves = false, is_put = false;  // whether there are results of this run; whether they are results now
+  bool is_put = false;  // whether what there is of this run is results
   try {
     const PreparedMesh<Dim> mesh = prepare<Dim>(of.geometry, of, monitor);
     for (const std::string& remark : mesh.remarks) say(remark);
@@ -279,7 +288,6 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
       say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
                       options.out));
     }
-    moves = true;
     const MotionEnd end = run_motion(bodies, of.motion, energy,
                                      {.line = [&] { run.line(bodies); },
                                       .frame = [&] { run.frame(bodies); },
@@ -296,14 +304,14 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
       is_put = true;
     }
   } catch (const Cancelled&) {
-    stopped.set_value();
+    ended.say();
     for (;;) std::this_thread::sleep_for(std::chrono::hours(1));  // the signal ends it
   } catch (const NumericalError& error) {
     refusal = error.what();
     out.clear();
-    is_put = moves;
-    if (moves) run.finish(out);
-    if (moves) out.supersede("result.json");
+    is_put = run.has_begun();
+    if (is_put) run.finish(out);
+    if (is_put) out.supersede("result.json");
   } catch (const std::bad_alloc&) {
     refusal = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
     out.clear();

@@ -391,7 +391,13 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml")) {
     const auto inspect = [&]<int Dim>(const Case<Dim>& of) -> AnyInspection { return inspect_case(path, of); };
-    if (is_otm_case(file)) return std::visit(inspect, read_otm_case(file, reading));
+    if (is_otm_case(file))
+      return std::visit(
+          [&](auto of) {
+            if (!of.motion.cloud) of.approximation.kind = BasisKind::p1;  // there are no nodes but the vertices
+            return inspect(of);
+          },
+          read_otm_case(file, reading));
     return std::visit(inspect, read_case(file, reading));
   }
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);

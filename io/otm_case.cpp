@@ -204,7 +204,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   motion.frames = static_cast<Index>(output.integer("frames", 0, 100000, motion.frames));
   motion.lines = static_cast<Index>(output.integer("history", 0, 10000000, motion.lines));
   motion.checkpoint = output.number("checkpoint", positive, motion.checkpoint);
-  result.colour = output.text("colour", "");
+  motion.colour = output.text("colour", "");
   read_probes<Dim>(probes, root.section("definitions", {}), expressions, motion);
   toml::table what = table;
   what.erase("time");

@@ -6,17 +6,12 @@
 #include "efree/io/case_file.hpp"
 
 #include <filesystem>
-#include <string>
 #include <variant>
 
 namespace efree {
 
 /// A case as read, before anything is computed. Of its mark `how` is 0, and `what` all but [time] and [output].
-template <int Dim> struct OtmCase : Case<Dim> {
-  MotionSettings<Dim> motion{};
-  std::string
-      colour{};  ///< field of points that pictures show; empty: plastic strain where it is known, else von Mises
-};
+template <int Dim> struct OtmCase : Case<Dim> { MotionSettings<Dim> motion{}; };
 
 /// The geometry decides which.
 using AnyOtmCase = std::variant<OtmCase<2>, OtmCase<3>>;

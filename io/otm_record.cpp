@@ -51,6 +51,8 @@ template <int Dim> OtmRecord<Dim>::OtmRecord(fs::path folder, std::string_view s
     if (is_ours(name) && digits != std::string::npos && std::stol(name.substr(digits + 1)) >= frames)
       fs::remove(entry.path(), error);
   }
+  // Not in place: they may be links to results.
+  for (const char* name : {history_name, "points.pvd", "nodes.pvd"}) fs::remove(folder_ / name, error);
   write_series();
   std::ofstream out(folder_ / history_name);
   out << history_;

@@ -107,13 +107,16 @@ template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
   const auto find = [&](const std::string& name) {
     return std::ranges::find(scalars, name, [](const auto& entry) { return entry.first; });
   };
-  auto field = find(case_.colour.empty() ? "equivalent_plastic_strain" : case_.colour);
+  auto field = find(case_.motion.colour.empty() ? "equivalent_plastic_strain" : case_.motion.colour);
   if (field == scalars.end()) field = find("von_mises");
   BoundingBox<Dim> view(bodies.start.rowwise().minCoeff(), bodies.start.rowwise().maxCoeff());
   for (Index a = 0; a < otm.num_nodes(); ++a) view.extend(Vec<Dim>(otm.nodes().col(a)));
   MotionPicture<Dim> drawn{.points = otm.points(),
                            .F = otm.deformation(),
-                           .size = bodies.size,
+                           // Points that came later are as large as the others are.
+                           .size = bodies.size.size() == otm.num_points()
+                                       ? bodies.size
+                                       : Vector::Constant(otm.num_points(), bodies.size.mean()),
                            .values = field->second,
                            .title = fmt::format("{}, time {:.4g}", case_.title, otm.time()),
                            .field = field->first,

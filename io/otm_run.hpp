@@ -35,6 +35,8 @@ template <int Dim> class OtmRun {
   void line(const MovingBodies<Dim>& bodies);
   void frame(const MovingBodies<Dim>& bodies);
   void checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy);
+  /// Whether something of this run has been written.
+  bool has_begun() const { return record_.has_value(); }
   /// Adds all files to the results, in the place of older ones. Call `forget` once these are in place.
   void finish(OutputDirectory& out) const;
   /// Removes the folder.

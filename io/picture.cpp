@@ -730,17 +730,18 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
 
 namespace {
 
-/// In the plane a polygon for a circle; in space the triangles of a sphere, with radius one.
-template <int Dim> Surface round_marker(bool coarse) {
+/// In the plane a polygon for a circle; in space the triangles of a sphere, with radius one: the fewer the more points
+/// there are.
+template <int Dim> Surface round_marker(Index points) {
   Surface marker;
-  const Index around = Dim == 2 ? 16 : coarse ? 6 : 10;
+  const Index around = Dim == 2 ? 16 : points > 200000 ? 4 : points > 20000 ? 6 : 10;
   const auto turn = [&](Index i) { return 2.0 * std::numbers::pi * i / around; };
   if constexpr (Dim == 2) {
     marker.points = Points<3>::Zero(3, around);
     for (Index i = 0; i < around; ++i) marker.points.col(i) << std::cos(turn(i)), std::sin(turn(i)), 0.0;
     for (Index i = 1; i + 1 < around; ++i) marker.triangles.push_back({0, i, i + 1});
   } else {
-    const Index rings = coarse ? 5 : 7;
+    const Index rings = around == 4 ? 3 : around == 6 ? 5 : 7;
     marker.points.resize(3, around * rings);
     for (Index ring = 0; ring < rings; ++ring)
       for (Index i = 0; i < around; ++i) {
@@ -800,7 +801,7 @@ template <int Dim> void draw_motion(const std::filesystem::path& file, const Mot
   draw_walls(canvas, at, view, picture);
   const Scale scale(colour_range(picture.values));
   const Eigen::VectorXf places = scale.places(picture.values);
-  const Surface marker = round_marker<Dim>(n > 20000);
+  const Surface marker = round_marker<Dim>(n);
   std::vector<Vec3> normals;  // of the sphere's triangles
   for (const Triangle& t : marker.triangles)
     normals.push_back((marker.points.col(t[0]) + marker.points.col(t[1]) + marker.points.col(t[2])).normalized());

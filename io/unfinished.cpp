@@ -80,11 +80,12 @@ Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, C
   Sealed result;
   std::string& bytes = result.file;
   std::error_code unknown;
-  bytes.resize(fs::file_size(file, unknown));
-  if (unknown) bytes.clear();
+  const std::uintmax_t size = fs::file_size(file, unknown);
+  if (unknown) fail("the steps of an earlier run cannot be read");
+  bytes.resize(size);
   std::ifstream stream(file, std::ios::binary);
   stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  if (!stream || unknown) fail("the steps of an earlier run cannot be read");
+  if (!stream) fail("the steps of an earlier run cannot be read");
   if (!bytes.starts_with(kind)) fail("expected the steps of an earlier run of efree");
   std::uint64_t sum = 0;
   if (bytes.size() < kind.size() + sizeof sum) is_damaged(file);

@@ -99,6 +99,7 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
               says("every component"));
   EXPECT_THAT(refuses(rubber + "[[boundary]]\non = \"left\"\ntraction = [1, 0]\n"), says("traction"));
   EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"temperature\"")), says("von_mises"));
+  EXPECT_THAT(refuses(with("frames = 3", "colour = \"red\"")), says("no field \"red\""));
   EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"y\"\nsmallest = \"y\"")), says("exactly one of"));
   EXPECT_THAT(refuses(with("\"corner\"", "\"height\"")), says("already is a probe"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nsupport = 2\n"), says("\"spacing\" is missing"));
@@ -321,7 +322,7 @@ TEST(OtmRun, ThatWasStoppedGoesOnToTheSameEndBitForBit) {
   ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture", "--threads", "2"}).status, 0);
   ASSERT_EQ(stopped(work, "out", 100, 9), 128 + 9) << "it was done before";
   EXPECT_FALSE(fs::exists(work / "out/result.json"));
-  ASSERT_EQ(stopped(work, "out", 150, 15, true), 128 + 15);
+  ASSERT_EQ(stopped(work, "out", 150, 15, true), 128 + 15) << "it was done before";
   EXPECT_EQ(names_in(work / "out"), (std::set<std::string>{"unfinished"})) << "nothing else is left behind";
   const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
   ASSERT_EQ(done.status, 0) << done.output;
