@@ -106,17 +106,22 @@ template <int Dim> std::vector<double> measure(const MotionProbe<Dim>& probe, co
 template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<Dim>& motion,
                                                                                     const MovingBodies<Dim>& bodies);
 
-/// How well energy is accounted for: at the start, and its largest error, relative to the largest of what there was of
-/// it so far.
+/// Errors of the energy balance that are warned of, and with which a run is none: what comes out could be anything.
+inline constexpr double warned_imbalance = 0.01, refused_imbalance = 0.05;
+
+/// How well energy is accounted for.
 struct EnergyWatch {
-  double start = 0.0, scale = 0.0, error = 0.0, largest = 0.0;
+  double start = 0.0;     ///< what there was of it
+  double scale = 0.0;     ///< the most there was of it so far
+  double off = 0.0;       ///< what is missing (negative) or too much now
+  double furthest = 0.0;  ///< the same where it was worst
+  double since = -1.0;    ///< time from which on it has been off by more than is refused; negative: it is not
   bool begun = false;
 
-  template <int Dim> void look(const OtmBalance<Dim>& now);
+  double error() const { return scale > 0.0 ? off / scale : 0.0; }
+  double largest_error() const { return scale > 0.0 ? furthest / scale : 0.0; }
+  template <int Dim> void look(const OtmBalance<Dim>& now, double time);
 };
-
-/// Error of the energy balance that is warned of, and that ends a run: what comes out could be anything.
-inline constexpr double warned_imbalance = 0.01, refused_imbalance = 0.05;
 
 /// Who hears of a run; what is empty is not called.
 struct MotionWatcher {

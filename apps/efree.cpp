@@ -225,7 +225,7 @@ template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, 
           "energy: kinetic {:.4g}, stored {:.4g}, dissipated {:.4g}, contact {:.4g}, elsewhere {:.4g}; off by up "
           "to {:.2g} %",
           now.kinetic, now.stored, now.dissipated, now.contact, now.stabilising + now.viscous + now.renewal,
-          100.0 * energy.largest)};
+          100.0 * energy.largest_error())};
   if (all > 0.0)
     lines.push_back(
         fmt::format("{:.3g} million updates of points a second; functions {:.0f} %, kinematics {:.0f} %, "
