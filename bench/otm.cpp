@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_otm taylor 2|3 SIZE [key=value ...]: Taylor's bar, with what it costs. Keys: speed, until, gamma, cutoff,
-// renewal, anisotropy, courant, stabilisation, momentum (0 affine, 1 nodes, 2 points), shared (0, 1), threads.
+// renewal, anisotropy, courant, stabilisation, merging, linear, quadratic (shock viscosity), momentum (0 affine, 1
+// nodes, 2 points), shared (0, 1), threads.
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -25,6 +26,8 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   options.renewal = value("renewal", options.renewal);
   options.anisotropy = value("anisotropy", options.anisotropy);
   options.courant = value("courant", options.courant);
+  options.merging = value("merging", options.merging);
+  options.shock = {value("linear", 0.0), value("quadratic", 0.0)};
   options.stabilisation = value("stabilisation", options.stabilisation);
   options.momentum = static_cast<OtmMomentum>(static_cast<int>(value("momentum", 0)));
   set_num_threads(static_cast<int>(value("threads", 1)));
@@ -48,13 +51,13 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
           "%5.1f us: length %.3f mm, foot %.3f mm, plastic strain %.3f | plastic work %.3f, kinetic %.3f, stored %.3f, "
           "stabilising %.4f, contact %.3f, renewal %.4f, total %.5f | %d steps, %.3f s, %.3g updates/s, %.1f renewals "
           "a "
-          "point, %.2f iterations each, %lld widened\n",
+          "point, %.2f iterations each, %lld widened, %lld kept, %d merged\n",
           1e6 * otm.time(), 1e3 * shape.length, 1e3 * shape.foot, shape.plastic_strain, now.dissipated / before.kinetic,
           now.kinetic / before.kinetic, now.stored / before.kinetic, now.stabilising / before.kinetic,
           now.contact / before.kinetic, now.renewal / before.kinetic, now.total() / before.kinetic, count.steps,
           seconds, static_cast<double>(count.updates) / seconds, static_cast<double>(count.renewals) / otm.num_points(),
           static_cast<double>(count.iterations) / static_cast<double>(count.renewals + otm.num_points()),
-          static_cast<long long>(count.widened));
+          static_cast<long long>(count.widened), static_cast<long long>(count.kept), count.merged);
       std::fflush(stdout);
     }
     const OtmTimes times = otm.times();

@@ -75,6 +75,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   require(options.shock.linear >= 0.0 && options.shock.quadratic >= 0.0 && std::isfinite(options.shock.linear) &&
               std::isfinite(options.shock.quadratic),
           "shock viscosity: expected 0 or more");
+  require(options.merging >= 0.0 && options.merging <= 0.9, "merging: expected 0 to 0.9");
   require(options.contact.stiffness >= 0.0 && std::isfinite(options.contact.stiffness) &&
               options.contact.friction >= 0.0 && std::isfinite(options.contact.friction),
           "contact: expected a stiffness and a friction of 0 or more");
@@ -126,6 +127,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   }
   bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
+  merged.assign(num_nodes, -1);
   v.setZero(Dim, num_nodes);
   force.setZero(Dim, num_nodes);
   spacing.resize(num_nodes);
@@ -193,6 +195,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       }
       chunk.moment.assign(n, Mat<Dim>::Identity());
       chunk.lambda.assign(n, Vec<Dim>::Zero());
+      chunk.count.setZero(n);
+      chunk.width.setZero(n);
       chunk.growth.setOnes(n);
       chunk.dilatation.setOnes(n);
       chunk.shock.setZero(n);
@@ -244,6 +248,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     }
   stiffen();
   shake(100);
+  first_stable = stable;
 }
 
 template struct Motion<2>;

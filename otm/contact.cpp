@@ -75,7 +75,10 @@ template <int Dim> void Motion<Dim>::find_surface() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b) {
     const Cells<Dim>& cells = bodies[b].cells;
     std::map<std::array<Index, Dim>, std::pair<int, std::array<Index, Dim>>> sides;
-    for (Eigen::Index c = 0; c < cells.cols(); ++c)
+    for (Eigen::Index c = 0; c < cells.cols(); ++c) {
+      std::set<Index> different;
+      for (const Index a : cells.col(c)) different.insert(a);
+      if (static_cast<int>(different.size()) <= Dim) continue;  // collapsed
       for (int side = 0; side <= Dim; ++side) {
         std::array<Index, Dim> facet;
         for (int i = 0; i < Dim; ++i) facet[i] = bodies[b].first_node + cells(facets_of_cell[Dim - 2][side][i], c);
@@ -85,6 +88,7 @@ template <int Dim> void Motion<Dim>::find_surface() {
         ++count;
         as_seen = facet;
       }
+    }
     Surface& surface = surfaces[b];
     std::vector<std::array<Index, Dim>> outer;
     std::set<Index> nodes;
@@ -313,6 +317,11 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
   }
   if (rubbed.size() != 0) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
   x += dt * v;
+  for (Index a = 0; a < x.cols(); ++a)
+    if (merged[a] >= 0) {
+      x.col(a) = x.col(merged[a]);
+      v.col(a) = v.col(merged[a]);
+    }
   if (axisymmetric())
     for (Index a = 0; a < x.cols(); ++a)
       if (x(0, a) < 0.0) x(0, a) = 0.0;

@@ -44,55 +44,96 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
   return axes.eigenvectors() * value.asDiagonal() * axes.eigenvectors().transpose();
 }
 
+/// Nodes that a point sees, over those it saw at first, below which its support is too small.
+constexpr double least_share = 0.6;
+
 }  // namespace
+
+/// The functions of a point where it and the nodes are now, and these nodes; its metric and lambda are those of before,
+/// and of now on return. Counts what it takes.
+template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric,
+                                                    Vec<Dim>& lambda, LmeFunctions<Dim>& functions,
+                                                    std::vector<Index>& used, OtmCounts& counted) const {
+  const BodyOf& body = bodies[chunk.body];
+  const Neighbours<Dim>& tree = *trees[chunk.body];
+  const double furthest = -std::log(options.lme.cutoff);
+  const Vec<Dim> at = chunk.at.col(p);
+  thread_local std::vector<Index> around;
+  const auto look = [&](double share) {
+    tree.within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)), around);
+    used.clear();
+    for (const Index near_by : around) {
+      const Index a = body.first_node + near_by;
+      const Vec<Dim> d = x.col(a) - at;
+      if (merged[a] < 0 && d.dot(metric * d) <= furthest * share) used.push_back(a);
+    }
+  };
+  if (!first) {
+    const Mat<Dim> inverse = chunk.since[p].template topLeftCorner<Dim, Dim>().inverse();
+    metric = rounded<Dim>(inverse.transpose() * metric * inverse, options.anisotropy);
+    lambda = inverse.transpose() * lambda;
+    // Where nodes have come apart from each other more than points say, supports follow the nodes.
+    for (int wider = 0; wider < 20; ++wider) {
+      look(1.0);
+      if (static_cast<double>(used.size()) >= least_share * chunk.count[p]) break;
+      metric /= 1.2;
+    }
+  }
+  for (double share = 1.0; share < (first ? 10.0 : 4.0); share *= 3.0) {
+    look(share);
+    if (share > 2.0 && !first) {
+      // The nodes it had: it is a mean of them.
+      const std::size_t found = used.size();
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        if (merged[a] < 0 && !std::binary_search(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(found), a))
+          used.push_back(a);
+      }
+      ++counted.widened;
+    }
+    functions.clear();
+    for (const Index a : used) functions.add(x.col(a) - at);
+    const LmeStatus status = functions.find(metric, lambda);
+    counted.iterations += functions.iterations();
+    if (status == LmeStatus::found) return true;
+    lambda.setZero();
+  }
+  return false;
+}
+
+/// The functions that a point has, as they are where it and the nodes are now; false if it lost a node of them.
+template <int Dim>
+bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
+  const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
+  row.clear();
+  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+    const OtmEntry& entry = chunk.entries[e];
+    const Index a = chunk.nodes[chunk.local[e]];
+    if (merged[a] >= 0) return false;
+    const Vec<Dim> dN = inverse.transpose() * Eigen::Map<const Vec<Dim>>(entry.dN);
+    row.push_back({a, entry_of<Dim>(entry.N, dN, axisymmetric() ? entry.N / chunk.at(0, p) : 0.0)});
+  }
+  const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+  chunk.penalty[p] *= moment.inverse().trace() / chunk.moment[p].inverse().trace();
+  chunk.moment[p] = moment;
+  return true;
+}
 
 template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first,
                                                     Rows& rows, OtmCounts& counted) const {
-  const BodyOf& body = bodies[chunk.body];
-  const Neighbours<Dim>& tree = *trees[chunk.body];
   LmeFunctions<Dim> functions(options.lme);
-  std::vector<Index> around, used;
-  const double furthest = -std::log(options.lme.cutoff);
+  std::vector<Index> used;
   for (std::size_t k = 0; k < which.size(); ++k) {
     const Index p = which[k];
     const Vec<Dim> at = chunk.at.col(p);
-    Mat<Dim>& metric = chunk.metric[p];
-    Vec<Dim>& lambda = chunk.lambda[p];
-    if (!first) {
-      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-      const Mat<Dim> inverse = since.inverse();
-      metric = rounded<Dim>(inverse.transpose() * metric * inverse, options.anisotropy);
-      lambda = inverse.transpose() * lambda;
-    }
-    const double least = smallest_eigenvalue<Dim>(metric);
-    LmeStatus status = LmeStatus::outside;
-    for (double share = 1.0; status != LmeStatus::found; share *= 3.0) {
-      if (share > 10.0 || (share > 4.0 && !first))
-        throw NumericalError(fmt::format("a material point at ({:.6g}) is outside of the nodes around it, {} of them",
-                                         fmt::join(at, ", "), functions.size()));
-      tree.within(at, std::sqrt(furthest * share / least), around);
-      functions.clear();
-      used.clear();
-      for (const Index a : around) {
-        const Vec<Dim> d = x.col(body.first_node + a) - at;
-        if (d.dot(metric * d) > furthest * share) continue;
-        functions.add(d);
-        used.push_back(body.first_node + a);
-      }
-      if (share > 2.0 && !first) {
-        // The nodes it had: it is a mean of them.
-        const std::size_t found = used.size();
-        for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-          const Index a = chunk.nodes[chunk.local[e]];
-          if (std::binary_search(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(found), a)) continue;
-          functions.add(x.col(a) - at);
-          used.push_back(a);
-        }
-        ++counted.widened;
-      }
-      status = functions.find(metric, lambda);
-      counted.iterations += functions.iterations();
-      if (status != LmeStatus::found) lambda.setZero();
+    if (!find_functions(chunk, p, first, chunk.metric[p], chunk.lambda[p], functions, used, counted)) {
+      if (first || !keep_functions(chunk, p, rows[k]))
+        throw NumericalError(
+            fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around "
+                        "it, {} of them",
+                        time, fmt::join(at, ", "), functions.size()));
+      ++counted.kept;
+      continue;
     }
     auto& row = rows[k];
     row.clear();
@@ -107,8 +148,13 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
           0.8 * smallest_eigenvalue<Dim>(since * chunk.moment[p] * since.transpose()))
         chunk.narrowed.push_back(p);
     }
+    if (first) {
+      chunk.count[p] = static_cast<double>(row.size());
+      chunk.width[p] = smallest_width<Dim>(functions.moment());
+    }
     chunk.moment[p] = functions.moment();
-    chunk.penalty[p] = options.stabilisation * body.shear * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
+    chunk.penalty[p] =
+        options.stabilisation * bodies[chunk.body].shear * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
   }
 }
 
@@ -222,6 +268,7 @@ template <int Dim> void Motion<Dim>::renew() {
     counts.renewals += static_cast<std::int64_t>(chunk.worn.size());
     counts.iterations += changes[k].counted.iterations;
     counts.widened += changes[k].counted.widened;
+    counts.kept += changes[k].counted.kept;
     renewal_loss += changes[k].unseen;
     for (std::size_t w = 0; w < chunk.worn.size(); ++w) {
       const Index p = chunk.worn[w];
@@ -260,7 +307,7 @@ template <int Dim> void Motion<Dim>::renew() {
   for (Index a = 0; a < mass.size(); ++a) {
     if (change[a] == 0.0 && momentum.col(a).isZero(0.0)) continue;
     const Vec<Dim> l = mass[a] * v.col(a) + momentum.col(a);
-    mass[a] += change[a];
+    mass[a] = merged[a] < 0 ? mass[a] + change[a] : 0.0;
     if (options.momentum != OtmMomentum::nodes && mass[a] > 0.0) v.col(a) = l / mass[a];
   }
   for (const auto& [node, axis, velocity] : prescribed) v(axis, node) = velocity;

@@ -82,6 +82,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.move(0.5 * (of.last_step + dt), dt);
   of.time += dt;
   of.last_step = dt;
+  if (of.counts.steps % 32 == 31 && of.stable < of.options.merging * of.first_stable) of.merge_nodes();
   of.renew();
   of.sweep(dt);
   of.touch();

@@ -14,8 +14,8 @@ auto fields(OtmTimes& of) {
   return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, widened);
+  auto& [steps, updates, renewals, iterations, merged, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -40,11 +40,11 @@ static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
 
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
-         moment, lambda, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed, damping,
-         columns, seconds] = of;
+         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
+         damping, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
-                  moment, lambda, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
-                  damping, seconds);
+                  moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn,
+                  narrowed, damping, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {
@@ -101,9 +101,9 @@ auto fields(IsNear auto& of) {
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces, of.prescribed, of.spacing,
-                  of.time, of.last_step, of.stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated,
-                  of.viscous, of.stored, of.shaken, of.counts, of.times, of.surfaces, of.surface_area, of.near, of.seen,
-                  of.touches, of.cavities, of.contact_stored);
+                  of.time, of.last_step, of.stable, of.first_stable, of.contact_loss, of.renewal_loss,
+                  of.prescribed_work, of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged,
+                  of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored);
 }
 
 }  // namespace internal

@@ -36,6 +36,8 @@ template <int Dim> struct OtmChunk {
   std::vector<Mat<Dim>> metric;  ///< that the functions were made with
   std::vector<Mat<Dim>> moment;  ///< J of them
   std::vector<Vec<Dim>> lambda;  ///< of them
+  Vector count;                  ///< nodes each saw at first
+  Vector width;                  ///< of its functions at first, where they were narrowest
   Vector growth;                 ///< J, over that of the union
   Vector dilatation;             ///< J, of the union
   Vector shock;                  ///< viscous pressure times J

@@ -5,9 +5,13 @@
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/otm/internal/chunk.hpp"
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <functional>
 #include <memory>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -19,6 +23,13 @@ using Clock = std::chrono::steady_clock;
 inline double lap(Clock::time_point& start) {
   const Clock::time_point now = Clock::now();
   return std::chrono::duration<double>(now - std::exchange(start, now)).count();
+}
+
+/// Of functions with that moment J, along the axis where they are narrowest.
+template <int Dim> double smallest_width(const Mat<Dim>& moment) {
+  Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+  axes.computeDirect(moment, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(axes.eigenvalues()[0], 0.0));
 }
 
 template <int Dim> struct Motion {
@@ -56,7 +67,7 @@ template <int Dim> struct Motion {
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   Vector spacing;                                       ///< by node, at the start
-  double time = 0.0, last_step = 0.0, stable = 0.0;
+  double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
   double contact_loss = 0.0, renewal_loss = 0.0, prescribed_work = 0.0;
   Vector dissipated;   ///< by chunk, so far
   Vector viscous;      ///< likewise
@@ -68,6 +79,9 @@ template <int Dim> struct Motion {
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
 
   Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
+  bool find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
+                      LmeFunctions<Dim>& functions, std::vector<Index>& used, OtmCounts& counted) const;
+  bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const;
   void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
                       OtmCounts& counted) const;
   void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
@@ -81,6 +95,8 @@ template <int Dim> struct Motion {
   void sweep(double dt);
   void sweep(Index number, double dt);
   void renew();
+  void merge_nodes();
+  bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;
   void move(double kick, double dt);
   void stiffen();
@@ -122,6 +138,7 @@ template <int Dim> struct Motion {
   std::vector<Cavity> cavities;
   double contact_stored = 0.0;
   std::vector<Index> body_of_node;
+  std::vector<Index> merged;  ///< the node that it is one with, which is none of these; -1: it is its own
   bool has_contact() const { return options.contact.stiffness > 0.0 && bodies.size() > 2; }
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Nodes that have come too near to each other become one.
+#include "efree/otm/internal/motion.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace efree::internal {
+
+/// The first becomes one with the other, if all points that see it have functions without it, and that point of these
+/// has wider ones: all are worn from now on. Nodes that these count on are locked.
+template <int Dim>
+bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide) {
+  const auto held = [&](Index node) {
+    std::set<std::pair<int, double>> by;
+    for (const auto& [other, axis, velocity] : prescribed)
+      if (other == node) by.insert({axis, velocity});
+    return by;
+  };
+  if (locked.contains(a) || locked.contains(with)) return false;
+  const auto of_a = held(a), of_with = held(with);
+  if (!std::includes(of_with.begin(), of_with.end(), of_a.begin(), of_a.end())) return false;
+  merged[a] = with;
+  LmeFunctions<Dim> functions(options.lme);
+  std::vector<Index> used;
+  OtmCounts tried;
+  std::set<Index> counted_on;
+  std::vector<std::pair<Index, Index>> seen_by;  // chunks and points
+  for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+    const auto [c, l] = node_places[k];
+    const OtmChunk<Dim>& chunk = chunks[c];
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        if (chunk.local[e] != l) continue;
+        Mat<Dim> metric = chunk.metric[p];
+        Vec<Dim> lambda = chunk.lambda[p];
+        bool good = find_functions(chunk, p, false, metric, lambda, functions, used, tried);
+        if (good && c == of_chunk && p == of_point) {
+          good = smallest_width<Dim>(functions.moment()) >= wide;
+        }
+        if (!good) {
+          merged[a] = -1;
+          return false;
+        }
+        seen_by.push_back({c, p});
+        counted_on.insert(used.begin(), used.end());
+      }
+  }
+  locked.insert(counted_on.begin(), counted_on.end());
+  for (Index& other : merged)
+    if (other == a) other = with;
+  for (const auto& [c, p] : seen_by) {
+    std::vector<Index>& worn = chunks[c].worn;
+    const auto place = std::lower_bound(worn.begin(), worn.end(), p);
+    if (place == worn.end() || *place != p) worn.insert(place, p);
+  }
+  // Cells collapse with their edge.
+  BodyOf& body = bodies[body_of_node[a]];
+  for (Index& corner : body.cells.reshaped())
+    if (corner == a - body.first_node) corner = with - body.first_node;
+  surfaces.clear();
+  seen.resize(Dim, 0);
+  ++counts.merged;
+  return true;
+}
+
+template <int Dim> void Motion<Dim>::merge_nodes() {
+  std::vector<char> is_built(bodies.size(), 0);
+  std::set<Index> locked;
+  for (std::size_t c = 0; c < chunks.size(); ++c) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    const BodyOf& body = bodies[chunk.body];
+    if (!body.renewed) continue;
+    bool is_placed = false;
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+      const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+      if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;
+      if (!is_built[chunk.body])
+        trees[chunk.body]->build(x.middleCols(body.first_node, bodies[chunk.body + 1].first_node - body.first_node));
+      is_built[chunk.body] = 1;
+      if (!is_placed) {
+        deform(chunk, x);
+        for (Index q = 0; q < chunk.size(); ++q) place(chunk, q);
+        is_placed = true;
+      }
+      Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+      axes.computeDirect(moment);
+      const Vec<Dim> n = axes.eigenvectors().col(0);
+      // What makes the functions narrow is what they change most by.
+      std::vector<std::pair<double, Index>> by;
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        Vec<Dim> dN;
+        for (int i = 0; i < Dim; ++i) dN[i] = chunk.entries[e].dN[i];
+        if (merged[a] < 0) by.emplace_back(-std::abs(n.dot(since.inverse().transpose() * dN)), a);
+      }
+      std::sort(by.begin(), by.end());
+      if (by.size() > 4) by.resize(4);
+      for (const auto& [slope, a] : by) {
+        Index nearest = -1;
+        for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+          const Index b = chunk.nodes[chunk.local[e]];
+          if (b != a && merged[b] < 0 &&
+              (nearest < 0 || (x.col(b) - x.col(a)).squaredNorm() < (x.col(nearest) - x.col(a)).squaredNorm()))
+            nearest = b;
+        }
+        if (nearest >= 0 && merge(a, nearest, static_cast<Index>(c), p, locked, 1.3 * smallest_width<Dim>(moment)))
+          break;
+      }
+    }
+  }
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal
