@@ -4,6 +4,7 @@
 
 #include "efree/analysis/analyse.hpp"
 #include "efree/analysis/mesh_source.hpp"
+#include "efree/analysis/motion.hpp"
 #include "efree/analysis/prepare.hpp"
 #include "efree/analysis/result.hpp"
 #include "efree/analysis/settings.hpp"
@@ -59,7 +60,9 @@
 #include "efree/io/expression.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/inspect.hpp"
+#include "efree/io/otm_case.hpp"
 #include "efree/io/otm_record.hpp"
+#include "efree/io/otm_run.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/path_record.hpp"
 #include "efree/io/picture.hpp"

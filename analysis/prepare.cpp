@@ -224,7 +224,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
     });
     mesh = without_hinges(std::move(mesh), result);
     mesh = with_parts(source, settings, std::move(mesh), result.open_interface);
-    mesh = without_free_bodies(settings, std::move(mesh), result);
+    if (!settings.keeps_free_bodies) mesh = without_free_bodies(settings, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.size_is_said = source.says_its_size();
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));

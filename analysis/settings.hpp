@@ -120,7 +120,8 @@ template <int Dim> struct Settings {
   double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
   std::vector<Goal> goals{};       ///< wanted errors of probes and reactions
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
-  double largest_error = 0.5;  ///< relative, in the energy norm, beyond which the answer is no answer
+  bool keeps_free_bodies = false;  ///< bodies that nothing holds or loads stay: those in motion need not be held
+  double largest_error = 0.5;      ///< relative, in the energy norm, beyond which the answer is no answer
 
   bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
   bool has_exact() const { return exact.displacement || exact.stress; }

@@ -15,7 +15,8 @@ double seconds_since(Clock::time_point start) {
 
 }  // namespace
 
-Display::Display(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
+Display::Display(bool quiet)
+    : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), start_(Clock::now()), detail_said_(start_) {}
 
 Display::~Display() {
   clear_bar();
@@ -26,6 +27,7 @@ Monitor::Progress Display::stages(std::vector<std::string> names) {
     if (stage != stage_) {
       finish_line();
       stage_ = stage;
+      detail_.clear();
       stage_start_ = Clock::now();
     }
     const auto position = std::ranges::find(names, stage) - names.begin();
@@ -54,6 +56,14 @@ Monitor::Progress Display::waiting() {
   };
 }
 
+void Display::detail(const std::string& how_far) {
+  detail_ = how_far;
+  constexpr double interval = 10.0;
+  if (terminal_ || quiet_ || seconds_since(detail_said_) < interval) return;
+  detail_said_ = Clock::now();
+  fmt::print(stderr, "{}\n", how_far);
+}
+
 void Display::say(const std::string& message) {
   finish_line();
   clear_bar();
@@ -72,7 +82,7 @@ void Display::bar(const std::string& label, double fraction) {
   fraction_ = std::clamp(fraction, fraction_, 1.0);  // a stage that comes back must not turn the bar around
   const int filled = static_cast<int>(width * fraction_);
   fmt::print(stderr, "\r\033[K[{:#<{}}{:.<{}}] {:5.1f} s  {}", "", filled, "", width - filled, seconds_since(start_),
-             label);
+             detail_.empty() ? label : fmt::format("{}: {}", label, detail_));
   std::fflush(stderr);
   bar_shown_ = true;
 }

@@ -23,6 +23,8 @@ class Display {
   Monitor::Progress runs();
   /// For one that says nothing else: a bar while it goes on, on a terminal.
   Monitor::Progress waiting();
+  /// How far the stage is, in words: beside the bar, elsewhere a line every ten seconds.
+  void detail(const std::string& how_far);
   /// A message of its own line, said even if quiet.
   void say(const std::string& message);
   /// The stage that began last.
@@ -37,8 +39,9 @@ class Display {
   bool quiet_, terminal_;
   bool bar_shown_ = false;
   double fraction_ = 0.0;
-  std::string stage_;
+  std::string stage_, detail_;
   std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point detail_said_;
   std::chrono::steady_clock::time_point stage_start_{};  ///< zero if nothing is under way
 };
 

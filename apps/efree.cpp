@@ -8,6 +8,7 @@
 #include "efree/io/convergence.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/inspect.hpp"
+#include "efree/io/otm_run.hpp"
 #include "efree/io/output_directory.hpp"
 #include "efree/io/path_record.hpp"
 #include "efree/io/picture.hpp"
@@ -18,12 +19,17 @@
 #include <fmt/ranges.h>
 #include <vtkObject.h>
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <iostream>
+#include <thread>
+#include <utility>
 
 namespace {
 
@@ -204,6 +210,130 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
   return 0;
 }
 
+/// What bodies in motion have done, a line each.
+template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
+                                                        const EnergyWatch& energy) {
+  const Otm<Dim>& otm = bodies.otm;
+  const OtmBalance<Dim> now = otm.balance();
+  const OtmTimes spent = otm.times();
+  const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
+                     spent.nodes + spent.contact;
+  std::vector<std::string> lines{
+      fmt::format("{} steps to time {:.6g}, functions renewed {:.1f} times", otm.counts().steps, otm.time(),
+                  static_cast<double>(otm.counts().renewals) / otm.num_points()),
+      fmt::format(
+          "energy: kinetic {:.4g}, stored {:.4g}, dissipated {:.4g}, contact {:.4g}, elsewhere {:.4g}; off by up "
+          "to {:.2g} %",
+          now.kinetic, now.stored, now.dissipated, now.contact, now.stabilising + now.viscous + now.renewal,
+          100.0 * energy.largest_error())};
+  if (all > 0.0)
+    lines.push_back(
+        fmt::format("{:.3g} million updates of points a second; functions {:.0f} %, kinematics {:.0f} %, "
+                    "materials {:.0f} %, forces {:.0f} %, stable step {:.0f} %, nodes {:.0f} %, contact {:.0f} %",
+                    1e-6 * static_cast<double>(otm.counts().updates) / all, 100.0 * spent.functions / all,
+                    100.0 * spent.kinematics / all, 100.0 * spent.materials / all, 100.0 * spent.forces / all,
+                    100.0 * spent.stability / all, 100.0 * spent.nodes / all, 100.0 * spent.contact / all));
+  for (const auto& [name, values] : measure(of.motion, bodies))
+    lines.push_back(values.size() == 1 ? fmt::format("probe \"{}\": {:.6g}", name, values[0])
+                                       : fmt::format("probe \"{}\": displacement ({:.6g}), velocity ({:.6g})", name,
+                                                     fmt::join(values.begin(), values.begin() + Dim, ", "),
+                                                     fmt::join(values.begin() + Dim, values.end(), ", ")));
+  return lines;
+}
+
+/// Exit status. Signals end it after a checkpoint.
+template <int Dim>
+int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress& progress, Display& display) {
+  OutputDirectory out(options.out);
+  std::atomic<bool> stop = false;
+  std::promise<void> stopped;
+  const OnInterrupt clean_up([&] {
+    stop = true;
+    stopped.get_future().wait_for(std::chrono::seconds(20));  // a step and a checkpoint
+    out.discard();
+  });
+  struct Ended {
+    std::promise<void>& promise;
+    bool is_said = false;
+    void say() {
+      if (!std::exchange(is_said, true)) promise.set_value();
+    }
+    ~Ended() { say(); }
+  } ended{stopped};
+  OtmRun<Dim> run(options.out, of, !options.no_picture);
+  const auto say = [&](const std::string& remark) {
+    if (!options.quiet) display.say(remark);
+  };
+  StageTimes times;
+  const Monitor monitor{.progress = progress,
+                        .cancelled = [&] { return stop.load(); },
+                        .say = say,
+                        .times = &times,
+                        .detail = [&](const std::string& how_far) { display.detail(how_far); }};
+  EnergyWatch energy;
+  std::string refusal;
+  bool is_put = false;  // whether what there is of this run is results
+  try {
+    const PreparedMesh<Dim> mesh = prepare<Dim>(of.geometry, of, monitor);
+    for (const std::string& remark : mesh.remarks) say(remark);
+    MovingBodies<Dim> bodies = set_in_motion(mesh, of, of.motion, monitor);
+    for (const std::string& remark : bodies.remarks) say(remark);
+    say(fmt::format("{} bod{}, {} nodes, {} material points, steps of {:.4g}", bodies.names.size(),
+                    bodies.names.size() == 1 ? "y" : "ies", bodies.otm.num_nodes(), bodies.otm.num_points(),
+                    bodies.otm.stable_step()));
+    if (options.resume) {
+      run.resume(bodies, energy);
+      say(fmt::format("goes on from step {} at time {:.6g}", bodies.otm.counts().steps, bodies.otm.time()));
+    } else if (run.is_unfinished()) {
+      say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
+                      options.out));
+    }
+    const MotionEnd end = run_motion(bodies, of.motion, energy,
+                                     {.line = [&] { run.line(bodies); },
+                                      .frame = [&] { run.frame(bodies); },
+                                      .checkpoint = [&] { run.checkpoint(bodies, energy); }},
+                                     monitor);
+    refusal = end.refusal;
+    for (const std::string& line : motion_text(of, bodies, energy)) say(line);
+    const auto warnings = warnings_of(of, bodies, energy);
+    for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
+    if (!end.can_go_on) {
+      if (refusal.empty()) run.checkpoint(bodies, energy);
+      run.finish(out);
+      write_otm_result(out.file("result.json"), of, bodies, energy, end, warnings, times);
+      is_put = true;
+    }
+  } catch (const Cancelled&) {
+    ended.say();
+    for (;;) std::this_thread::sleep_for(std::chrono::hours(1));  // the signal ends it
+  } catch (const NumericalError& error) {
+    refusal = error.what();
+    out.clear();
+    is_put = run.has_begun();
+    if (is_put) run.finish(out);
+    if (is_put) out.supersede("result.json");
+  } catch (const std::bad_alloc&) {
+    refusal = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
+    out.clear();
+  }
+  const std::string whose = is_put ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
+  const std::string stage = display.stage();
+  if (refusal.empty())
+    out.supersede("failure.json");
+  else
+    write_failure(out.file("failure.json"), of.title, refusal, stage, whose);
+  out.commit();
+  if (is_put) run.forget();
+  if (!refusal.empty())
+    throw NumericalError(fmt::format("{} failed: {}{}", stage, refusal,
+                                     is_put ? fmt::format("; what there was by then is in {}", options.out)
+                                     : whose == "none"
+                                         ? ""
+                                         : fmt::format("; the results in {} are {}", options.out, whose)));
+  if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+  return 0;
+}
+
 /// What a file has put into a message cannot fill the terminal, nor tell it what to do.
 std::string presentable(std::string message) {
   constexpr std::size_t longest = 1500;
@@ -289,12 +419,13 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "efree " + version());
   app.require_subcommand(1);
   Options options;
-  CLI::App& solve_command =
-      *app.add_subcommand("solve", "solve a case; writes result.json, fields.vtu, nodes.vtu, fields.png and error.png");
+  CLI::App& solve_command = *app.add_subcommand(
+      "solve", "solve a case, or set its bodies in motion; writes result.json, fields and pictures");
+  solve_command.alias("run");
   add_common(solve_command, options);
-  solve_command.add_flag("--no-picture", options.no_picture, "do not draw fields.png and error.png");
+  solve_command.add_flag("--no-picture", options.no_picture, "draw no pictures");
   solve_command.add_flag("--resume", options.resume,
-                         "go on from the last step of an earlier run through time into the same directory");
+                         "go on from where an earlier run through time, or of bodies in motion, was stopped");
   const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
   solve_command
       .add_option(
@@ -304,7 +435,10 @@ int run(int argc, char** argv) {
       ->type_name("ERROR")
       ->check([](const std::string& text) { return accuracy_of(text) > 0.0 ? "" : "expected 0.02 or 2%, below 1"; });
   solve_command
-      .add_option("--time-limit", options.time_limit, "with an accuracy: seconds after which no finer mesh is begun")
+      .add_option(
+          "--time-limit", options.time_limit,
+          "with an accuracy: seconds after which no finer mesh is begun; in motion: after which a run is stopped, for "
+          "--resume")
       ->type_name("SECONDS")
       ->check(CLI::PositiveNumber);
   CLI::App& convergence_command = *app.add_subcommand(
@@ -350,6 +484,18 @@ int run(int argc, char** argv) {
     if (inspect_command.parsed()) {
       inspect_file(options, display);
       return 0;
+    }
+    if (solve_command.parsed() && is_otm_case(options.case_file)) {
+      if (!options.accuracy.empty())
+        throw InputError(fmt::format("{}: --accuracy means nothing for bodies in motion", options.case_file));
+      const Monitor::Progress progress =
+          display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature", "bodies", "motion"});
+      return std::visit(
+          [&](auto of) {
+            if (options.time_limit > 0.0) of.motion.time_limit = options.time_limit;
+            return move(of, options, progress, display);
+          },
+          read_otm_case(options.case_file, options.reading, {.progress = progress}));
     }
     const Monitor::Progress progress = display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature",
                                                        "assembly", "solve", "path", "correction", "duals", "output"});

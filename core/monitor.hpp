@@ -31,8 +31,9 @@ struct Monitor {
   Progress progress{};  ///< told when a stage begins (fraction 0), while it goes on, and when it ends (fraction 1)
   /// Asked when a stage begins and at every step of it that can be told: true ends the run, by Cancelled.
   std::function<bool()> cancelled{};
-  std::function<void(const std::string& remark)> say{};  ///< told what people should know, a line each
-  StageTimes* times = nullptr;                           ///< the seconds of every stage are added here
+  std::function<void(const std::string& remark)> say{};      ///< told what people should know, a line each
+  StageTimes* times = nullptr;                               ///< the seconds of every stage are added here
+  std::function<void(const std::string& how_far)> detail{};  ///< told how far a long stage is, in words, every so often
 
   /// The same who hears of these times.
   Monitor timing(StageTimes& to) const;

@@ -3,8 +3,8 @@
 
 #include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/expression.hpp"
+#include "efree/io/internal/case_parts.hpp"
 #include "efree/io/internal/material_reader.hpp"
 #include "efree/io/internal/read_geometry.hpp"
 #include "efree/io/internal/section.hpp"
@@ -15,173 +15,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
-#include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
 #include <regex>
 #include <set>
-#include <sstream>
-#include <tuple>
 
 namespace efree {
 namespace {
 
+using internal::Clock, internal::PlaceReader, internal::read_approximation, internal::read_definitions,
+    internal::read_grading, internal::places_in, internal::text_of;
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
-
-/// The time in expressions, or why there is none.
-struct Clock {
-  std::optional<double> time;
-  std::string why{};
-};
-
-/// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.
-template <int Dim>
-Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock) {
-  const Section section = root.section("definitions", {});
-  std::vector<std::pair<std::string, const toml::node*>> entries;
-  for (const auto& [key, node] : section.table()) entries.emplace_back(key.str(), &node);
-  std::ranges::sort(entries, {}, [](const auto& entry) {
-    const auto& begin = entry.second->source().begin;
-    return std::pair(begin.line, begin.column);
-  });
-  Expressions<Dim> expressions;
-  if (grey)
-    expressions.define("grey", grey);
-  else
-    expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
-  if (clock.time)
-    expressions.at_time(*clock.time);
-  else if (!section.has("t"))
-    expressions.refuse("t", clock.why);
-  for (const auto& [name, node] : entries)
-    expressions.define(name, section.expression(*node, name), section.where(*node));
-  return expressions;
-}
-
-template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
-                                           double mesh_ratio, Settings<Dim>& result) {
-  ApproximationOptions& options = result.approximation;
-  using Kind = std::pair<BasisKind, OnCells>;
-  std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
-                                                            {{"auto", {BasisKind::mls, OnCells::automatic}},
-                                                             {"mls", {BasisKind::mls, OnCells::never}},
-                                                             {"p1", {BasisKind::p1, OnCells::never}},
-                                                             {"p2", {BasisKind::p2, OnCells::never}},
-                                                             {"cells", {BasisKind::mls, OnCells::always}}},
-                                                            Kind{BasisKind::mls, OnCells::automatic});
-  options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
-  options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
-
-  options.spacing = cloud.number("spacing", positive, 0.0);
-  if (options.spacing == 0.0 && mesh_ratio > 0.0)
-    cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: geometry.mesh_ratio is relative to it");
-  options.seed = static_cast<std::uint64_t>(
-      cloud.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), static_cast<std::int64_t>(options.seed)));
-  options.support = cloud.number("support", {1.0, 10.0, true, true}, options.support);
-  options.weight = cloud.choice<Weight>("weight",
-                                        {{"automatic", Weight::automatic},
-                                         {"heat_geodesic", Weight::heat_geodesic},
-                                         {"heat_flow", Weight::heat_flow},
-                                         {"fast_marching", Weight::fast_marching},
-                                         {"visibility", Weight::visibility},
-                                         {"euclidean", Weight::euclidean}},
-                                        options.weight);
-  options.kernel = cloud.choice<Kernel>("kernel",
-                                        {{"cubic_spline", Kernel::cubic_spline},
-                                         {"quintic_spline", Kernel::quintic_spline},
-                                         {"wendland_c2", Kernel::wendland_c2}},
-                                        options.kernel);
-
-  options.secondary = quadrature.choice<SecondaryKind>("basis",
-                                                       {{"cells", SecondaryKind::cells},
-                                                        {"linear", SecondaryKind::linear},
-                                                        {"mls", SecondaryKind::mls},
-                                                        {"full", SecondaryKind::full}},
-                                                       options.secondary);
-  options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
-  result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
-  if (const auto averaged = quadrature.switch_or_auto("dilatation")) options.dilatation = averaged_if(*averaged);
-}
-
-/// The parts of the boundary that entries are about: names, or selections that get a name here.
-template <int Dim> class PlaceReader {
- public:
-  explicit PlaceReader(Case<Dim>& result) : result_(result) {}
-
-  /// Name of the part the entry is about, which the case then mentions. Equal selections share a name.
-  std::string name(const Section& entry) {
-    const std::string on = entry.is_table("on") ? selected(entry) : entry.text("on");
-    if (std::ranges::find(result_.groups, on, &Mention::name) == result_.groups.end())
-      result_.groups.push_back({on, entry.where("on")});
-    return on;
-  }
-
- private:
-  std::string selected(const Section& entry) {
-    const auto [kind, how] = selection(entry.section("on", {"box", "plane", "normal", "angle", "nearest"}));
-    for (const auto& earlier : result_.selections)
-      if (earlier.how == how) return earlier.name;
-    const std::string name = fmt::format("{} {}", kind, ++count_[kind]);
-    result_.selections.push_back({name, how, entry.where("on")});
-    return name;
-  }
-  std::pair<std::string, Selection<Dim>> selection(const Section& on) const {
-    Section::Keys found;
-    for (const std::string_view key : {"box", "plane", "normal", "nearest"})
-      if (on.has(key)) found.push_back(key);
-    if (found.size() != 1)
-      on.fail("", fmt::format("a selection has exactly one of box, plane, normal, nearest; this one has {}",
-                              found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
-    const std::string kind(found.front());
-    if (on.has("angle") && (kind == "box" || kind == "plane"))
-      on.fail("angle", fmt::format("angle has no meaning for a {}", kind));
-    const double angle = on.number("angle", {0.0, 180.0, false, true}, 30.0);
-    if (kind == "box") {
-      const auto [a, b] = on.template corners<Dim>("box");
-      return {kind, InBox<Dim>{a.cwiseMin(b), a.cwiseMax(b)}};
-    }
-    if (kind == "plane") {
-      const Section plane = on.section("plane", {"point", "normal", "tolerance"});
-      return {kind, OnPlane<Dim>{plane.template point<Dim>("point"), direction(plane),
-                                 plane.number("tolerance", not_negative, 0.0)}};
-    }
-    if (kind == "normal") return {kind, Facing<Dim>{direction(on), angle}};
-    return {kind, NearestPatch<Dim>{on.template point<Dim>("nearest"), angle}};
-  }
-  static Vec<Dim> direction(const Section& section) {
-    const Vec<Dim> normal = section.template point<Dim>("normal");
-    if (!(normal.norm() > 0.0)) section.fail("normal", "normal is zero, expected a direction");
-    return normal;
-  }
-
-  Case<Dim>& result_;
-  std::map<std::string, int> count_;
-};
-
-template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded) {
-  Grading grading;
-  grading.features = cloud.boolean("features", grading.features);
-  grading.growth = cloud.number("growth", positive, grading.growth);
-  grading.least = cloud.number("least", positive, grading.least);
-  for (const Section& entry : cloud.sections("boxes", {"box", "spacing"})) {
-    const auto [a, b] = entry.corners<Dim>("box");
-    SpacingBox box{.spacing = entry.number("spacing", positive)};
-    for (int d = 0; d < Dim; ++d) {
-      box.low[d] = std::min(a[d], b[d]);
-      box.high[d] = std::max(a[d], b[d]);
-    }
-    grading.boxes.push_back(box);
-  }
-  for (const Section& entry : cloud.sections("regions", {"region", "spacing"})) {
-    grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
-    graded.push_back({entry.text("region"), entry.where("region")});
-  }
-  for (const Section& entry : cloud.sections("boundaries", {"on", "spacing"}))
-    grading.boundaries.push_back({places.name(entry), entry.number("spacing", positive)});
-  return grading;
-}
 
 /// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
 /// them.
@@ -528,8 +373,9 @@ constexpr std::array boundary_keys{"on",
                                    "force",
                                    "moment",
                                    "at"};
-constexpr std::array analysis_keys{"plane",    "essential",    "body_force", "correction", "largest_error",
-                                   "extremes", "acceleration", "rotation",   "model",      "model_tolerance"};
+constexpr std::array analysis_keys{"kind",       "plane",         "essential",      "body_force",
+                                   "correction", "largest_error", "extremes",       "acceleration",
+                                   "rotation",   "model",         "model_tolerance"};
 
 /// What holds and loads the body, into the case, which knows its plane.
 template <int Dim> void read_acting(const Section& root, const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
@@ -641,19 +487,6 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   return result;
 }
 
-/// Where sections, and what is in them, are said.
-std::map<std::string, std::string> places_in(const Section& root) {
-  std::map<std::string, std::string> said;
-  for (const auto& [name, node] : root.table()) {
-    const std::string section(name.str());
-    const toml::array* entries = node.as_array();
-    said[section] = root.where(entries && !entries->empty() ? entries->front() : node);
-    if (const auto* table = node.as_table())
-      for (const auto& [key, value] : *table) said[fmt::format("{}.{}", section, key.str())] = root.where(value);
-  }
-  return said;
-}
-
 /// How much of the materials is modelled.
 template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& result) {
   if (analysis.has("model"))
@@ -667,28 +500,18 @@ template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& resu
 /// What steps through time may do otherwise when they are gone on with.
 CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
   internal::Fingerprint what, how;
-  const auto text = [](const toml::node_view<const toml::node> node) {
-    std::ostringstream stream;
-    stream << node;
-    return stream.str();
-  };
   toml::table rest = table;
   if (toml::table* time = rest["time"].as_table()) {
     const toml::table all = *time;
     for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control"}) {
-      how.add(key).add(text(all[key]));
+      how.add(key).add(text_of(all[key]));
       time->erase(key);
     }
     time->erase("output");
     if (end_is_a_step) time->erase("end");
   }
-  what.add(text(toml::node_view<const toml::node>(rest)));
-  std::ifstream stream(geometry, std::ios::binary);
-  std::string bytes(std::size_t{1} << 20U, '\0');
-  while (!geometry.empty() && stream) {
-    stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    what.add(std::string_view(bytes).substr(0, static_cast<std::size_t>(stream.gcount())));
-  }
+  what.add(text_of(toml::node_view<const toml::node>(rest)));
+  internal::add_file(what, geometry);
   return {what.value(), how.value()};
 }
 
@@ -704,9 +527,8 @@ template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& resu
 
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
                                   const Section& root, const Section& geometry, const Reading& reading) {
-  const Section cloud = root.section("cloud", {"spacing", "seed", "support", "weight", "kernel", "features", "growth",
-                                               "least", "boxes", "regions", "boundaries"});
-  const Section quadrature = root.section("quadrature", {"basis", "ratio", "stabilisation", "dilatation"});
+  const Section cloud = root.section("cloud", internal::cloud_keys());
+  const Section quadrature = root.section("quadrature", internal::quadrature_keys());
   const Section basis = root.section("basis", {"kind", "order", "interpolation"});
   const Section::Keys of_analysis(analysis_keys.begin(), analysis_keys.end());
   const Section analysis =
@@ -714,6 +536,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   const auto probes = root.sections("probe", {"name", "at"});
   const auto reactions = root.sections("reaction", {"name", "on"});
 
+  analysis.choice<bool>("kind", {{"static", true}}, true);
   Case<Dim> result;
   result.where = file.string();
   result.said = places_in(root);
@@ -729,7 +552,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
   read_regime(analysis, result);
-  internal::MaterialReader<Dim>(expressions, result.regime == Regime::finite).read(root, result);
+  const std::string asks_for_finite = result.regime == Regime::finite ? "analysis.model = \"finite\" asks" : "";
+  internal::MaterialReader<Dim>(expressions, asks_for_finite).read(root, result);
   refuse_fluids(root, result);
 
   if (root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}).empty())
@@ -760,6 +584,11 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
 
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
+  if ((*table)["analysis"]["kind"].value_or(std::string()) == "otm")
+    Section(*table->get_as<toml::table>("analysis"), "[analysis]", file.string(), {})
+        .fail("kind",
+              "this case is about bodies in motion: efree run moves them, and what is asked for here is for "
+              "bodies at rest");
   const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});

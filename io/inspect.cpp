@@ -9,9 +9,9 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
-#include "efree/io/case_file.hpp"
 #include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/internal/confined.hpp"
+#include "efree/io/otm_case.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -389,9 +389,17 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   std::error_code error;  // names that are too long are no files
   if (fs::is_directory(file, error)) throw InputError(fmt::format("{} is a directory, expected a file", path));
   if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
-  if (ends(".toml"))
-    return std::visit([&](const auto& analysis) -> AnyInspection { return inspect_case(path, analysis); },
-                      read_case(file, reading));
+  if (ends(".toml")) {
+    const auto inspect = [&]<int Dim>(const Case<Dim>& of) -> AnyInspection { return inspect_case(path, of); };
+    if (is_otm_case(file))
+      return std::visit(
+          [&](auto of) {
+            if (!of.motion.cloud) of.approximation.kind = BasisKind::p1;  // there are no nodes but the vertices
+            return inspect(of);
+          },
+          read_otm_case(file, reading));
+    return std::visit(inspect, read_case(file, reading));
+  }
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);
   if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", reading.trust);
   if (ends(".geo", ".msh")) {

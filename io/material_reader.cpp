@@ -216,9 +216,9 @@ template <int Dim> ElasticModuli MaterialReader<Dim>::moduli(const Section& sect
 
 template <int Dim> Strain MaterialReader<Dim>::strain(const Section& section, Strain fallback) const {
   const auto said = section.choice<Strain>("strain", {{"small", Strain::small}, {"finite", Strain::finite}},
-                                           finite_ ? Strain::finite : fallback);
-  if (finite_ && said == Strain::small)
-    section.fail("strain", "strain is \"small\", and analysis.model = \"finite\" asks for finite strains");
+                                           asks_for_finite_.empty() ? fallback : Strain::finite);
+  if (!asks_for_finite_.empty() && said == Strain::small)
+    section.fail("strain", fmt::format("strain is \"small\", and {} for finite strains", asks_for_finite_));
   return said;
 }
 

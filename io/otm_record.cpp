@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/otm_record.hpp"
 
+#include "efree/analysis/motion.hpp"
 #include "efree/assembly/kinematics.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/internal/packer.hpp"
 #include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/internal/series.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/LU>
 #include <fstream>
-#include <map>
 #include <regex>
 
 namespace efree {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr const char* history_name = "history.csv";
 constexpr const char* axes[] = {"x", "y", "z"};
 
 std::string frame(const char* of, std::size_t number) {
@@ -24,39 +26,63 @@ std::string frame(const char* of, std::size_t number) {
 
 }  // namespace
 
+template <int Dim> bool OtmRecord<Dim>::is_ours(const std::string& name) {
+  static const std::regex ours(R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|frame_[0-9]{4,9}\.png|history\.csv)");
+  return std::regex_match(name, ours);
+}
+
 template <int Dim> OtmRecord<Dim>::OtmRecord(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   fs::create_directories(folder_, error);
   if (!fs::is_directory(folder_, error)) internal::cannot_write(folder_);
-  static const std::regex ours(R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|history\.csv)");
   for (const auto& entry : fs::directory_iterator(folder_, error))
-    if (std::regex_match(entry.path().filename().string(), ours)) fs::remove(entry.path(), error);
+    if (is_ours(entry.path().filename().string())) fs::remove(entry.path(), error);
 }
 
-template <int Dim> void OtmRecord<Dim>::add(const Otm<Dim>& otm) {
-  const Tensors F = otm.deformation(), sigma = otm.cauchy_stress();
+template <int Dim> OtmRecord<Dim>::OtmRecord(fs::path folder, std::string_view state) : folder_(std::move(folder)) {
+  internal::Unpacker unpack(state);
+  unpack(points_), unpack(nodes_), unpack(history_);
+  if (!unpack.empty() || nodes_.size() != points_.size()) throw InputError("expected the state of a record");
+  const Index frames = num_frames();
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder_, error)) {
+    const std::string name = entry.path().filename().string();
+    const auto digits = name.find('_');
+    if (is_ours(name) && digits != std::string::npos && std::stol(name.substr(digits + 1)) >= frames)
+      fs::remove(entry.path(), error);
+  }
+  // Not in place: they may be links to results.
+  for (const char* name : {history_name, "points.pvd", "nodes.pvd"}) fs::remove(folder_ / name, error);
+  write_series();
+  std::ofstream out(folder_ / history_name);
+  out << history_;
+  if (!out.flush()) internal::cannot_write(folder_ / history_name);
+}
+
+template <int Dim> std::string OtmRecord<Dim>::state() const {
+  internal::Packer pack;
+  Frames points = points_, nodes = nodes_;
+  std::string history = history_;
+  pack(points), pack(nodes), pack(history);
+  return std::move(pack).bytes();
+}
+
+template <int Dim> void OtmRecord<Dim>::add(const Otm<Dim>& otm, const More& more) {
+  add_frame(otm);
+  note(otm, more);
+}
+
+template <int Dim> void OtmRecord<Dim>::add_frame(const Otm<Dim>& otm) {
+  const Tensors sigma = otm.cauchy_stress();
   const Index n = otm.num_points();
-  Matrix stress(6, n), mises(1, n), J(1, n), of_point(1, n), of_node(1, otm.num_nodes());
-  for (Index p = 0; p < n; ++p) {
-    const Voigt<3> of = stress_of<3>(sigma.col(p));
-    stress.col(p) = of;
-    mises(0, p) = von_mises<3>(of);
-    J(0, p) = Eigen::Map<const Mat<3>>(F.col(p).data()).determinant();
-  }
-  std::map<std::string, Matrix> scalars;  // zero where a body's material knows of none
+  Matrix stress(6, n), of_point(1, n), of_node(1, otm.num_nodes());
+  for (Index p = 0; p < n; ++p) stress.col(p) = stress_of<3>(sigma.col(p));
   for (Index b = 0; b < otm.num_bodies(); ++b) {
-    const Index first = otm.first_point(b), count = otm.first_point(b + 1) - first;
-    of_point.middleCols(first, count).setConstant(b);
+    of_point.middleCols(otm.first_point(b), otm.first_point(b + 1) - otm.first_point(b)).setConstant(b);
     of_node.middleCols(otm.first_node(b), otm.first_node(b + 1) - otm.first_node(b)).setConstant(b);
-    const Matrix history = otm.history(b);
-    for (const HistoryPart& part : otm.material(b).history_parts())
-      if (part.size == 1)
-        scalars.try_emplace(part.name, Matrix::Zero(1, n)).first->second.middleCols(first, count) =
-            history.row(part.offset);
   }
-  std::vector<PointValues> values{
-      {"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"von_mises", mises}, {"J", J}, {"body", of_point}};
-  for (const auto& [name, scalar] : scalars) values.push_back({name, scalar});
+  std::vector<PointValues> values{{"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"body", of_point}};
+  for (const auto& [name, scalar] : point_scalars(otm)) values.push_back({name, scalar.transpose()});
   const std::vector<std::string> components(axes, axes + Dim);
   points_.emplace_back(otm.time(), frame("points", points_.size()));
   nodes_.emplace_back(otm.time(), frame("nodes", nodes_.size()));
@@ -64,34 +90,51 @@ template <int Dim> void OtmRecord<Dim>::add(const Otm<Dim>& otm) {
   write_points<Dim>(
       folder_ / nodes_.back().second, otm.nodes(),
       {{"velocity", otm.velocities(), components}, {"mass", otm.masses().transpose()}, {"body", of_node}});
-  internal::write_series(folder_ / "points.pvd", points_);
-  internal::write_series(folder_ / "nodes.pvd", nodes_);
-  note(otm);
+  write_series();
 }
 
-template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm) {
+template <int Dim> void OtmRecord<Dim>::write_series() const {
+  internal::write_series(folder_ / "points.pvd", points_);
+  internal::write_series(folder_ / "nodes.pvd", nodes_);
+}
+
+template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& more) {
   const OtmBalance<Dim> now = otm.balance();
+  const OtmCounts& counts = otm.counts();
+  More line{{"t", otm.time()},
+            {"steps", counts.steps},
+            {"dt", otm.stable_step()},
+            {"kinetic", now.kinetic},
+            {"stored", now.stored},
+            {"dissipated", now.dissipated},
+            {"stabilising", now.stabilising},
+            {"viscous", now.viscous},
+            {"contact", now.contact},
+            {"renewal", now.renewal},
+            {"prescribed", now.prescribed},
+            {"total", now.total()},
+            {"nodes", otm.num_nodes()},
+            {"points", otm.num_points()},
+            {"renewals", static_cast<double>(counts.renewals)},
+            {"widened", static_cast<double>(counts.widened)}};
+  for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axes[i]), now.momentum[i]);
+  for (int i = 0; i < now.moment.size(); ++i)
+    line.emplace_back(fmt::format("moment.{}", axes[Dim == 2 ? 2 : i]), now.moment[i]);
   const Points<Dim>& walls = otm.wall_forces();
-  if (history_.empty()) {
-    history_ = "t,steps,dt,kinetic,stored,dissipated,stabilising,contact,renewal,prescribed,total";
-    for (int i = 0; i < Dim; ++i) history_ += fmt::format(",momentum.{}", axes[i]);
-    for (int i = 0; i < now.moment.size(); ++i) history_ += fmt::format(",moment.{}", axes[Dim == 2 ? 2 : i]);
-    for (Index w = 0; w < walls.cols(); ++w)
-      for (int i = 0; i < Dim; ++i) history_ += fmt::format(",wall.{}.{}", w, axes[i]);
-    history_ += '\n';
-  }
-  history_ +=
-      fmt::format("{},{},{},{},{},{},{},{},{},{},{}", otm.time(), otm.counts().steps, otm.stable_step(), now.kinetic,
-                  now.stored, now.dissipated, now.stabilising, now.contact, now.renewal, now.prescribed, now.total());
-  for (int i = 0; i < Dim; ++i) history_ += fmt::format(",{}", now.momentum[i]);
-  for (int i = 0; i < now.moment.size(); ++i) history_ += fmt::format(",{}", now.moment[i]);
   for (Index w = 0; w < walls.cols(); ++w)
-    for (int i = 0; i < Dim; ++i) history_ += fmt::format(",{}", walls(i, w));
-  history_ += '\n';
-  const fs::path file = folder_ / "history.csv";
-  std::ofstream out(file);
-  out << history_;
-  if (!out.flush()) internal::cannot_write(file);
+    for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("wall.{}.{}", w, axes[i]), walls(i, w));
+  line.insert(line.end(), more.begin(), more.end());
+  std::string added;
+  if (history_.empty()) {
+    for (const auto& [name, value] : line) added += fmt::format("{}{}", added.empty() ? "" : ",", name);
+    added += '\n';
+  }
+  for (std::size_t k = 0; k < line.size(); ++k) added += fmt::format("{}{}", k == 0 ? "" : ",", line[k].second);
+  added += '\n';
+  std::ofstream out(folder_ / history_name, history_.empty() ? std::ios::trunc : std::ios::app);
+  out << added;
+  if (!out.flush()) internal::cannot_write(folder_ / history_name);
+  history_ += added;
 }
 
 template class OtmRecord<2>;

@@ -2,22 +2,16 @@
 #include "efree/io/path_record.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/history.hpp"
 #include "efree/io/internal/cannot_write.hpp"
 #include "efree/io/internal/series.hpp"
 #include "efree/io/internal/transfer.hpp"
+#include "efree/io/internal/unfinished.hpp"
 #include "efree/io/writers.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 #include <algorithm>
-#include <bit>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <regex>
 #include <tuple>
@@ -25,6 +19,7 @@
 
 namespace efree {
 namespace fs = std::filesystem;
+using internal::link, internal::replace;
 
 // What a checkpoint is made of, for Packer and Unpacker.
 template <int Dim> static auto fields(Resultant<Dim>& of) {
@@ -53,14 +48,8 @@ template <int Dim> static auto fields(Checkpoint<Dim>& there) {
   auto& [at, history, body, linear_checks, agreed, mode] = there;
   return std::tie(at, history, body, linear_checks, agreed, mode);
 }
-static auto fields(CaseMark& mark) {
-  auto& [what, how] = mark;
-  return std::tie(what, how);
-}
 
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "checkpoints are written as they are in memory");
 
 constexpr std::string_view mark = "efree path 4\n";
 constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
@@ -74,21 +63,6 @@ template <int Dim> bool is_finite(const Checkpoint<Dim>& there) {
     return std::isfinite(sum);
   };
   return there.at.u.allFinite() && there.at.history.allFinite() && std::ranges::all_of(there.history, is_number);
-}
-
-/// Writes a file beside, then puts it in place.
-template <class Write> void replace(const fs::path& file, const Write& write) {
-  fs::path part = file;
-  part += ".part";
-  std::error_code error;
-  try {
-    write(part);
-  } catch (...) {
-    fs::remove(part, error);
-    throw;
-  }
-  fs::rename(part, file, error);
-  if (error) internal::cannot_write(file);
 }
 
 /// The fields of a step.
@@ -119,98 +93,44 @@ void write_series(const fs::path& file, const std::vector<int>& steps, const std
   internal::write_series(file, frames);
 }
 
-/// The same file at another place, without its bytes where the file system can do that.
-void link(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::create_hard_link(from, to, error);
-  if (error) fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
-  if (error) internal::cannot_write(to);
-}
-
 }  // namespace
 
 template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<Dim>& there, CaseMark of) {
   internal::Packer pack;
-  std::string by = version();
-  int dimension = Dim;
   Checkpoint<Dim> all = there;
-  pack(by), pack(dimension), pack(of), pack(all);
-  std::string bytes = std::string(mark) + std::move(pack).bytes();
-  const std::uint64_t sum = internal::Fingerprint().add(bytes).value();
-  bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
-  replace(file, [&](const fs::path& part) {
-    std::ofstream stream(part, std::ios::binary);
-    stream << bytes;
-    if (!stream.flush()) internal::cannot_write(file);
-  });
+  pack(all);
+  internal::write_sealed(file, mark, Dim, of, {std::move(pack).bytes()});
 }
 
 template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMark of) {
-  const auto fail = [&](const std::string& why) { throw InputError(fmt::format("{}: {}", file.string(), why)); };
-  constexpr const char* damaged = "the file is damaged: run without --resume";
-  std::ifstream stream(file, std::ios::binary);
-  const std::string bytes(std::istreambuf_iterator<char>(stream), {});
-  if (!stream) fail("the steps of an earlier run cannot be read");
-  if (!bytes.starts_with(mark)) fail("expected the steps of an earlier run of efree");
-  std::uint64_t sum = 0;
-  if (bytes.size() < mark.size() + sizeof sum) fail(damaged);
-  const std::string_view summed(bytes.data(), bytes.size() - sizeof sum);
-  std::memcpy(&sum, summed.end(), sizeof sum);
-  if (sum != internal::Fingerprint().add(summed).value()) fail(damaged);
-  internal::Unpacker unpack(summed.substr(mark.size()));
-  const auto read = [&](auto&... values) {
-    try {
-      (unpack(values), ...);
-    } catch (const InputError&) {
-      fail(damaged);
-    }
-  };
-  std::string by;
-  read(by);
-  if (by != version())
-    fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
-  int dimension = 0;
-  CaseMark its;
-  read(dimension, its);
-  if (dimension != Dim || its.what != of.what)
-    fail(
-        "these steps are of another case: the case file, or the geometry's, has changed by more than steps of "
-        "[time]; "
-        "run without --resume");
+  const internal::Sealed sealed = internal::read_sealed(file, mark, Dim, of);
+  internal::Unpacker unpack(sealed.packed());
   Checkpoint<Dim> there;
-  read(there);
-  if (its.how != of.how) there.at.next = 0.0;
-  if (its.how != of.how && there.agreed) there.agreed->next = 0.0;
+  try {
+    unpack(there);
+  } catch (const InputError&) {
+    internal::is_damaged(file);
+  }
+  if (sealed.of.how != of.how) there.at.next = 0.0;
+  if (sealed.of.how != of.how && there.agreed) there.agreed->next = 0.0;
   const int steps = there.at.steps;
   if (!unpack.empty() || !is_finite(there) || there.history.empty() ||
       static_cast<int>(there.history.size()) != steps ||
       (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
-    fail(damaged);
+    internal::is_damaged(file);
   return there;
 }
 
 template <int Dim> PathRecord<Dim>::PathRecord(fs::path directory, const Case<Dim>& analysis)
-    : directory_(std::move(directory)), folder_(directory_ / "unfinished"), case_(analysis) {}
+    : directory_(std::move(directory)),
+      unfinished_(std::make_unique<internal::Unfinished>(directory_)),
+      folder_(unfinished_->folder()),
+      case_(analysis) {}
 
-template <int Dim> PathRecord<Dim>::~PathRecord() {
-  if (lock_ >= 0) close(lock_);
-}
+template <int Dim> PathRecord<Dim>::~PathRecord() = default;
 
 template <int Dim> bool PathRecord<Dim>::is_unfinished() const {
   return fs::exists(folder_ / state_name);
-}
-
-/// The folder is there, and ours.
-template <int Dim> void PathRecord<Dim>::begin() {
-  if (lock_ >= 0) return;
-  std::error_code error;
-  fs::create_directory(folder_, error);
-  lock_ = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (error || lock_ < 0) internal::cannot_write(folder_ / state_name);
-  if (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    close(std::exchange(lock_, -1));
-    throw InputError(fmt::format("{}: another run goes on here, expected another --out", folder_.string()));
-  }
 }
 
 template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
@@ -220,7 +140,7 @@ template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
     throw InputError(
         fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
   Checkpoint<Dim> there = read_checkpoint<Dim>(file, case_.mark);
-  begin();
+  unfinished_->begin();
   if (!killed) {
     for (const int step : steps_in(folder_)) fs::remove(folder_ / fields_name(step));
     for (const int step : steps_in(directory_))
@@ -233,7 +153,7 @@ template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
 }
 
 template <int Dim> void PathRecord<Dim>::keep(const Checkpoint<Dim>& there, const Result<Dim>& so_far) {
-  begin();
+  unfinished_->begin();
   if (steps_ == 0)
     for (const auto& entry : fs::directory_iterator(folder_)) fs::remove_all(entry.path());
   const int now = there.at.steps;
@@ -274,10 +194,7 @@ template <int Dim> void PathRecord<Dim>::finish(OutputDirectory& out, const Resu
 }
 
 template <int Dim> void PathRecord<Dim>::forget() {
-  if (lock_ < 0) return;
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
-  close(std::exchange(lock_, -1));
+  unfinished_->forget();
 }
 
 template void write_checkpoint<2>(const fs::path&, const Checkpoint<2>&, CaseMark);

@@ -6,10 +6,15 @@
 #include "efree/io/output_directory.hpp"
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
 namespace efree {
+
+namespace internal {
+class Unfinished;
+}
 
 /// Writes a checkpoint of a case, bit for bit, with a sum that tells damage; what was in the file stays until the new
 /// one is complete. Throws InputError if the file cannot be written.
@@ -26,8 +31,6 @@ template <int Dim> class PathRecord {
   /// Refers to the case. Nothing is written yet.
   PathRecord(std::filesystem::path directory, const Case<Dim>& analysis);
   ~PathRecord();
-  PathRecord(const PathRecord&) = delete;
-  PathRecord& operator=(const PathRecord&) = delete;
 
   /// Whether a run was killed here.
   bool is_unfinished() const;
@@ -43,12 +46,12 @@ template <int Dim> class PathRecord {
   void forget();
 
  private:
-  void begin();
   void take_back(const Checkpoint<Dim>& there) const;
 
-  std::filesystem::path directory_, folder_;
+  std::filesystem::path directory_;
+  std::unique_ptr<internal::Unfinished> unfinished_;
+  std::filesystem::path folder_;
   const Case<Dim>& case_;
-  int lock_ = -1;
   int steps_ = 0;  ///< in history.csv
 };
 

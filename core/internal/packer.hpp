@@ -96,6 +96,8 @@ class Unpacker {
   explicit Unpacker(std::string_view bytes) : rest_(bytes) {}
   /// Whether there is nothing left.
   bool empty() const { return rest_.empty(); }
+  /// What is left.
+  std::string_view rest() const { return rest_; }
 
   template <class T>
   requires is_plain<T>

@@ -9,6 +9,8 @@
 #include "efree/materials/hardening.hpp"
 #include "efree/materials/moduli.hpp"
 
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace efree::internal {
@@ -16,10 +18,10 @@ namespace efree::internal {
 /// Materials from tables of numbers and expressions of the place.
 template <int Dim> class MaterialReader {
  public:
-  /// Refers to the expressions. With `finite` materials that do not say their strain have finite ones, and those that
-  /// say small ones are refused.
-  explicit MaterialReader(const Expressions<Dim>& expressions, bool finite = false)
-      : expressions_(expressions), finite_(finite) {}
+  /// Refers to the expressions. Where something `asks_for_finite` strains materials that do not say their strain have
+  /// finite ones, and those that say small ones are refused in its name.
+  explicit MaterialReader(const Expressions<Dim>& expressions, std::string asks_for_finite = {})
+      : expressions_(expressions), asks_for_finite_(std::move(asks_for_finite)) {}
 
   /// The material of the whole body, or of each region. Throws InputError that begins with "file:line: ".
   void read(const Section& root, Settings<Dim>& result) const;
@@ -43,7 +45,7 @@ template <int Dim> class MaterialReader {
   Parameter parameter(const Section& section, const char* key, const Interval& range) const;
 
   const Expressions<Dim>& expressions_;
-  bool finite_;
+  std::string asks_for_finite_;  ///< empty: nothing
 };
 
 }  // namespace efree::internal

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/otm_case.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/io/internal/case_parts.hpp"
+#include "efree/io/internal/material_reader.hpp"
+#include "efree/io/internal/read_geometry.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace efree {
+namespace {
+
+using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
+
+/// Whether this is said to be a case of bodies in motion.
+bool moves(const toml::table& table) {
+  return table["analysis"]["kind"].value_or(std::string()) == "otm";
+}
+
+template <int Dim> void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
+                                        MotionSettings<Dim>& motion) {
+  for (const Section& entry : entries) {
+    InitialVelocity<Dim> thrown{.region = entry.text("region", ""), .velocity = {}, .where = entry.where("value")};
+    for (const auto& earlier : motion.velocities)
+      if (earlier.region == thrown.region || earlier.region.empty() || thrown.region.empty())
+        entry.fail("region", fmt::format("{} a velocity already, from {}",
+                                         earlier.region.empty() ? "all bodies have"
+                                                                : fmt::format("the region \"{}\" has", earlier.region),
+                                         earlier.where));
+    thrown.velocity = expressions.fields(entry.expressions<Dim>("value"), thrown.where);
+    motion.velocities.push_back(std::move(thrown));
+  }
+}
+
+template <int Dim> void read_walls(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
+  for (const Section& entry : entries) {
+    const Vec<Dim> normal = entry.template point<Dim>("normal");
+    if (!(normal.norm() > 0.0)) entry.fail("normal", "normal is zero, expected a direction");
+    OtmWall<Dim> wall{.normal = normal.normalized()};
+    wall.level = entry.number("level", any_number, 0.0);
+    if (entry.has("friction") && entry.table().get("friction")->is_string())
+      wall.friction = entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
+    else
+      wall.friction = entry.number("friction", not_negative, 0.0);
+    motion.walls.push_back({wall, entry.where("normal")});
+  }
+}
+
+template <int Dim> void read_moved(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
+                                   internal::PlaceReader<Dim>& places, MotionSettings<Dim>& motion) {
+  constexpr const char* axes[] = {"x", "y", "z"};
+  for (const Section& entry : entries) {
+    MovedPart<Dim> part{.on = places.name(entry), .velocity = {}};
+    const auto components = entry.expressions<Dim>("velocity");
+    if (std::ranges::count(components, "free") == Dim)
+      entry.fail("velocity", "velocity leaves every component free, expected a value for one of them");
+    for (std::size_t i = 0; i < Dim; ++i) {
+      if (components[i] == "free") continue;
+      for (const auto& earlier : motion.moved)
+        if (earlier.on == part.on && earlier.velocity[i])
+          entry.fail("velocity",
+                     fmt::format("the velocity along {} on \"{}\" is prescribed already", axes[i], part.on));
+      part.velocity[i] = expressions.field(components[i], entry.where("velocity"));
+    }
+    motion.moved.push_back(std::move(part));
+  }
+}
+
+template <int Dim>
+MotionProbe<Dim> read_probe(const Section& entry, const Section& definitions, const Expressions<Dim>& expressions) {
+  using Of = typename MotionProbe<Dim>::Of;
+  Section::Keys found;
+  for (const std::string_view key : {"largest", "smallest", "extent", "at"})
+    if (entry.has(key)) found.push_back(key);
+  if (found.size() != 1)
+    entry.fail("name", fmt::format("a probe has exactly one of largest, smallest, extent, at; this one has {}",
+                                   found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
+  const std::string kind(found.front());
+  MotionProbe<Dim> probe{.name = entry.text("name"), .region = entry.text("region", ""), .where = entry.where(kind)};
+  if (kind == "at") {
+    if (entry.has("box")) entry.fail("box", "box means nothing for a single node");
+    probe.of = Of::node;
+    probe.at = entry.template point<Dim>("at");
+    return probe;
+  }
+  probe.of = kind == "largest" ? Of::largest : kind == "smallest" ? Of::smallest : Of::extent;
+  // A name that is no coordinate and none of [definitions] is a field's.
+  const std::string what = entry.expression(kind);
+  const bool is_name =
+      what.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string::npos &&
+      what.size() > 1;
+  if (is_name && std::isalpha(static_cast<unsigned char>(what.front())) && !definitions.has(what))
+    probe.field = what;
+  else
+    probe.place = expressions.field(what, entry.where(kind));
+  if (entry.has("box")) {
+    const auto [a, b] = entry.template corners<Dim>("box");
+    probe.box = BoundingBox<Dim>(a.cwiseMin(b), a.cwiseMax(b));
+  }
+  return probe;
+}
+
+template <int Dim> void read_probes(const std::vector<Section>& entries, const Section& definitions,
+                                    const Expressions<Dim>& expressions, MotionSettings<Dim>& motion) {
+  std::set<std::string> names;
+  for (const Section& entry : entries) {
+    motion.probes.push_back(read_probe<Dim>(entry, definitions, expressions));
+    const std::string& name = motion.probes.back().name;
+    if (!names.insert(name).second) entry.fail("name", fmt::format("there already is a probe named \"{}\"", name));
+  }
+}
+
+void read_options(const Section& section, bool cloud, OtmOptions& options) {
+  if (cloud)
+    for (const char* key : {"gamma", "cutoff", "renewal", "anisotropy", "momentum", "stabilisation"})
+      if (section.has(key))
+        section.fail(key, fmt::format("{} is for functions that are made anew, and those of a [cloud] are not", key));
+  options.lme.gamma = section.number("gamma", {0.1, 20.0, true, true}, options.lme.gamma);
+  options.lme.cutoff = section.number("cutoff", {1e-16, 0.1, true, true}, options.lme.cutoff);
+  options.renewal = section.number("renewal", {0.0, 0.5, true, true}, options.renewal);
+  options.anisotropy = section.number("anisotropy", {1.0, 100.0, true, true}, options.anisotropy);
+  options.momentum = section.choice<OtmMomentum>(
+      "momentum", {{"affine", OtmMomentum::affine}, {"nodes", OtmMomentum::nodes}, {"points", OtmMomentum::points}},
+      options.momentum);
+  options.courant = section.number("courant", {0.0, 1.0, false, true}, options.courant);
+  if (section.has("shock")) {
+    const Section shock = section.section("shock", {"linear", "quadratic"});
+    options.shock.linear = shock.number("linear", not_negative, options.shock.linear);
+    options.shock.quadratic = shock.number("quadratic", not_negative, options.shock.quadratic);
+  }
+  options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
+}
+
+/// Functions: at the vertices of the mesh, or on a cloud.
+template <int Dim> void read_functions(const Section& root, internal::PlaceReader<Dim>& places, OtmCase<Dim>& result) {
+  const Section cloud = root.section("cloud", internal::cloud_keys());
+  const Section quadrature = root.section("quadrature", {"basis", "ratio", "dilatation"});
+  result.motion.cloud = cloud.has("spacing");
+  if (root.has("cloud") && !cloud.has("spacing"))
+    cloud.fail("",
+               "key \"spacing\" is missing in [cloud]: without one, nodes are at the vertices of the mesh, and "
+               "there is no cloud");
+  if (!result.motion.cloud)
+    for (const char* key : {"basis", "ratio"})
+      if (quadrature.has(key))
+        quadrature.fail(key,
+                        fmt::format("{} is for a [cloud], and there is none: every cell of the mesh is a point", key));
+  internal::read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result);
+  result.approximation.grading = internal::read_grading(cloud, places, result.graded);
+  result.motion.shared_dilatation = quadrature.switch_or_auto("dilatation").value_or(true);
+}
+
+template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const toml::table& table, const Section& root,
+                                     const Section& geometry, const Reading& reading) {
+  const Section analysis = root.required_section("analysis", {"kind", "plane"});
+  const Section time = root.required_section("time", {"end", "max_step", "min_step"});
+  const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
+  const auto velocities = root.sections("velocity", {"region", "value"});
+  const auto walls = root.sections("wall", {"normal", "level", "friction"});
+  const auto boundaries = root.sections("boundary", {"on", "velocity"});
+  const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
+  const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
+
+  OtmCase<Dim> result;
+  MotionSettings<Dim>& motion = result.motion;
+  result.where = file.string();
+  result.said = internal::places_in(root);
+  result.title = root.text("title", file.stem().string());
+  result.keeps_free_bodies = true;
+  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
+  if (Dim == 3 && analysis.has("plane"))
+    analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
+  result.model.plane =
+      analysis.choice<Plane>("plane", {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
+                             Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+  const Expressions<Dim> expressions = internal::read_definitions<Dim>(
+      root, result.geometry.grey, {std::nullopt, "velocities are those at the start, or do not change"});
+  internal::MaterialReader<Dim>(expressions, "bodies in motion ask").read(root, result);
+  internal::PlaceReader<Dim> places(result);
+  read_velocities<Dim>(velocities, expressions, motion);
+  read_walls<Dim>(walls, motion);
+  read_moved<Dim>(boundaries, expressions, places, motion);
+  read_functions(root, places, result);
+  read_options(root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "momentum", "courant", "stabilisation",
+                                    "shock"}),
+               motion.cloud, motion.options);
+  const Section contact = root.section("contact", {"stiffness", "friction"});
+  motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);
+  motion.options.contact.friction = contact.number("friction", not_negative, motion.options.contact.friction);
+  for (const Section& entry : gases)
+    motion.gases.push_back({.on = places.name(entry),
+                            .pressure = entry.number("pressure", any_number),
+                            .exponent = entry.number("exponent", positive, GasInside{}.exponent),
+                            .where = entry.where("on")});
+  motion.end = time.number("end", positive);
+  motion.max_step = time.number("max_step", positive, motion.max_step);
+  motion.min_step = time.number("min_step", {0.0, motion.max_step, false, true}, motion.min_step);
+  motion.frames = static_cast<Index>(output.integer("frames", 0, 100000, motion.frames));
+  motion.lines = static_cast<Index>(output.integer("history", 0, 10000000, motion.lines));
+  motion.checkpoint = output.number("checkpoint", positive, motion.checkpoint);
+  motion.colour = output.text("colour", "");
+  read_probes<Dim>(probes, root.section("definitions", {}), expressions, motion);
+  toml::table what = table;
+  what.erase("time");
+  what.erase("output");
+  internal::Fingerprint mark;
+  mark.add(internal::text_of(toml::node_view<const toml::node>(what)));
+  if (geometry.has("file")) internal::add_file(mark, file.parent_path() / geometry.text("file"));
+  result.mark = {mark.value(), 0};
+  return result;
+}
+
+}  // namespace
+
+bool is_otm_case(const std::filesystem::path& file) {
+  return moves(internal::parse_toml(file.string()));
+}
+
+AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
+  const toml::table table = internal::parse_toml(file.string());
+  const Section root(table, "", file.string(),
+                     {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
+                      "wall", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
+  const Section geometry = root.required_section("geometry", internal::geometry_keys());
+  const Section analysis = root.required_section("analysis", {"kind", "plane"});
+  if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");
+  if (internal::geometry_dimension(geometry, file.parent_path(), analysis.has("plane"), reading, monitor) == 2)
+    return read<2>(file, table, root, geometry, reading);
+  return read<3>(file, table, root, geometry, reading);
+}
+
+}  // namespace efree

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/otm_run.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/internal/packer.hpp"
+#include "efree/core/memory.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/unfinished.hpp"
+#include "efree/io/picture.hpp"
+#include "efree/io/writers.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <tuple>
+
+namespace efree {
+namespace fs = std::filesystem;
+
+// What a checkpoint is made of, for Packer and Unpacker.
+static auto fields(EnergyWatch& of) {
+  auto& [start, scale, off, furthest, since, begun] = of;
+  return std::tie(start, scale, off, furthest, since, begun);
+}
+
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::string_view kind = "efree otm 1\n";
+constexpr const char* state_name = "otm.state";
+
+template <class Values> ordered_json array(const Values& values) {
+  return std::vector<double>(values.begin(), values.end());
+}
+
+/// What probes say, by columns.
+template <int Dim>
+typename OtmRecord<Dim>::More columns(const MotionSettings<Dim>& motion, const MovingBodies<Dim>& bodies) {
+  constexpr const char* axes[] = {"x", "y", "z"};
+  typename OtmRecord<Dim>::More more;
+  for (const auto& [name, values] : measure(motion, bodies)) {
+    const std::string column = "probe." + name;
+    if (values.size() == 1) {
+      more.emplace_back(column, values[0]);
+      continue;
+    }
+    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.u{}", column, axes[i]), values[i]);
+    for (int i = 0; i < Dim; ++i) more.emplace_back(fmt::format("{}.v{}", column, axes[i]), values[Dim + i]);
+  }
+  return more;
+}
+
+}  // namespace
+
+template <int Dim> OtmRun<Dim>::OtmRun(fs::path directory, const OtmCase<Dim>& of, bool pictures)
+    : directory_(std::move(directory)),
+      case_(of),
+      pictures_(pictures),
+      unfinished_(std::make_unique<internal::Unfinished>(directory_)) {}
+template <int Dim> OtmRun<Dim>::~OtmRun() = default;
+
+template <int Dim> bool OtmRun<Dim>::is_unfinished() const {
+  return fs::exists(unfinished_->folder() / state_name);
+}
+
+template <int Dim> void OtmRun<Dim>::begin() {
+  if (record_) return;
+  unfinished_->begin();
+  for (const auto& entry : fs::directory_iterator(unfinished_->folder())) fs::remove_all(entry.path());
+  record_.emplace(unfinished_->folder());
+}
+
+template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWatch& energy) {
+  const bool killed = is_unfinished();
+  const fs::path folder = killed ? unfinished_->folder() : directory_, file = folder / state_name;
+  if (!fs::exists(file))
+    throw InputError(
+        fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
+  const internal::Sealed sealed = internal::read_sealed(file, kind, Dim, case_.mark);
+  unfinished_->begin();
+  std::string record;
+  try {
+    internal::Unpacker unpack(sealed.packed());
+    unpack(energy);
+    unpack(record);
+    bodies.otm.restore(unpack.rest());
+  } catch (const InputError&) {
+    internal::is_damaged(file);
+  }
+  if (!killed)
+    for (const auto& entry : fs::directory_iterator(directory_))
+      if (const std::string name = entry.path().filename().string();
+          OtmRecord<Dim>::is_ours(name) || name == state_name)
+        internal::link(entry.path(), unfinished_->folder() / name);
+  record_.emplace(unfinished_->folder(), record);
+}
+
+template <int Dim> void OtmRun<Dim>::line(const MovingBodies<Dim>& bodies) {
+  begin();
+  record_->note(bodies.otm, columns(case_.motion, bodies));
+}
+
+template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
+  begin();
+  const Otm<Dim>& otm = bodies.otm;
+  const std::string picture = fmt::format("frame_{:04}.png", record_->num_frames());
+  record_->add_frame(otm);
+  if (!pictures_) return;
+  const auto scalars = point_scalars(otm);
+  const auto find = [&](const std::string& name) {
+    return std::ranges::find(scalars, name, [](const auto& entry) { return entry.first; });
+  };
+  auto field = find(case_.motion.colour.empty() ? "equivalent_plastic_strain" : case_.motion.colour);
+  if (field == scalars.end()) field = find("von_mises");
+  BoundingBox<Dim> view(bodies.start.rowwise().minCoeff(), bodies.start.rowwise().maxCoeff());
+  for (Index a = 0; a < otm.num_nodes(); ++a) view.extend(Vec<Dim>(otm.nodes().col(a)));
+  MotionPicture<Dim> drawn{.points = otm.points(),
+                           .F = otm.deformation(),
+                           // Points that came later are as large as the others are.
+                           .size = bodies.size.size() == otm.num_points()
+                                       ? bodies.size
+                                       : Vector::Constant(otm.num_points(), bodies.size.mean()),
+                           .values = field->second,
+                           .title = fmt::format("{}, time {:.4g}", case_.title, otm.time()),
+                           .field = field->first,
+                           .view = view,
+                           .axisymmetric = case_.model.plane == Plane::axisymmetric};
+  for (const auto& [wall, where] : case_.motion.walls) drawn.walls.push_back(wall);
+  draw_motion(unfinished_->folder() / picture, drawn);
+}
+
+template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy) {
+  begin();
+  std::string record = record_->state();
+  EnergyWatch there = energy;
+  internal::Packer pack;
+  pack(there);
+  pack(record);
+  internal::write_sealed(unfinished_->folder() / state_name, kind, Dim, case_.mark,
+                         {std::move(pack).bytes(), bodies.otm.state()});
+}
+
+template <int Dim> void OtmRun<Dim>::finish(OutputDirectory& out) const {
+  for (const auto& entry : fs::directory_iterator(directory_))
+    if (const std::string name = entry.path().filename().string(); OtmRecord<Dim>::is_ours(name) || name == state_name)
+      out.supersede(name);
+  for (const auto& entry : fs::directory_iterator(unfinished_->folder()))
+    if (const std::string name = entry.path().filename().string(); OtmRecord<Dim>::is_ours(name) || name == state_name)
+      internal::link(entry.path(), out.file(name));
+}
+
+template <int Dim> void OtmRun<Dim>::forget() {
+  unfinished_->forget();
+}
+
+template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
+                                                        const EnergyWatch& energy) {
+  std::vector<std::string> warnings = bodies.warnings;
+  if (std::abs(energy.largest_error()) > warned_imbalance)
+    warnings.push_back(
+        fmt::format("the energy is off by up to {:.2g} %: smaller steps (otm.courant) or finer bodies "
+                    "may help",
+                    100.0 * energy.largest_error()));
+  for (const auto& [name, values] : measure(of.motion, bodies))
+    if (std::isnan(values[0])) warnings.push_back(fmt::format("probe \"{}\": nothing is in its box at the end", name));
+  return warnings;
+}
+
+template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
+                                         const EnergyWatch& energy, const MotionEnd& end,
+                                         const std::vector<std::string>& warnings, const StageTimes& times) {
+  const Otm<Dim>& otm = bodies.otm;
+  const OtmBalance<Dim> now = otm.balance();
+  const OtmCounts& counts = otm.counts();
+  const OtmTimes spent = otm.times();
+  ordered_json json;
+  json["title"] = of.title;
+  json["kind"] = "otm";
+  json["dimension"] = Dim;
+  json["bodies"] = bodies.names;
+  json["time"] = otm.time();
+  if (!end.refusal.empty()) json["stopped"] = end.refusal;
+  json["counts"] = {{"nodes", otm.num_nodes()},    {"material_points", otm.num_points()},
+                    {"steps", counts.steps},       {"updates", counts.updates},
+                    {"renewals", counts.renewals}, {"iterations", counts.iterations},
+                    {"widened", counts.widened}};
+  json["stable_step"] = otm.stable_step();
+  json["energy"] = {
+      {"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
+      {"dissipated", now.dissipated}, {"stabilising", now.stabilising}, {"viscous", now.viscous},
+      {"contact", now.contact},       {"renewal", now.renewal},         {"prescribed", now.prescribed},
+      {"total", now.total()},         {"error", energy.error()},        {"largest_error", energy.largest_error()}};
+  json["momentum"] = array(now.momentum);
+  json["moment_of_momentum"] = array(now.moment);
+  for (Index w = 0; w < otm.wall_forces().cols(); ++w)
+    json["walls"].push_back({{"force", array(otm.wall_forces().col(w))}});
+  json["probes"] = ordered_json::object();
+  for (const auto& [name, values] : measure(of.motion, bodies)) {
+    if (values.size() > 1)
+      json["probes"][name] = {{"displacement", std::vector<double>(values.begin(), values.begin() + Dim)},
+                              {"velocity", std::vector<double>(values.begin() + Dim, values.end())}};
+    else if (!std::isnan(values[0]))
+      json["probes"][name] = values[0];
+  }
+  const Points<Dim> points = otm.points();
+  for (const auto& [name, values] : point_scalars(otm)) {
+    Index most = 0, least = 0;
+    values.maxCoeff(&most);
+    values.minCoeff(&least);
+    json["extremes"][name] = {{"max", {{"value", values[most]}, {"at", array(points.col(most))}}},
+                              {"min", {{"value", values[least]}, {"at", array(points.col(least))}}}};
+  }
+  json["reports"]["warnings"] = warnings;
+  const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
+                     spent.nodes + spent.contact;
+  if (all > 0.0)
+    json["shares"] = {{"functions", spent.functions / all}, {"kinematics", spent.kinematics / all},
+                      {"materials", spent.materials / all}, {"forces", spent.forces / all},
+                      {"stability", spent.stability / all}, {"nodes", spent.nodes / all},
+                      {"contact", spent.contact / all}};
+  for (const auto& [stage, seconds] : times.stages()) json["seconds"][stage] = seconds;
+  json["seconds"]["total"] = times.total();
+  json["peak_memory_mb"] = peak_memory_mb();
+  json["threads"] = num_threads();
+  json["version"] = version();
+  std::ofstream stream(file);
+  stream << json.dump(2, ' ', false, ordered_json::error_handler_t::replace) << '\n';
+  if (!stream.flush()) internal::cannot_write(file);
+}
+
+template class OtmRun<2>;
+template class OtmRun<3>;
+template std::vector<std::string> warnings_of(const OtmCase<2>&, const MovingBodies<2>&, const EnergyWatch&);
+template std::vector<std::string> warnings_of(const OtmCase<3>&, const MovingBodies<3>&, const EnergyWatch&);
+template void write_otm_result(const fs::path&, const OtmCase<2>&, const MovingBodies<2>&, const EnergyWatch&,
+                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
+template void write_otm_result(const fs::path&, const OtmCase<3>&, const MovingBodies<3>&, const EnergyWatch&,
+                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
+
+}  // namespace efree

@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Bodies in motion from case files: what is refused, what comes of a run, runs that are killed and go on.
+#include "efree/io/otm_case.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/tests/io/workspace.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <set>
+
+namespace efree {
+namespace {
+
+using test::content, test::json, test::replaced, test::Workspace;
+using ::testing::HasSubstr, ::testing::ThrowsMessage;
+namespace fs = std::filesystem;
+
+/// A strip of rubber that falls onto a wall and comes back.
+const std::string rubber = R"toml(title = "strip"
+[geometry]
+shape = "rectangle"
+parameters = { width = 2, height = 1 }
+mesh_size = 0.25
+[analysis]
+kind = "otm"
+plane = "strain"
+[material]
+model = "neo_hookean"
+E = 1
+nu = 0.3
+density = 1
+[[velocity]]
+value = [0, "-0.2"]
+[[wall]]
+normal = [0, 2]
+level = -0.1
+[time]
+end = 4
+[output]
+frames = 3
+history = 20
+[[probe]]
+name = "height"
+extent = "y"
+[[probe]]
+name = "corner"
+at = [2, 1]
+)toml";
+
+std::string with(const std::string& from, const std::string& to) {
+  return replaced(rubber, from, to);
+}
+std::string without(const std::string& line) {
+  return replaced(rubber, line + "\n", "");
+}
+
+/// Reads, and sets in motion.
+void start(const std::string& text) {
+  const Workspace workspace(text);
+  std::visit([](const auto& of) { set_in_motion(of); }, read_otm_case(workspace / "case.toml"));
+}
+auto refuses(const std::string& text) {
+  return [text] { start(text); };
+}
+auto says(const std::string& what) {
+  return ThrowsMessage<InputError>(testing::AllOf(HasSubstr("case.toml:"), HasSubstr(what)));
+}
+
+TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
+  EXPECT_THAT(refuses(without("density = 1")), says("density is missing"));
+  EXPECT_THAT(refuses(with("density = 1", "density = \"1 - x\"")), says("density is -"));
+  EXPECT_THAT(refuses(with("\"neo_hookean\"", "\"linear_elastic\"")), says("for small strains"));
+  EXPECT_THAT(refuses(with("nu = 0.3", "nu = 0.3\nyield = 1")), says("means nothing for model"));
+  EXPECT_THAT(refuses(with("\"neo_hookean\"\nE = 1", "\"j2\"\nyield = 1\nstrain = \"small\"\nE = 1")),
+              says("bodies in motion ask for finite strains"));
+  EXPECT_THAT(refuses(with("value = [0", "region = \"bolt\"\nvalue = [0")), says("bolt"));
+  EXPECT_THAT(refuses(with("value = [0, \"-0.2\"]", "value = [0]")), says("expected an array of 2"));
+  EXPECT_THAT(refuses(with("\"-0.2\"", "\"log(x - 1)\"")), says("log(x - 1)"));
+  EXPECT_THAT(refuses(with("\"-0.2\"", "\"-t\"")), says("velocities are those at the start"));
+  EXPECT_THAT(refuses(with("[[wall]]", "[[velocity]]\nvalue = [1, 0]\n[[wall]]")), says("a velocity already"));
+  EXPECT_THAT(refuses(with("normal = [0, 2]", "normal = [0, 0]")), says("normal is zero"));
+  EXPECT_THAT(refuses(with("level = -0.1", "level = 0.1")), says("reach through the wall by 0.1"));
+  EXPECT_THAT(refuses(with("level = -0.1", "friction = \"glue\"")), says("stick"));
+  EXPECT_THAT(refuses(with("level = -0.1", "friction = -1")), says("expected a number >= 0"));
+  EXPECT_THAT(refuses(with("end = 4", "end = -4")), says("expected a number > 0"));
+  EXPECT_THAT(refuses(without("end = 4")), says("\"end\" is missing"));
+  EXPECT_THAT(refuses(with("end = 4", "end = 4\nstep = 1")), says("step"));
+  EXPECT_THAT(refuses(with("frames = 3", "frames = 2.5")), says("frames"));
+  EXPECT_THAT(refuses(with("\"strain\"", "\"stress\"")), says("axisymmetric"));
+  EXPECT_THAT(refuses(rubber + "[[boundary]]\non = \"rim\"\nvelocity = [0, 0]\n"), says("rim"));
+  EXPECT_THAT(refuses(replaced(with("\"strain\"", "\"axisymmetric\""), "width = 2", "width = 2, x = -1")),
+              says("reaches to x = -1"));
+  EXPECT_THAT(refuses(rubber + "[[boundary]]\non = \"left\"\nvelocity = [\"free\", \"free\"]\n"),
+              says("every component"));
+  EXPECT_THAT(refuses(rubber + "[[boundary]]\non = \"left\"\ntraction = [1, 0]\n"), says("traction"));
+  EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"temperature\"")), says("von_mises"));
+  EXPECT_THAT(refuses(with("frames = 3", "colour = \"red\"")), says("no field \"red\""));
+  EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"y\"\nsmallest = \"y\"")), says("exactly one of"));
+  EXPECT_THAT(refuses(with("\"corner\"", "\"height\"")), says("already is a probe"));
+  EXPECT_THAT(refuses(rubber + "[cloud]\nsupport = 2\n"), says("\"spacing\" is missing"));
+  EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[otm]\ngamma = 2\n"), says("gamma is for functions"));
+  EXPECT_THAT(refuses(rubber + "[otm]\ncourant = 2\n"), says("courant"));
+  EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
+  EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
+  EXPECT_THAT(refuses(with("\"otm\"", "\"motion\"")), says("kind"));
+}
+
+TEST(OtmCase, CasesOfOneKindAreNoneOfTheOther) {
+  const Workspace still, moving(rubber);
+  EXPECT_FALSE(is_otm_case(still / "case.toml"));
+  EXPECT_TRUE(is_otm_case(moving / "case.toml"));
+  EXPECT_THAT([&] { read_case(moving / "case.toml"); }, says("efree run"));
+  EXPECT_THAT([&] { read_otm_case(still / "case.toml"); }, ThrowsMessage<InputError>(HasSubstr("case.toml")));
+}
+
+TEST(OtmCase, BodiesAreAsTheCaseSays) {
+  const Workspace workspace(with("level = -0.1", "level = -0.1\nfriction = \"stick\"") +
+                            "[otm]\ngamma = 1.5\nrenewal = 0.1\n");
+  const auto of = std::get<OtmCase<2>>(read_otm_case(workspace / "case.toml"));
+  ASSERT_EQ(of.motion.walls.size(), 1u);
+  EXPECT_EQ(of.motion.walls[0].wall.normal, Vec<2>(0, 1));
+  EXPECT_TRUE(std::isinf(of.motion.walls[0].wall.friction));
+  EXPECT_EQ(of.motion.options.lme.gamma, 1.5);
+  EXPECT_EQ(of.motion.options.renewal, 0.1);
+  const MovingBodies<2> bodies = set_in_motion(of);
+  EXPECT_EQ(bodies.otm.num_bodies(), 1);
+  EXPECT_NEAR(bodies.otm.masses().sum(), 2.0, 1e-12);
+  EXPECT_NEAR(bodies.otm.balance().momentum[1], -0.4, 1e-12);
+  EXPECT_EQ(bodies.otm.velocities().row(0).cwiseAbs().maxCoeff(), 0.0);
+}
+
+Workspace::Run run(const Workspace& workspace, const std::string& text, std::vector<std::string> more = {}) {
+  workspace.write("case.toml", text);
+  std::vector<std::string> arguments{"run", "case.toml", "--out", "out", "--threads", "1", "--no-picture"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return workspace.efree(arguments);
+}
+
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+  return names;
+}
+
+/// A column of history.csv.
+std::vector<double> column(const fs::path& file, const std::string& name) {
+  std::istringstream lines(content(file));
+  std::string line, cell;
+  std::getline(lines, line);
+  std::istringstream header(line);
+  std::size_t at = 0;
+  while (std::getline(header, cell, ',') && cell != name) ++at;
+  EXPECT_EQ(cell, name);
+  std::vector<double> values;
+  while (std::getline(lines, line)) {
+    std::istringstream cells(line);
+    for (std::size_t k = 0; k <= at; ++k) std::getline(cells, cell, ',');
+    values.push_back(std::stod(cell));
+  }
+  return values;
+}
+
+TEST(OtmRun, StripComesBackFromTheWallWithItsEnergyAccounted) {
+  const Workspace workspace;
+  const auto done = run(workspace, rubber);
+  ASSERT_EQ(done.status, 0) << done.output;
+  const fs::path out = workspace / "out";
+  EXPECT_EQ(names_in(out),
+            (std::set<std::string>{"history.csv", "nodes.pvd", "nodes_0000.vtu", "nodes_0001.vtu", "nodes_0002.vtu",
+                                   "nodes_0003.vtu", "otm.state", "points.pvd", "points_0000.vtu", "points_0001.vtu",
+                                   "points_0002.vtu", "points_0003.vtu", "result.json"}));
+  const auto result = json(out / "result.json");
+  EXPECT_EQ(result["time"], 4.0);
+  EXPECT_NEAR(result["energy"]["start"].get<double>(), 0.04, 1e-12);
+  EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+  EXPECT_GT(result["momentum"][1].get<double>(), 0.1);  // upwards
+  EXPECT_NEAR(result["momentum"][0].get<double>(), 0.0, 1e-12);
+  EXPECT_TRUE(result["reports"]["warnings"].empty());
+  double share = 0.0;
+  for (const auto& of : result["shares"]) share += of.get<double>();
+  EXPECT_NEAR(share, 1.0, 1e-9);
+  const auto t = column(out / "history.csv", "t"), height = column(out / "history.csv", "probe.height"),
+             corner = column(out / "history.csv", "probe.corner.uy"),
+             vy = column(out / "history.csv", "probe.corner.vy");
+  EXPECT_GE(t.size(), 20u);
+  EXPECT_LE(t.size(), 22u);
+  EXPECT_EQ(t.front(), 0.0);
+  EXPECT_EQ(t.back(), 4.0);
+  EXPECT_EQ(vy.front(), -0.2);
+  EXPECT_EQ(corner.back(), result["probes"]["corner"]["displacement"][1].get<double>());
+  EXPECT_EQ(height.back(), result["probes"]["height"].get<double>());
+  EXPECT_LT(*std::ranges::min_element(height), 0.95);
+}
+
+TEST(OtmRun, SolveIsTheSameAndHistoryDoesNotChangeSteps) {
+  const Workspace one, other;
+  ASSERT_EQ(run(one, rubber).status, 0);
+  other.write("case.toml", replaced(replaced(rubber, "frames = 3", "frames = 1"), "history = 20", "history = 7"));
+  ASSERT_EQ(other.efree({"solve", "case.toml", "--out", "out", "--quiet"}).status, 0);
+  EXPECT_EQ(content(one / "out/nodes_0003.vtu"), content(other / "out/nodes_0001.vtu"));
+  EXPECT_GT(fs::file_size(other / "out/frame_0001.png"), 1000u);
+}
+
+TEST(OtmRun, NodesOnACloudFollowTheFunctionsOfTheStaticSolver) {
+  const Workspace workspace;
+  const auto done = run(workspace, with("mesh_size = 0.25", "mesh_size = 0.06") +
+                                       "[cloud]\nspacing = 0.3\n[[boundary]]\non = \"top\"\nvelocity = [0, -0.05]\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_LT(result["counts"]["nodes"].get<int>(), 80);
+  EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.2, 1e-12);
+  EXPECT_EQ(result["probes"]["corner"]["displacement"][0].get<double>(), 0.0);
+}
+
+TEST(OtmRun, RegionsAreBodiesOfTheirOwn) {
+  const Workspace workspace;
+  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {3, 0, 0, 1, 1};
+Physical Surface("one") = {1};
+Physical Surface("two") = {2};
+)");
+  const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
+  const auto done = run(workspace,
+                        "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.3\n[analysis]\nkind = \"otm\"\n"
+                        "plane = \"strain\"\n[[material]]\nregion = \"one\"\ndensity = 1\n" +
+                            material + "[[material]]\nregion = \"two\"\ndensity = 3\n" + material +
+                            "[[velocity]]\nregion = \"two\"\nvalue = [1, 0]\n[time]\nend = 0.5\n"
+                            "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n"
+                            "[[probe]]\nname = \"two\"\nsmallest = \"x\"\nregion = \"two\"\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_EQ(result["bodies"], (std::vector<std::string>{"one", "two"}));
+  EXPECT_NEAR(result["momentum"][0].get<double>(), 3.0, 1e-12);
+  EXPECT_NEAR(result["probes"]["one"].get<double>(), 1.0, 1e-12);
+  EXPECT_NEAR(result["probes"]["two"].get<double>(), 3.5, 1e-12);
+}
+
+TEST(OtmRun, BodiesThatMeetPushEachOtherAndMassVariesAsTheCaseSays) {
+  const Workspace workspace;
+  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {1.1, 0, 0, 1, 1};
+Physical Surface("one") = {1};
+Physical Surface("two") = {2};
+)");
+  const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
+  const auto done =
+      run(workspace,
+          "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"otm\"\n"
+          "plane = \"strain\"\n[[material]]\nregion = \"one\"\ndensity = \"1 + y\"\n" +
+              material + "[[material]]\nregion = \"two\"\ndensity = 1.5\n" + material +
+              "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n[contact]\nfriction = 0.1\n[time]\nend = 8\n"
+              "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
+              "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_NEAR(result["momentum"][0].get<double>(), -0.15, 1e-12);  // both bodies have a mass of 1.5
+  EXPECT_GT(result["probes"]["gap"].get<double>(), result["probes"]["one"].get<double>() - 0.02);
+  EXPECT_LT(result["probes"]["one"].get<double>(), 0.9);  // pushed away
+}
+
+TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
+  const Workspace workspace;
+  // Steps at the bound of stability of a body that is thrown to twice its size.
+  const std::string wild = replaced(replaced(rubber, "value = [0, \"-0.2\"]", "value = [\"1.5*x\", \"-3*y\"]"),
+                                    "level = -0.1", "level = 0") +
+                           "[otm]\ncourant = 1\n";
+  const auto done = run(workspace, wild);
+  EXPECT_EQ(done.status, 3) << done.output;
+  const auto failure = json(workspace / "out/failure.json");
+  EXPECT_EQ(failure["stage"], "motion");
+  EXPECT_EQ(failure["results"], "of this run");
+  EXPECT_THAT(failure["reason"].get<std::string>(), HasSubstr("at time"));
+  EXPECT_GE(column(workspace / "out/history.csv", "t").size(), 1u);
+  EXPECT_TRUE(fs::exists(workspace / "out/points_0000.vtu"));
+  EXPECT_FALSE(fs::exists(workspace / "out/unfinished"));
+  // And one that ends well takes its place.
+  ASSERT_EQ(run(workspace, rubber).status, 0);
+  EXPECT_FALSE(fs::exists(workspace / "out/failure.json"));
+}
+
+/// Of many steps, with a checkpoint every hundredth of a second.
+std::string long_run() {
+  return replaced(replaced(replaced(rubber, "mesh_size = 0.25", "mesh_size = 0.1"), "end = 4", "end = 12"),
+                  "frames = 3\nhistory = 20", "frames = 12\nhistory = 300\ncheckpoint = 0.01");
+}
+
+/// Runs it, and sends a signal once history.csv has this many lines. The status it ends with.
+int stopped(const Workspace& work, const std::string& out, int lines, int signal, bool resume = false) {
+  const std::string script = fmt::format(
+      "\"{}\" run case.toml --out {} --no-picture --quiet --threads 1 {} & p=$!\n"
+      "while kill -0 $p 2>/dev/null && {{ [ ! -e {}/unfinished/otm.state ] || "
+      "[ $(cat {}/unfinished/history.csv 2>/dev/null | wc -l) -lt {} ]; }}; do sleep 0.01; done\n"
+      "kill -{} $p; wait $p",
+      EFREE_PROGRAM, out, resume ? "--resume" : "", out, out, lines, signal);
+  std::string output;
+  return run_program(work / "", {"/bin/sh", "-c", script}, &output);
+}
+
+/// But for the clock.
+nlohmann::json numbers(const fs::path& folder) {
+  auto all = json(folder / "result.json");
+  for (const char* key : {"seconds", "shares", "peak_memory_mb", "threads"}) all.erase(key);
+  return all;
+}
+
+void expect_same(const fs::path& a, const fs::path& b) {
+  EXPECT_EQ(names_in(a), names_in(b));
+  for (const std::string& name : names_in(a))
+    EXPECT_TRUE(name == "result.json" || name == "otm.state" || content(a / name) == content(b / name)) << name;
+  EXPECT_EQ(numbers(a), numbers(b));
+}
+
+TEST(OtmRun, ThatWasStoppedGoesOnToTheSameEndBitForBit) {
+  const Workspace work(long_run());
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture", "--threads", "2"}).status, 0);
+  ASSERT_EQ(stopped(work, "out", 100, 9), 128 + 9) << "it was done before";
+  EXPECT_FALSE(fs::exists(work / "out/result.json"));
+  ASSERT_EQ(stopped(work, "out", 150, 15, true), 128 + 15) << "it was done before";
+  EXPECT_EQ(names_in(work / "out"), (std::set<std::string>{"unfinished"})) << "nothing else is left behind";
+  const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+  ASSERT_EQ(done.status, 0) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("goes on from step"));
+  expect_same(work / "whole", work / "out");
+}
+
+TEST(OtmRun, ATimeLimitStopsItAndAResumedOneEndsAllTheSame) {
+  const Workspace work(long_run());
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture"}).status, 0);
+  const auto limited = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--time-limit", "0.05"});
+  EXPECT_EQ(limited.status, 3);
+  EXPECT_THAT(limited.output, HasSubstr("--resume goes on"));
+  EXPECT_TRUE(fs::exists(work / "out/failure.json"));
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"}).status, 0);
+  expect_same(work / "whole", work / "out");
+  // One that ended goes further.
+  work.write("case.toml", replaced(long_run(), "end = 12", "end = 13"));
+  const auto further = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+  ASSERT_EQ(further.status, 0) << further.output;
+  EXPECT_EQ(json(work / "out/result.json")["time"], 13.0);
+  EXPECT_EQ(column(work / "out/history.csv", "t").front(), 0.0);
+}
+
+TEST(OtmRun, CheckpointsOfOtherCasesAndDamagedOnesAreRefused) {
+  const Workspace work(rubber);
+  const auto refuses = [&](const std::string& why) {
+    const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
+    EXPECT_EQ(done.status, 2) << done.output;
+    EXPECT_THAT(done.output, HasSubstr(why));
+  };
+  refuses("no steps of an earlier run");
+  ASSERT_EQ(run(work, rubber).status, 0);
+  work.write("case.toml", with("density = 1", "density = 2"));
+  refuses("of another case");
+  work.write("case.toml", rubber + "[otm]\ncourant = 0.4\n");
+  refuses("of another case");
+  work.write("case.toml", rubber);
+  const std::string whole = content(work / "out/otm.state");
+  for (const std::size_t at : {whole.size() / 2, whole.size() - 20}) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] + 1);
+    work.write("out/otm.state", damaged);
+    refuses("damaged");
+  }
+  work.write("out/otm.state", whole.substr(0, whole.size() / 2));
+  refuses("damaged");
+  work.write("out/otm.state", "other");
+  refuses("expected the steps");
+}
+
+TEST(OtmRun, TaylorBarOfTheExamplesEndsInTheBandsOfPublishedComputations) {
+  const Workspace workspace;
+  const auto done = run(workspace, content(fs::path(EFREE_EXAMPLES) / "impact/taylor_bar.toml"));
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_GT(result["probes"]["length"].get<double>(), 21.4e-3);
+  EXPECT_LT(result["probes"]["length"].get<double>(), 21.7e-3);
+  EXPECT_GT(result["probes"]["foot"].get<double>(), 6.9e-3);
+  EXPECT_LT(result["probes"]["foot"].get<double>(), 7.3e-3);
+  EXPECT_EQ(result["probes"]["plastic strain"], result["extremes"]["equivalent_plastic_strain"]["max"]["value"]);
+  EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+}
+
+}  // namespace
+}  // namespace efree
