@@ -86,6 +86,7 @@ struct ShockTube {
     options.lme.gamma = 4.0;
     options.renewal = 0.5;
     options.stabilisation = 0.0;  // gas has no stiffness against shear
+    options.merging = 0.0;        // points are counted
     options.shock = {.linear = 0.5, .quadratic = 2.0};
     return options;
   }
@@ -101,30 +102,35 @@ struct ShockTube {
       otm.prescribe(a + cells, 0, problem.right.velocity);
     }
   }
+  /// Cells of a strip from -1/2 to 1/2, of density 1 and at rest.
+  static OtmBody<2> strip(Index cells, SharedMaterial material) {
+    const double h = 1.0 / cells;
+    OtmBody<2> result{.nodes = Points<2>(2, 2 * (cells + 1)),
+                      .velocity = Points<2>::Zero(2, 2 * (cells + 1)),
+                      .points = Points<2>(2, cells),
+                      .volumes = Vector::Constant(cells, h * h),
+                      .unions = {},
+                      .material = std::move(material),
+                      .densities = Vector::Ones(cells)};
+    for (Index k = 0; k <= cells; ++k) {
+      result.nodes.col(k) << k * h - 0.5, 0.0;
+      result.nodes.col(k + cells + 1) << k * h - 0.5, h;
+    }
+    for (Index p = 0; p < cells; ++p) result.points.col(p) << (p + 0.5) * h - 0.5, 0.5 * h;
+    return result;
+  }
   static OtmBody<2> body(const RiemannProblem& problem, Index cells, bool elements) {
     const double h = 1.0 / cells;
-    OtmBody<2> result{
-        .nodes = Points<2>(2, 2 * (cells + 1)),
-        .velocity = Points<2>::Zero(2, 2 * (cells + 1)),
-        .points = Points<2>(2, cells),
-        .volumes = Vector::Constant(cells, h * h),
-        .unions = {},
-        .material = Fluid(
-            {.state = EquationOfState::ideal_gas(problem.gamma),
-             .pressure = [=](const Vec<3>& X) { return X[0] < 0.0 ? problem.left.pressure : problem.right.pressure; }}),
-        .densities = Vector(cells)};
+    const auto pressure = [=](const Vec<3>& X) { return X[0] < 0.0 ? problem.left.pressure : problem.right.pressure; };
+    OtmBody<2> result = strip(cells, Fluid({.state = EquationOfState::ideal_gas(problem.gamma), .pressure = pressure}));
     for (Index k = 0; k <= cells; ++k)
-      for (const Index a : {k, k + cells + 1}) {
-        result.nodes.col(a) << k * h - 0.5, a == k ? 0.0 : h;
+      for (const Index a : {k, k + cells + 1})
         // The node between the gases has what both bring in the mean.
         result.velocity(0, a) = 2 * k < cells   ? problem.left.velocity
                                 : 2 * k > cells ? problem.right.velocity
                                                 : 0.5 * (problem.left.velocity + problem.right.velocity);
-      }
-    for (Index p = 0; p < cells; ++p) {
-      result.points.col(p) << (p + 0.5) / cells - 0.5, 0.5 * h;
+    for (Index p = 0; p < cells; ++p)
       result.densities[p] = 2 * p < cells ? problem.left.density : problem.right.density;
-    }
     if (!elements) return result;
     std::vector<Offset> offsets{0};
     std::vector<Index> nodes;

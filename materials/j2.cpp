@@ -77,12 +77,14 @@ J2::Flow J2::flow_of(Index p, const Deformation& given, double e, const ElasticC
   if (!rate_.constant() && !(dt > 0.0))
     throw NumericalError("plastic flow in no time, with a yield stress that depends on the rate of strain");
   if (!heating_) resistance(outside(0.0).slope);
+  Outside there{};
   const auto value_and_slope = [&](double length) {
-    const Outside there = outside(length);
+    there = outside(length);
     return std::pair(there.value, there.slope);
   };
-  const double length = root(value_and_slope, 0.0, 2.0 * elastic.mu * e / stiff, 2.0 * elastic.mu * e);
-  const Outside there = outside(length);
+  // Hardening and the rate take little of what flows without them.
+  const double most = 2.0 * elastic.mu * e, still = (most - ratio * start) / stiff;
+  const double length = root(value_and_slope, 0.0, most / stiff, most, still);
   const double slope = there.by_e / resistance(there.slope);
   if (heating_) return {length, slope, there.work, there.rise};
   const double fast = rate_.constant() ? 1.0 : rate_.at(ratio * length / dt).value;

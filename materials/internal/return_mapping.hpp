@@ -29,11 +29,10 @@ inline Returned still_elastic(const Vec<3>& trial, double equivalent, const Elas
 }
 
 /// x in [low, high] where f(x) = (value, derivative) passes from positive to not positive, to rounding of the numbers
-/// of size `scale` that the value is the difference of: Newton's method from `low`, halving where it leaves the
-/// bracket. Throws NumericalError for a NaN.
-template <class F> double root(const F& f, double low, double high, double scale) {
+/// of size `scale` that the value is the difference of: Newton's method from `x`, halving where it leaves the bracket.
+/// The last f asked for is that of what is returned. Throws NumericalError for a NaN.
+template <class F> double root(const F& f, double low, double high, double scale, double x) {
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
-  double x = low;
   for (int k = 0; k < 200; ++k) {
     const auto [value, slope] = f(x);
     if (std::isnan(value)) break;
@@ -44,6 +43,11 @@ template <class F> double root(const F& f, double low, double high, double scale
     x = newton > low && newton <= high ? newton : 0.5 * (low + high);
   }
   throw NumericalError("no stress on the yield surface is found");
+}
+
+/// From `low`.
+template <class F> double root(const F& f, double low, double high, double scale) {
+  return root(f, low, high, scale, low);
 }
 
 /// Minus the slope of such a function. Throws NumericalError unless positive: the surface runs away from the stress.

@@ -2,6 +2,8 @@
 /// Riemann's problem of a perfect gas.
 #include "efree/bench/shock_tube.hpp"
 
+#include "efree/materials/j2.hpp"
+
 #include <gtest/gtest.h>
 
 namespace efree {
@@ -77,6 +79,57 @@ TEST(ShockTube, WavesThatAllMoveAndStreamsThatMeetAreMetAsWell) {
     EXPECT_LT(errors.density, density);
     EXPECT_LT(errors.velocity, velocity);
     EXPECT_GT(errors.velocity, 0.5 * velocity) << "a shock is a few points wide";
+  }
+}
+
+/// Copper of density 1 and sound speed 1 that hits a rigid wall.
+constexpr MieGrueneisen copper{.density = 1.0, .sound_speed = 1.0, .slope = 1.489, .gamma = 1.99};
+
+TEST(PlateImpact, MetalsAreOnTheirHugoniotBehindTheShock) {
+  const auto state = EquationOfState::mie_grueneisen(copper);
+  const double yield = 5e-3, mu = 0.35, speed = 0.15;
+  const SharedMaterial metal =
+      WithPressure(J2({.moduli = {.mu = mu, .kappa = 1.0}, .yield = yield, .strain = Strain::finite}), state);
+  for (const SharedMaterial& material : {SharedMaterial(Fluid({.state = state})), metal}) {
+    const bool solid = material->history_size() > 3;
+    constexpr Index cells = 400;
+    OtmBody<2> body = ShockTube::strip(cells, material);
+    body.velocity.row(0).setConstant(-speed);
+    Otm<2> otm({body}, ShockTube::defaults());
+    for (Index a = 0; a < body.nodes.cols(); ++a) otm.prescribe(a, 1, 0.0);
+    for (const Index a : {Index(0), cells + 1}) otm.prescribe(a, 0, 0.0);
+    const auto before = otm.balance();
+    const double until = 0.5;
+    otm.run(until);
+    // U_s = c_0 + s u_p, p = rho_0 U_s u_p, e = u_p^2 / 2; of a solid the stress has 2/3 of the yield stress besides.
+    const double Us = 1.0 + copper.slope * speed, J = 1.0 - speed / Us;
+    const Tensors stress = otm.cauchy_stress(), F = otm.deformation();
+    const Matrix history = otm.history(0);
+    const Points<2> x = otm.points();
+    double axial = 0.0, mean = 0.0, volume = 0.0, energy = 0.0;
+    int behind = 0;
+    for (Index p = 0; p < cells; ++p)
+      if (x(0, p) > -0.5 + 0.3 * (Us - speed) * until && x(0, p) < -0.5 + 0.8 * (Us - speed) * until) {
+        ++behind;
+        axial -= stress(0, p);
+        mean -= (stress(0, p) + stress(4, p) + stress(8, p)) / 3.0;
+        volume += F(0, p) * F(4, p);
+        energy += history(solid ? 8 : 1, p);
+      }
+    ASSERT_GT(behind, 80);
+    axial /= behind;
+    mean /= behind;
+    volume /= behind;
+    // Mass, momentum and energy across any shock, then where it is on the line of shocks.
+    EXPECT_NEAR(axial, speed * speed / (1.0 - volume), 1e-3 * axial) << solid;
+    EXPECT_NEAR(energy / behind, 0.5 * speed * speed, 5e-3 * 0.5 * speed * speed) << solid;
+    EXPECT_NEAR(axial, Us * speed, solid ? 0.02 * axial : 5e-4 * axial) << solid;
+    EXPECT_NEAR(volume, J, solid ? 2e-3 : 1e-4) << solid;
+    EXPECT_NEAR(axial - mean, solid ? 2.0 / 3.0 * yield / J : 0.0, 0.03 * yield) << solid;
+    const auto after = otm.balance();
+    EXPECT_NEAR(after.total(), before.total(), 0.003 * before.kinetic) << solid;
+    EXPECT_EQ(after.dissipated > 0.0, solid);
+    EXPECT_GT(after.viscous, 0.02 * before.kinetic);
   }
 }
 
