@@ -85,8 +85,7 @@ struct ShockTube {
     OtmOptions options;
     options.lme.gamma = 4.0;
     options.renewal = 0.5;
-    options.stabilisation = 0.0;  // gas has no stiffness against shear
-    options.merging = 0.0;        // points are counted
+    options.merging = 0.0;  // points are counted
     options.shock = {.linear = 0.5, .quadratic = 2.0};
     return options;
   }

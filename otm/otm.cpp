@@ -69,10 +69,17 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
     throw InputError(fmt::format("axis {} of node {}: there are {} nodes", axis, node, num_nodes()));
   motion_->prescribed.push_back({node, axis, velocity});
   motion_->v(axis, node) = velocity;
+  motion_->held_anew = true;
 }
 
 template <int Dim> double Otm<Dim>::step(double at_most) {
   internal::Motion<Dim>& of = *motion_;
+  if (of.held_anew) {
+    of.held_anew = false;
+    // What is left of that shape where nodes are held is slow: the bound would be too long until it is found anew.
+    of.shake(100);
+    if (of.counts.steps == 0) of.first_stable = of.stable;
+  }
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
   double damping = 0.0;
   for (const auto& chunk : of.chunks) damping = std::max(damping, chunk.damping);

@@ -64,6 +64,7 @@ template <int Dim> struct Motion {
   std::vector<OtmWall<Dim>> walls;
   Points<Dim> wall_forces;
   std::vector<Prescribed> prescribed;
+  bool held_anew = false;  ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   Vector spacing;                                       ///< by node, at the start

@@ -82,6 +82,22 @@ TEST(ShockTube, WavesThatAllMoveAndStreamsThatMeetAreMetAsWell) {
   }
 }
 
+TEST(OtmStep, StaysBelowItsBoundWhenNodesAreHeld) {
+  // Elements of gas that move along x only: 2 over the highest frequency is h / c, and steps are at most half of that.
+  constexpr Index cells = 40;
+  OtmOptions options = ShockTube::defaults();
+  options.shock = {};
+  for (const bool elements : {false, true}) {
+    ShockTube tube({{1.0, 0.0, 1.0}, {1.0, 0.0, 1.0}, 1.4, 1.0}, cells, options, elements);
+    const double bound = 0.5 / cells / std::sqrt(1.4);
+    for (int k = 0; k < 40; ++k) {
+      const double step = tube.otm.step();
+      EXPECT_LT(step, 1.02 * bound) << elements << " " << k;
+      EXPECT_GT(step, 0.6 * bound) << elements << " " << k;
+    }
+  }
+}
+
 /// Copper of density 1 and sound speed 1 that hits a rigid wall.
 constexpr MieGrueneisen copper{.density = 1.0, .sound_speed = 1.0, .slope = 1.489, .gamma = 1.99};
 
