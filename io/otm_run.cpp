@@ -88,6 +88,7 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWat
     unpack(energy);
     unpack(record);
     bodies.otm.restore(unpack.rest());
+    if (!std::isfinite(bodies.otm.balance().total()) || !std::isfinite(energy.error())) internal::is_damaged(file);
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
@@ -187,7 +188,8 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
   json["counts"] = {{"nodes", otm.num_nodes()},    {"material_points", otm.num_points()},
                     {"steps", counts.steps},       {"updates", counts.updates},
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
-                    {"widened", counts.widened}};
+                    {"widened", counts.widened},   {"kept", counts.kept},
+                    {"merged", counts.merged}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {
       {"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
