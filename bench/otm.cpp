@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_otm taylor 2|3 SIZE [key=value ...]: Taylor's bar, with what it costs. Keys: speed, until, gamma, cutoff,
 // renewal, anisotropy, courant, stabilisation, merging, linear, quadratic (shock viscosity), momentum (0 affine, 1
-// nodes, 2 points), shared (0, 1), threads.
+// nodes, 2 points), shared (0, 1), metal (0 linear hardening, 1 Johnson and Cook's, 2 with the pressure of shocks),
+// threads.
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -34,7 +35,11 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   const double until = value("until", 80e-6);
   const auto mesh = bench::TaylorBar::mesh<Dim>(size);
   const double start = bench::cpu_seconds();
-  auto otm = bench::TaylorBar::bar<Dim>(mesh, value("speed", 227.0), options, value("shared", 1.0) != 0.0);
+  const auto metal = static_cast<int>(value("metal", 0));
+  auto otm = bench::TaylorBar::bar<Dim>(mesh, value("speed", 227.0), options, value("shared", 1.0) != 0.0,
+                                        metal == 0   ? bench::TaylorBar::copper()
+                                        : metal == 1 ? bench::TaylorBar::johnson_cook()
+                                                     : bench::TaylorBar::shocked());
   const double begin = bench::cpu_seconds();
   const auto before = otm.balance();
   std::printf("%d nodes, %d points, set up in %.2f s, first step %.3g ns, kinetic energy %.4g J\n", otm.num_nodes(),

@@ -4,6 +4,7 @@
 
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/otm/otm.hpp"
 
@@ -18,6 +19,19 @@ struct TaylorBar {
   static SharedMaterial copper() {
     return J2({.moduli = {.E = 117e9, .nu = 0.35}, .yield = Hardening::linear(400e6, 100e6), .strain = Strain::finite});
   }
+  /// OFHC copper (Johnson & Cook 1983).
+  static SharedMaterial johnson_cook() { return J2(ofhc_copper()); }
+  /// With the pressure that shocks have in it (Marsh 1980).
+  static SharedMaterial shocked() {
+    return WithPressure(J2(ofhc_copper()), EquationOfState::mie_grueneisen({density, 3940.0, 1.489, 1.96}));
+  }
+  static J2Parameters ofhc_copper() {
+    return {.moduli = {.E = 124e9, .nu = 0.34},
+            .yield = Hardening::ludwik(90e6, 292e6, 0.31),
+            .strain = Strain::finite,
+            .rate = RateFactor::johnson_cook(0.025, 1.0),
+            .heating = Heating{.capacity = 8960.0 * 383.0, .melting = 1356.0, .reference = 298.0, .exponent = 1.09}};
+  }
   /// Half of the meridian section (Dim = 2) or all of the bar, with nodes `size` apart.
   template <int Dim> static FineMesh<Dim> mesh(double size) {
     if constexpr (Dim == 2)
@@ -25,10 +39,10 @@ struct TaylorBar {
     else
       return FineMesh<3>(solids::cylinder(radius, length, size));
   }
-  template <int Dim>
-  static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, OtmOptions options, bool shared_dilatation = true) {
+  template <int Dim> static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, OtmOptions options,
+                                         bool shared_dilatation = true, const SharedMaterial& material = copper()) {
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;
-    OtmBody<Dim> body = otm_body(mesh, copper(), density, Dim == 2);
+    OtmBody<Dim> body = otm_body(mesh, material, density, Dim == 2);
     body.velocity.setZero(Dim, body.nodes.cols());
     body.velocity.row(Dim - 1).setConstant(-speed);
     if (!shared_dilatation) body.unions.clear();

@@ -515,6 +515,16 @@ CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesy
   return {what.value(), how.value()};
 }
 
+/// Fluids have no shape that they return to, so nothing is at rest under loads.
+template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& result) {
+  const auto refuse = [](const SharedMaterial& material, const std::string& where) {
+    if (material && dynamic_cast<const Fluid*>(&*material) != nullptr)
+      throw InputError(where + ": a fluid bears no load at rest: it is for bodies in motion only");
+  };
+  if (root.is_table("material")) refuse(result.model.material, root.where("material"));
+  for (const RegionMaterial& one : result.materials) refuse(one.material, one.where);
+}
+
 template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
                                   const Section& root, const Section& geometry, const Reading& reading) {
   const Section cloud = root.section("cloud", internal::cloud_keys());
@@ -544,6 +554,7 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   read_regime(analysis, result);
   const std::string asks_for_finite = result.regime == Regime::finite ? "analysis.model = \"finite\" asks" : "";
   internal::MaterialReader<Dim>(expressions, asks_for_finite).read(root, result);
+  refuse_fluids(root, result);
 
   if (root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}).empty())
     throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/materials/drucker_prager.hpp"
+#include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/materials/linear_elastic.hpp"
@@ -30,8 +31,13 @@ enum class Model {
   ogden,
   hencky,
   j2,
+  johnson_cook,
   drucker_prager,
   rankine,
+  ideal_gas,
+  stiffened_gas,
+  tait,
+  mie_grueneisen,
 };
 const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", Model::linear_elastic},
                                                              {"orthotropic", Model::orthotropic},
@@ -42,15 +48,28 @@ const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", 
                                                              {"ogden", Model::ogden},
                                                              {"hencky", Model::hencky},
                                                              {"j2", Model::j2},
+                                                             {"johnson_cook", Model::johnson_cook},
                                                              {"drucker_prager", Model::drucker_prager},
-                                                             {"rankine", Model::rankine}};
+                                                             {"rankine", Model::rankine},
+                                                             {"ideal_gas", Model::ideal_gas},
+                                                             {"stiffened_gas", Model::stiffened_gas},
+                                                             {"tait", Model::tait},
+                                                             {"mie_grueneisen", Model::mie_grueneisen}};
 const std::vector<std::string_view> constants{"E", "nu", "mu", "kappa", "lambda"};
+const std::vector<std::string_view> heat_keys{
+    "heat_capacity", "melting_temperature", "reference_temperature", "initial_temperature", "m", "taylor_quinney"};
+const Interval more_than_one{1.0};
+const std::vector<std::string_view> shock_keys{"sound_speed", "slope", "gamma"};
 
 /// Keys that a model has besides model, region and density.
 std::vector<std::string_view> keys_of(Model model) {
   const auto and_constants = [](std::vector<std::string_view> own) {
     own.insert(own.begin(), constants.begin(), constants.end());
     return own;
+  };
+  const auto together = [](std::vector<std::string_view> all, const auto&... more) {
+    (all.insert(all.end(), more.begin(), more.end()), ...);
+    return all;
   };
   switch (model) {
     case Model::linear_elastic:
@@ -62,7 +81,17 @@ std::vector<std::string_view> keys_of(Model model) {
     case Model::ogden:
       return {"terms", "kappa"};
     case Model::j2:
-      return and_constants({"yield", "kinematic", "strain"});
+      return together(and_constants({"yield", "kinematic", "strain", "D", "q"}), heat_keys, shock_keys);
+    case Model::johnson_cook:
+      return together(and_constants({"A", "B", "n", "C", "reference_rate", "strain"}), heat_keys, shock_keys);
+    case Model::ideal_gas:
+      return {"gamma", "pressure", "viscosity", "bulk_viscosity"};
+    case Model::stiffened_gas:
+      return {"gamma", "stiffening", "pressure", "viscosity", "bulk_viscosity"};
+    case Model::tait:
+      return {"kappa", "exponent", "pressure", "viscosity", "bulk_viscosity"};
+    case Model::mie_grueneisen:
+      return together(shock_keys, std::vector<std::string_view>{"pressure", "viscosity", "bulk_viscosity"});
     case Model::drucker_prager:
       return and_constants({"cohesion", "friction", "dilatancy", "fit", "strain"});
     case Model::rankine:
@@ -71,10 +100,14 @@ std::vector<std::string_view> keys_of(Model model) {
       return constants;
   }
 }
-const Section::Keys all_keys{
-    "model",    "density",   "E",   "nu",       "mu",        "kappa",           "lambda",    "G",      "axes",
-    "angle",    "factor",    "c10", "c01",      "terms",     "yield",           "kinematic", "strain", "cohesion",
-    "friction", "dilatancy", "fit", "strength", "softening", "fracture_energy", "length"};
+/// Those of all models, each once.
+const Section::Keys all_keys = [] {
+  Section::Keys keys{"model", "density"};
+  for (const auto& [name, model] : models)
+    for (const std::string_view key : keys_of(model))
+      if (std::ranges::find(keys, key) == keys.end()) keys.push_back(key);
+  return keys;
+}();
 
 /// Refuses keys of other models.
 void check_keys(const Section& section, Model model) {
@@ -142,12 +175,24 @@ template <int Dim> SharedMaterial MaterialReader<Dim>::read(const Section& secti
       case Model::hencky:
         return Hencky(moduli(section));
       case Model::j2:
-        return J2({.moduli = moduli(section),
-                   .yield = hardening(section, "yield"),
-                   .kinematic = section.number("kinematic", not_negative, 0.0),
-                   .strain = strain(section, Strain::small)});
+      case Model::johnson_cook:
+        return metal(section, model == Model::johnson_cook);
       case Model::drucker_prager:
         return drucker_prager(section);
+      case Model::ideal_gas:
+        return fluid(section, EquationOfState::ideal_gas(section.number("gamma", more_than_one)),
+                     parameter(section, "pressure", positive));
+      case Model::stiffened_gas:
+        return fluid(section,
+                     EquationOfState::stiffened_gas(section.number("gamma", more_than_one),
+                                                    section.number("stiffening", not_negative)),
+                     pressure(section));
+      case Model::tait:
+        return fluid(section,
+                     EquationOfState::tait(section.number("kappa", positive), section.number("exponent", positive)),
+                     pressure(section));
+      case Model::mie_grueneisen:
+        return fluid(section, shocks(section), pressure(section));
       case Model::rankine:
         return rankine(section);
     }
@@ -204,6 +249,64 @@ template <int Dim> Hardening MaterialReader<Dim>::hardening(const Section& secti
   if (!(stress(0.0) > 0.0))
     section.fail(key, fmt::format("{} is {:.6g} where a = 0, expected a stress > 0", key, stress(0.0)));
   return Hardening(stress, slope);
+}
+
+/// J2, with what it depends on; with a sound speed its pressure is that of shocks.
+template <int Dim> SharedMaterial MaterialReader<Dim>::metal(const Section& section, bool johnson_cook) const {
+  const bool shocked = section.has("sound_speed");
+  const Strain strains = strain(section, johnson_cook || shocked ? Strain::finite : Strain::small);
+  if (shocked && strains == Strain::small)
+    section.fail("strain", "strain is \"small\", and the equation of state asks for finite strains");
+  for (const std::string_view key : shock_keys)
+    if (!shocked && section.has(key)) section.fail(key, fmt::format("{} is given without a sound_speed", key));
+  J2Parameters parameters{
+      .moduli = moduli(section),
+      .yield = johnson_cook ? Hardening::ludwik(section.number("A", positive), section.number("B", not_negative, 0.0),
+                                                section.number("n", positive, 1.0))
+                            : hardening(section, "yield"),
+      .kinematic = section.number("kinematic", not_negative, 0.0),
+      .strain = strains};
+  if (section.has("C"))
+    parameters.rate =
+        RateFactor::johnson_cook(section.number("C", not_negative), section.number("reference_rate", positive));
+  if (section.has("D"))
+    parameters.rate = RateFactor::cowper_symonds(section.number("D", positive), section.number("q", positive));
+  for (const auto& [key, needs] : {std::pair{"reference_rate", "C"}, {"q", "D"}})
+    if (section.has(key) && !section.has(needs)) section.fail(key, fmt::format("{} is given without {}", key, needs));
+  if (section.has("heat_capacity")) {
+    Heating heating{.capacity = section.number("heat_capacity", positive),
+                    .melting = section.number("melting_temperature", any_number),
+                    .reference = section.number("reference_temperature", any_number),
+                    .exponent = section.number("m", positive, 1.0),
+                    .fraction = section.number("taylor_quinney", {0.0, 1.0, true, true}, 0.9)};
+    if (section.has("initial_temperature")) heating.initial = section.number("initial_temperature", any_number);
+    parameters.heating = heating;
+  } else {
+    for (const std::string_view key : heat_keys)
+      if (section.has(key)) section.fail(key, fmt::format("{} is given without a heat_capacity", key));
+  }
+  if (shocked) return WithPressure(J2(parameters), shocks(section));
+  return J2(parameters);
+}
+
+/// Of the line U_s = sound_speed + slope u_p. The density is a number.
+template <int Dim> EquationOfState MaterialReader<Dim>::shocks(const Section& section) const {
+  return EquationOfState::mie_grueneisen({.density = section.number("density", positive),
+                                          .sound_speed = section.number("sound_speed", positive),
+                                          .slope = section.number("slope", not_negative),
+                                          .gamma = section.number("gamma", not_negative)});
+}
+
+template <int Dim> Parameter MaterialReader<Dim>::pressure(const Section& section) const {
+  return section.has("pressure") ? parameter(section, "pressure", any_number) : Parameter(0.0);
+}
+
+template <int Dim> SharedMaterial MaterialReader<Dim>::fluid(const Section& section, const EquationOfState& state,
+                                                             Parameter at_rest) const {
+  return Fluid({.state = state,
+                .pressure = std::move(at_rest),
+                .viscosity = section.number("viscosity", not_negative, 0.0),
+                .bulk_viscosity = section.number("bulk_viscosity", not_negative, 0.0)});
 }
 
 template <int Dim> SharedMaterial MaterialReader<Dim>::drucker_prager(const Section& section) const {

@@ -33,6 +33,13 @@ Hardening Hardening::power_law(double yield, double strain, double exponent) {
   return Hardening(Law(PowerLaw{yield, strain, exponent}));
 }
 
+Hardening Hardening::ludwik(double yield, double modulus, double exponent) {
+  require_yield(yield);
+  require_number("hardening modulus", modulus, modulus >= 0.0, "a number that is not negative");
+  require_number("exponent of Ludwik's law", exponent, exponent > 0.0, "a positive number");
+  return Hardening(Law(Ludwik{yield, modulus, exponent}));
+}
+
 Hardening Hardening::voce(double yield, double saturation, double rate, double modulus) {
   require_yield(yield);
   require_number("saturation stress", saturation, saturation >= 0.0, "a number that is not negative");
@@ -63,6 +70,11 @@ Hardening::Value Hardening::at(double a) const {
   if (const auto* law = std::get_if<PowerLaw>(&law_)) {
     const double x = 1.0 + a / law->strain, stress = law->yield * std::pow(x, law->exponent);
     return {stress, law->exponent * stress / (law->strain * x)};
+  }
+  if (const auto* law = std::get_if<Ludwik>(&law_)) {
+    if (law->modulus == 0.0) return {law->yield, 0.0};
+    const double more = law->modulus * std::pow(a, law->exponent);
+    return {law->yield + more, a > 0.0 ? law->exponent * more / a : law->modulus * std::pow(0.0, law->exponent - 1.0)};
   }
   if (const auto* law = std::get_if<Voce>(&law_)) {
     const double left = (law->saturation - law->yield) * std::exp(-law->rate * a);
@@ -98,6 +110,11 @@ double Hardening::work(double a, double b) const {
     const double n = law->exponent + 1.0, x = 1.0 + a / law->strain;
     // (x + d)^n - x^n without a difference of nearly equal numbers.
     return law->yield * law->strain / n * std::pow(x, n) * std::expm1(n * std::log1p((b - a) / law->strain / x));
+  }
+  if (const auto* law = std::get_if<Ludwik>(&law_)) {
+    const double n = law->exponent + 1.0;
+    const double grown = a > 0.0 ? std::pow(a, n) * std::expm1(n * std::log1p((b - a) / a)) : std::pow(b, n);
+    return (b - a) * law->yield + law->modulus / n * grown;
   }
   if (const auto* law = std::get_if<Voce>(&law_))
     return (b - a) * (law->saturation + 0.5 * law->modulus * (a + b)) +

@@ -21,6 +21,8 @@ class Hardening {
   static Hardening linear(double yield, double modulus);
   /// yield (1 + a / strain)^exponent (Swift 1952); a finite slope at a = 0, unlike Ludwik's.
   static Hardening power_law(double yield, double strain, double exponent);
+  /// yield + modulus a^exponent (Ludwik 1909), modulus not negative, exponent positive.
+  static Hardening ludwik(double yield, double modulus, double exponent);
   /// saturation - (saturation - yield) exp(-rate a) + modulus a (Voce 1948); modulus not negative.
   static Hardening voce(double yield, double saturation, double rate, double modulus = 0.0);
   /// Linear between points, constant beyond the last. Strains ascend from zero.
@@ -43,6 +45,9 @@ class Hardening {
   struct PowerLaw {
     double yield, strain, exponent;
   };
+  struct Ludwik {
+    double yield, modulus, exponent;
+  };
   struct Voce {
     double yield, saturation, rate, modulus;
   };
@@ -52,7 +57,7 @@ class Hardening {
   struct Function {
     std::function<double(double)> stress, slope;
   };
-  using Law = std::variant<Linear, PowerLaw, Voce, Table, Function>;
+  using Law = std::variant<Linear, PowerLaw, Ludwik, Voce, Table, Function>;
   explicit Hardening(Law law) : law_(std::move(law)) {}
 
   Law law_;

@@ -134,6 +134,7 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
       return false;
     };
     one.X = given.X.col(p);
+    if (given.heat.size() != 0) one.heat = given.heat.segment(p, 1);
     one.history = given.history.col(p).head(inner_size);
     Vec<3> strain = given.history.col(p).tail<3>();
     MaterialResponse::Tangent A;

@@ -28,19 +28,22 @@ struct Deformation {
   Tensors F;        ///< 9 x n, deformation gradients
   Matrix history;   ///< Material::history_size() x n, before
   double dt = 0.0;  ///< since then [time]
-  Vector heat{};    ///< n, energy that came from elsewhere since then, as from shock viscosity [stress]; empty: none
+  /// n, energy that came from elsewhere since then, as from shock viscosity [stress]; empty: none. Internal energies
+  /// and temperatures rise by it; whoever brings it counts it.
+  Vector heat{};
 
   /// Nothing has happened to the points yet.
   static Deformation none(Points<3> X, Index history_size = 0);
   Index size() const { return static_cast<Index>(F.cols()); }
+  double heat_at(Index p) const { return heat.size() == 0 ? 0.0 : heat[p]; }
   Mat<3> gradient(Index p) const { return Eigen::Map<const Mat<3>>(F.col(p).data()); }
 };
 
-/// What a material answers to a deformation.
+/// What a material answers to a deformation. The work of P is the change of `energy`, and what is `dissipated`.
 struct MaterialResponse {
   Tensors P;             ///< 9 x n, first Piola-Kirchhoff stress
   Matrix history;        ///< Material::history_size() x n, after
-  Vector energy;         ///< n, stored (free) energy [stress]
+  Vector energy;         ///< n, stored energy: without heat, whether it came or was dissipated [stress]
   Points<81> A;          ///< 81 x n, dP(i,J)/dF(k,L) in row (i + 3 J) + 9 (k + 3 L); empty if it is not wanted
   bool tangent = false;  ///< whether A is wanted
   Vector dissipated;     ///< n, energy turned into heat or new surface by this step [stress]

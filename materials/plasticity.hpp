@@ -15,13 +15,13 @@ namespace efree {
 /// `dissipated`. Throws NumericalError, with the place, where J <= 0 or no point of the yield surface is found.
 class Plastic : public Material {
  public:
-  Index history_size() const final { return 7; }
+  Index history_size() const override { return 7; }
   bool homogeneous() const override { return moduli_.is_constant(); }
   bool finite_strain() const final { return strain_ == Strain::finite; }
   bool elastic() const final { return false; }
   /// "plastic_strain" at small strains, "inverse_plastic_metric" (C_p^-1 - 1) at finite ones, and
   /// "equivalent_plastic_strain".
-  std::vector<HistoryPart> history_parts() const final;
+  std::vector<HistoryPart> history_parts() const override;
   /// Whether stresses fall as matter flows: strains then localise, in bands as narrow as functions can make them.
   virtual bool softens() const = 0;
 

@@ -66,6 +66,7 @@ constexpr Index points_of_a_chunk = 256;
 
 template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given)
     : options(options_given) {
+  if (options.functions == OtmFunctions::smoothed_particles) options.renewal = options.merging = 0.0;
   options.lme.checked();
   require(!given.empty(), "no body is given");
   require(options.plane != Plane::stress, "explicit dynamics are of plane strain, axisymmetric or in space");
@@ -114,6 +115,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
           "it has no cells, so nobody knows the surface that other bodies touch: give it cells, or take "
           "contact.stiffness = 0");
     }
+    if (options.functions == OtmFunctions::smoothed_particles && !body.shape && body.nodes != body.points)
+      fail("smoothed particles: expected nodes that are the points");
     const Material& material = *body.material;
     const MaterialResponse rest =
         respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);

@@ -119,8 +119,47 @@ bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std:
   return true;
 }
 
+/// Smoothed particles: N is 1 at the point's own node. Volumes are those of the start, as if J were 1: gradients that
+/// reproduce linear functions hardly notice.
+template <int Dim>
+void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) const {
+  const BodyOf& body = bodies[chunk.body];
+  std::vector<Index> around;
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    const Index p = which[k], own = body.first_node + chunk.number[p];
+    const double h = 1.3 * spacing[own];
+    trees[chunk.body]->within(x.col(own), 2.0 * h, around);
+    Mat<Dim> moment = Mat<Dim>::Zero();
+    std::vector<std::pair<Index, Vec<Dim>>> slopes;
+    for (const Index near_by : around) {
+      const Index b = body.first_node + near_by;
+      const Vec<Dim> d = x.col(b) - x.col(own);
+      const double q = d.norm() / h;
+      if (b == own || q >= 2.0) continue;
+      // -W'(q) / q up to a factor, which the moment takes out.
+      const double slope = q < 1.0 ? 3.0 - 2.25 * q : 0.75 * (2.0 - q) * (2.0 - q) / q;
+      slopes.emplace_back(b, slope * d);
+      moment += slope * d * d.transpose();
+    }
+    const Mat<Dim> inverse = moment.inverse();
+    if (!inverse.allFinite())
+      throw NumericalError(fmt::format("at time {:.6g} the particle at ({:.6g}) has {} others around it: too few", time,
+                                       fmt::join(x.col(own), ", "), slopes.size()));
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    rows[k].assign(1, {own, {}});
+    for (const auto& [b, slope] : slopes) {
+      const Vec<Dim> dN = inverse * slope;
+      rows[k].push_back({b, entry_of<Dim>(0.0, dN, 0.0)});
+      sum += dN;
+    }
+    rows[k].front().second = entry_of<Dim>(1.0, -sum, axisymmetric() ? 1.0 / x(0, own) : 0.0);
+    chunk.penalty[p] = 0.0;
+  }
+}
+
 template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first,
                                                     Rows& rows, OtmCounts& counted) const {
+  if (options.functions == OtmFunctions::smoothed_particles) return make_particles(chunk, which, rows);
   LmeFunctions<Dim> functions(options.lme);
   std::vector<Index> used;
   for (std::size_t k = 0; k < which.size(); ++k) {
@@ -153,8 +192,11 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
       chunk.width[p] = smallest_width<Dim>(functions.moment());
     }
     chunk.moment[p] = functions.moment();
-    chunk.penalty[p] =
-        options.stabilisation * bodies[chunk.body].shear * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
+    // Stresses push nodes about that points do not see, as springs under load.
+    const double stress =
+        first ? 0.0 : (chunk.response.stress(p) * chunk.now.gradient(p).transpose()).norm() + chunk.shock[p];
+    chunk.penalty[p] = options.stabilisation * (bodies[chunk.body].shear + stress) * chunk.volume[p] *
+                       functions.inverse_moment().trace() / Dim;
   }
 }
 

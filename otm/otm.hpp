@@ -15,6 +15,15 @@ namespace internal {
 template <int Dim> struct Motion;
 }
 
+/// The functions of points that get no table.
+enum class OtmFunctions {
+  lme,  ///< local maximum entropy
+  /// Smoothed particles, for comparison: nodes are the points, and gradients are those of a cubic spline as wide as 1.3
+  /// spacings, made to reproduce linear functions (Randles & Libersky 1996), anew in every step. Bodies in tension
+  /// clump (Swegle, Hicks & Attaway 1995).
+  smoothed_particles,
+};
+
 /// What nodes get of a point's momentum when its functions change.
 enum class OtmMomentum {
   /// Velocities of the nodes stand, corrected by the least affine motion that keeps the point's momentum and moment of
@@ -46,6 +55,7 @@ struct OtmContact {
 /// How bodies move.
 struct OtmOptions {
   Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
+  OtmFunctions functions = OtmFunctions::lme;
   LmeOptions lme{.gamma = 2.5, .cutoff = 1e-4};
   /// A point's functions are renewed when its strain since they were made (Green's, its norm) exceeds this. In between
   /// they stand still, as in a total Lagrangian method: exact in affine motions, and energy is conserved. 0: every
@@ -55,7 +65,7 @@ struct OtmOptions {
   double anisotropy = 3.0;
   /// When the stable step gets shorter than this, over the first one, nodes that squeeze functions to less than this,
   /// over their first width, become one with the next. 0: never.
-  double merging = 0.4;
+  double merging = 0.25;
   OtmMomentum momentum = OtmMomentum::affine;
   double courant = 0.5;  ///< of the step that is stable by the highest frequency that power iteration finds
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of

@@ -5,6 +5,7 @@
 #include "efree/analysis/settings.hpp"
 #include "efree/io/expression.hpp"
 #include "efree/io/internal/section.hpp"
+#include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/hardening.hpp"
 #include "efree/materials/moduli.hpp"
 
@@ -33,6 +34,10 @@ template <int Dim> class MaterialReader {
   SharedMaterial ogden(const Section& section) const;
   SharedMaterial drucker_prager(const Section& section) const;
   SharedMaterial rankine(const Section& section) const;
+  SharedMaterial metal(const Section& section, bool johnson_cook) const;
+  SharedMaterial fluid(const Section& section, const EquationOfState& state, Parameter at_rest) const;
+  EquationOfState shocks(const Section& section) const;
+  Parameter pressure(const Section& section) const;
   Hardening hardening(const Section& section, const char* key) const;
   Strain strain(const Section& section, Strain fallback) const;
   ElasticModuli moduli(const Section& section) const;

@@ -29,20 +29,25 @@ inline Returned still_elastic(const Vec<3>& trial, double equivalent, const Elas
 }
 
 /// x in [low, high] where f(x) = (value, derivative) passes from positive to not positive, to rounding of the numbers
-/// of size `scale` that the value is the difference of: Newton's method from `low`, halving where it leaves the
-/// bracket. Throws NumericalError for a NaN.
-template <class F> double root(const F& f, double low, double high, double scale) {
+/// of size `scale` that the value is the difference of: Newton's method from `x`, halving where it leaves the bracket.
+/// The last f asked for is that of what is returned. Throws NumericalError for a NaN.
+template <class F> double root(const F& f, double low, double high, double scale, double x) {
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
-  double x = low;
   for (int k = 0; k < 200; ++k) {
     const auto [value, slope] = f(x);
     if (std::isnan(value)) break;
     (value > 0.0 ? low : high) = x;
     const double newton = x - value / slope;
     if (std::abs(value) <= 4.0 * epsilon * scale || high - low <= epsilon * std::abs(high)) return x;
-    x = newton >= low && newton <= high ? newton : 0.5 * (low + high);
+    // At a slope without bounds, as of Ludwik's law where nothing has flown, Newton's method stands still.
+    x = newton > low && newton <= high ? newton : 0.5 * (low + high);
   }
   throw NumericalError("no stress on the yield surface is found");
+}
+
+/// From `low`.
+template <class F> double root(const F& f, double low, double high, double scale) {
+  return root(f, low, high, scale, low);
 }
 
 /// Minus the slope of such a function. Throws NumericalError unless positive: the surface runs away from the stress.
@@ -113,7 +118,7 @@ template <class Return> void respond_by_return(Index p, const ElasticModuli& mod
     const Vec<3> flow = frame.strain() - answer.elastic;
     after = finite ? Mat<3>(frame.tensor((-2.0 * flow).array().exp().matrix()) - Mat<3>::Identity())
                    : Mat<3>(before + frame.tensor(flow));
-    response.history.col(p) << components(after), answer.equivalent;
+    response.history.col(p).template head<7>() << components(after), answer.equivalent;
   }
   response.energy[p] = elastic_energy(answer.elastic, elastic);
   if (kinematic != 0.0) {

@@ -81,6 +81,7 @@ template <int Dim> struct Motion {
   Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
   bool find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
                       LmeFunctions<Dim>& functions, std::vector<Index>& used, OtmCounts& counted) const;
+  void make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) const;
   bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const;
   void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
                       OtmCounts& counted) const;

@@ -38,6 +38,11 @@ class Specimen {
     at_.history = response.history;
     dissipated += response.dissipated[0];
   }
+  /// How long steps last from now on, and what heat comes in each.
+  void lasts(double dt, double heat = 0.0) {
+    at_.dt = dt;
+    at_.heat = Vector::Constant(1, heat);
+  }
   /// The free ones as they are, F(0, 0) as given.
   void stretch_to(double xx) {
     Mat<3> F = Mat<3>::Identity();
