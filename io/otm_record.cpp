@@ -116,7 +116,9 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"nodes", otm.num_nodes()},
             {"points", otm.num_points()},
             {"renewals", static_cast<double>(counts.renewals)},
-            {"widened", static_cast<double>(counts.widened)}};
+            {"widened", static_cast<double>(counts.widened)},
+            {"kept", static_cast<double>(counts.kept)},
+            {"merged", counts.merged}};
   for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axes[i]), now.momentum[i]);
   for (int i = 0; i < now.moment.size(); ++i)
     line.emplace_back(fmt::format("moment.{}", axes[Dim == 2 ? 2 : i]), now.moment[i]);

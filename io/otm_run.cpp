@@ -54,6 +54,13 @@ typename OtmRecord<Dim>::More columns(const MotionSettings<Dim>& motion, const M
   return more;
 }
 
+/// Whether energies, places, velocities and all fields are numbers.
+template <int Dim> bool is_finite(const Otm<Dim>& otm) {
+  const auto scalars = point_scalars(otm);
+  return std::isfinite(otm.balance().total()) && otm.nodes().allFinite() && otm.velocities().allFinite() &&
+         std::ranges::all_of(scalars, [](const auto& entry) { return entry.second.allFinite(); });
+}
+
 }  // namespace
 
 template <int Dim> OtmRun<Dim>::OtmRun(fs::path directory, const OtmCase<Dim>& of, bool pictures)
@@ -88,6 +95,7 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWat
     unpack(energy);
     unpack(record);
     bodies.otm.restore(unpack.rest());
+    if (!is_finite(bodies.otm) || !std::isfinite(energy.error())) internal::is_damaged(file);
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
@@ -187,7 +195,8 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
   json["counts"] = {{"nodes", otm.num_nodes()},    {"material_points", otm.num_points()},
                     {"steps", counts.steps},       {"updates", counts.updates},
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
-                    {"widened", counts.widened}};
+                    {"widened", counts.widened},   {"kept", counts.kept},
+                    {"merged", counts.merged}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {
       {"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
