@@ -80,7 +80,7 @@ struct ShockTube {
   Otm<2> otm;
 
   /// Functions that are renewed as seldom as can be, and not too smooth: where they are renewed often under pressure,
-  /// nodes clump. Viscosity as von Neumann and Richtmyer's and Landshoff's users have it.
+  /// nodes clump (docs/evidence.md). Viscosity as von Neumann and Richtmyer's and Landshoff's users have it.
   static OtmOptions defaults() {
     OtmOptions options;
     options.lme.gamma = 4.0;
