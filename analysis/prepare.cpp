@@ -38,7 +38,9 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
 template <int Dim>
 std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
   const auto check = [&](const SharedMaterial& material) {  // others are known at their points only
-    if (material && material->homogeneous()) Materials<Dim>({material}, settings.model.plane.value_or(Plane::strain));
+    // At rest: bodies in motion may be fluids.
+    if (!settings.keeps_free_bodies && material && material->homogeneous())
+      Materials<Dim>({material}, settings.model.plane.value_or(Plane::strain));
   };
   if (settings.materials.empty()) {
     located(settings, internal::where_said(settings, "material"), [&] { check(settings.model.material); });
