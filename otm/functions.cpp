@@ -360,6 +360,7 @@ template <int Dim> void Motion<Dim>::renew() {
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
   });
   find_places();
+  follow_others();
   times.functions += lap(start);
   // Narrower functions may be stiffer than any before: the iteration is told where to look.
   const double size = 0.1 / std::sqrt(mass.sum());
@@ -375,7 +376,26 @@ template <int Dim> void Motion<Dim>::renew() {
     chunk.narrowed.clear();
     chunk.worn.clear();
   }
-  if (narrowed) shake(3);
+  // Nodes that lost others around them may have become light.
+  const bool has_merged = std::exchange(merged_anew, false);
+  if (narrowed || has_merged) shake(has_merged ? 30 : 3);
+}
+
+/// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.
+template <int Dim> void Motion<Dim>::follow_others() {
+  const auto is_seen = [&](Index a) { return merged[a] < 0 && node_offsets[a + 1] > node_offsets[a]; };
+  for (Index a = 0; a < x.cols(); ++a) {
+    if (merged[a] >= 0 || is_seen(a)) continue;
+    const BodyOf &body = bodies[body_of_node[a]], &next = bodies[body_of_node[a] + 1];
+    Index nearest = -1;
+    for (Index b = body.first_node; b < next.first_node; ++b)
+      if (is_seen(b) &&
+          (nearest < 0 || (x.col(b) - x.col(a)).squaredNorm() < (x.col(nearest) - x.col(a)).squaredNorm()))
+        nearest = b;
+    if (nearest < 0) continue;
+    mass[a] = 0.0;
+    become_one(a, nearest);
+  }
 }
 
 /// Energy of the motions of its nodes that a point does not see.

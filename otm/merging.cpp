@@ -11,6 +11,21 @@
 
 namespace efree::internal {
 
+/// The first goes on as a shadow of the other; its mass goes with the points that see it.
+template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
+  merged[a] = with;
+  for (Index& other : merged)
+    if (other == a) other = with;
+  // Cells collapse with their edge.
+  BodyOf& body = bodies[body_of_node[a]];
+  for (Index& corner : body.cells.reshaped())
+    if (corner == a - body.first_node) corner = with - body.first_node;
+  surfaces.clear();
+  seen.resize(Dim, 0);
+  ++counts.merged;
+  merged_anew = true;
+}
+
 /// The first becomes one with the other, if all points that see it have functions without it, and that point of these
 /// has wider ones: all are worn from now on. Nodes that these count on are locked.
 template <int Dim>
@@ -51,20 +66,12 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
       }
   }
   locked.insert(counted_on.begin(), counted_on.end());
-  for (Index& other : merged)
-    if (other == a) other = with;
+  become_one(a, with);
   for (const auto& [c, p] : seen_by) {
     std::vector<Index>& worn = chunks[c].worn;
     const auto place = std::lower_bound(worn.begin(), worn.end(), p);
     if (place == worn.end() || *place != p) worn.insert(place, p);
   }
-  // Cells collapse with their edge.
-  BodyOf& body = bodies[body_of_node[a]];
-  for (Index& corner : body.cells.reshaped())
-    if (corner == a - body.first_node) corner = with - body.first_node;
-  surfaces.clear();
-  seen.resize(Dim, 0);
-  ++counts.merged;
   return true;
 }
 

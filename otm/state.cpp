@@ -101,10 +101,10 @@ auto fields(IsNear auto& of) {
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces, of.prescribed,
-                  of.held_anew, of.spacing, of.time, of.last_step, of.stable, of.first_stable, of.contact_loss,
-                  of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous, of.stored, of.shaken, of.counts,
-                  of.times, of.merged, of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities,
-                  of.contact_stored);
+                  of.held_anew, of.merged_anew, of.spacing, of.time, of.last_step, of.stable, of.first_stable,
+                  of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous, of.stored, of.shaken,
+                  of.counts, of.times, of.merged, of.surfaces, of.surface_area, of.near, of.seen, of.touches,
+                  of.cavities, of.contact_stored);
 }
 
 }  // namespace internal

@@ -72,7 +72,9 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   for (Index p = 0; p < n; ++p) {
     place(chunk, p);
     const Mat<3>& since = chunk.since[p];
-    const Mat<3> now = since * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+    // In no time nothing moves, not even by rounding: what flows asks how fast.
+    const Mat<3> made = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+    const Mat<3> now = dt > 0.0 ? Mat<3>(since * made) : made;
     Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     const double J = now.determinant();
     if (!(J > 0.0))
@@ -93,7 +95,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   }
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
   if (worst <= options.renewal) chunk.worn.clear();
-  if (shared)
+  if (shared && dt > 0.0)
     for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
       const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
       const auto volume = chunk.volume.segment(begin, size);

@@ -64,7 +64,8 @@ template <int Dim> struct Motion {
   std::vector<OtmWall<Dim>> walls;
   Points<Dim> wall_forces;
   std::vector<Prescribed> prescribed;
-  bool held_anew = false;  ///< more is prescribed than the shape of the fastest vibration knows of
+  bool merged_anew = false;  ///< nodes are about to become one
+  bool held_anew = false;    ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   Vector spacing;                                       ///< by node, at the start
@@ -97,6 +98,8 @@ template <int Dim> struct Motion {
   void sweep(double dt);
   void sweep(Index number, double dt);
   void renew();
+  void follow_others();
+  void become_one(Index a, Index with);
   void merge_nodes();
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;

@@ -6,6 +6,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/io/otm_record.hpp"
+#include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/materials/linear_elastic.hpp"
@@ -291,6 +292,23 @@ TEST(OtmWall, FrictionHoldsWhatFrictionlessWallsLetGo) {
   EXPECT_NEAR(slid(0.0), 1.0, 1e-12);
   EXPECT_LT(slid(0.2), 0.9);
   EXPECT_LT(slid(std::numeric_limits<double>::infinity()), slid(0.2));
+}
+
+/// Couette's flow: every node is moved as it is there, so stress is viscosity times rate from the first step on.
+TEST(OtmFluid, ShearedBetweenPlatesHasTheStressOfItsViscosity) {
+  constexpr double viscosity = 0.3, rate = 0.5;
+  OtmBody<2> body =
+      otm_body(block<2>(1.0, 0.25),
+               Fluid({.state = EquationOfState::tait(10.0, 7.15), .viscosity = viscosity, .bulk_viscosity = 0.1}), 1.0);
+  Otm<2> otm({body});
+  for (Index a = 0; a < otm.num_nodes(); ++a) {
+    otm.prescribe(a, 0, rate * body.nodes(1, a));
+    otm.prescribe(a, 1, 0.0);
+  }
+  otm.run(1.0);
+  EXPECT_GT(otm.counts().renewals, 0);
+  const Tensors sigma = otm.cauchy_stress();
+  for (Index p = 0; p < otm.num_points(); ++p) EXPECT_NEAR(sigma(3, p), viscosity * rate, 1e-3 * viscosity * rate);
 }
 
 TEST(Otm, MaterialsOfSmallStrainsEndARunThatIsNone) {
