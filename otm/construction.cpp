@@ -66,7 +66,8 @@ constexpr Index points_of_a_chunk = 256;
 
 template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given)
     : options(options_given) {
-  if (options.functions == OtmFunctions::smoothed_particles) options.renewal = options.merging = 0.0;
+  if (options.functions == OtmFunctions::smoothed_particles)
+    options.renewal = options.merging = options.injection = 0.0;
   options.lme.checked();
   require(!given.empty(), "no body is given");
   require(options.plane != Plane::stress, "explicit dynamics are of plane strain, axisymmetric or in space");
@@ -77,6 +78,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
               std::isfinite(options.shock.quadratic),
           "shock viscosity: expected 0 or more");
   require(options.merging >= 0.0 && options.merging <= 0.9, "merging: expected 0 to 0.9");
+  require(options.injection == 0.0 || (options.injection >= 1.3 && std::isfinite(options.injection)),
+          "injection: expected 0, or 1.3 and more");
   require(options.contact.stiffness >= 0.0 && std::isfinite(options.contact.stiffness) &&
               options.contact.friction >= 0.0 && std::isfinite(options.contact.friction),
           "contact: expected a stiffness and a friction of 0 or more");
@@ -127,6 +130,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
                       !body.shape.has_value(), material.finite_strain(), body.cells, num_nodes, num_points});
     num_nodes += N;
     num_points += M;
+    this->given.insert(this->given.end(), {N, M});
   }
   bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);

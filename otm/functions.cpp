@@ -105,6 +105,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
 template <int Dim>
 bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
   const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
+  place(chunk, p);
   row.clear();
   for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
     const OtmEntry& entry = chunk.entries[e];
@@ -261,6 +262,55 @@ template <int Dim> void Motion<Dim>::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
+/// Masses and momenta of nodes change as the functions of a point do, or of two that were one: what it carries of
+/// momentum, and of its moment, stays what it is.
+template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows,
+                                               Vector& masses, Points<Dim>& momenta) const {
+  double m = 0.0;
+  Vec<Dim> at = Vec<Dim>::Zero();
+  for (const auto& [p, row] : rows) {
+    m += chunk.mass[p];
+    at += chunk.mass[p] * chunk.at.col(p);
+  }
+  at /= m;
+  Vec<Dim> mean = Vec<Dim>::Zero();
+  Mat<Dim> affine = Mat<Dim>::Zero(), moment = affine;
+  for (const auto& [p, row] : rows) {
+    for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+      const Index a = chunk.nodes[chunk.local[e]];
+      const double part = chunk.mass[p] * chunk.entries[e].N;
+      mean += part / m * v.col(a);
+      affine += part / m * v.col(a) * (x.col(a) - at).transpose();
+      masses[a] -= part;
+      momenta.col(a) -= part * v.col(a);
+    }
+  }
+  Vec<Dim> shift = Vec<Dim>::Zero();
+  Mat<Dim> turn = Mat<Dim>::Zero();
+  if (options.momentum == OtmMomentum::affine) {
+    shift = mean;
+    turn = affine;
+    for (const auto& [p, row] : rows)
+      for (const auto& [a, entry] : *row) {
+        const double part = chunk.mass[p] * entry.N / m;
+        const Vec<Dim> d = x.col(a) - at;
+        shift -= part * v.col(a);
+        turn -= part * v.col(a) * d.transpose();
+        moment += part * d * d.transpose();
+      }
+    turn *= moment.inverse();
+  }
+  for (const auto& [p, row] : rows)
+    for (const auto& [a, entry] : *row) {
+      const double part = chunk.mass[p] * entry.N;
+      masses[a] += part;
+      if (options.momentum == OtmMomentum::points)
+        momenta.col(a) += part * mean;
+      else
+        momenta.col(a) += part * (v.col(a) + shift + turn * (x.col(a) - at));
+    }
+}
+
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
 template <int Dim> void Motion<Dim>::renew() {
   std::vector<Index> worn_chunks;
@@ -289,6 +339,10 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       changes[k].unseen += unseen(chunk, p);
     }
+    for (const auto& [p, way] : chunk.twins) {
+      chunk.at.col(p) += way;
+      chunk.at.col(p + 1) -= way;
+    }
     changes[k].rows.resize(chunk.worn.size());
     make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
     for (const Index p : chunk.worn) {
@@ -312,38 +366,14 @@ template <int Dim> void Motion<Dim>::renew() {
     counts.widened += changes[k].counted.widened;
     counts.kept += changes[k].counted.kept;
     renewal_loss += changes[k].unseen;
-    for (std::size_t w = 0; w < chunk.worn.size(); ++w) {
-      const Index p = chunk.worn[w];
-      const Vec<Dim> at = chunk.at.col(p);
-      const double m = chunk.mass[p];
-      Vec<Dim> mean = Vec<Dim>::Zero();
-      Mat<Dim> affine = Mat<Dim>::Zero();
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-        const Index a = chunk.nodes[chunk.local[e]];
-        const double N = chunk.entries[e].N;
-        mean += N * v.col(a);
-        affine += N * v.col(a) * (x.col(a) - at).transpose();
-        change[a] -= m * N;
-        momentum.col(a) -= m * N * v.col(a);
-      }
-      Vec<Dim> shift = Vec<Dim>::Zero();
-      Mat<Dim> turn = Mat<Dim>::Zero();
-      if (options.momentum == OtmMomentum::affine) {
-        shift = mean;
-        turn = affine;
-        for (const auto& [a, entry] : changes[k].rows[w]) {
-          shift -= entry.N * v.col(a);
-          turn -= entry.N * v.col(a) * (x.col(a) - at).transpose();
-        }
-        turn *= chunk.moment[p].inverse();
-      }
-      for (const auto& [a, entry] : changes[k].rows[w]) {
-        change[a] += m * entry.N;
-        if (options.momentum == OtmMomentum::points)
-          momentum.col(a) += m * entry.N * mean;
-        else
-          momentum.col(a) += m * entry.N * (v.col(a) + shift + turn * (x.col(a) - at));
-      }
+    auto twins = chunk.twins.begin();
+    for (std::size_t w = 0; w < chunk.worn.size();) {
+      const bool are_twins = twins != chunk.twins.end() && twins->first == chunk.worn[w];
+      const std::size_t end = w + (are_twins ? 2 : 1);
+      if (are_twins) ++twins;
+      std::vector<PointRow> rows;
+      for (; w < end; ++w) rows.push_back({chunk.worn[w], &changes[k].rows[w]});
+      hand_over(chunk, rows, change, momentum);
     }
   }
   for (Index a = 0; a < mass.size(); ++a) {
@@ -375,10 +405,11 @@ template <int Dim> void Motion<Dim>::renew() {
     narrowed = narrowed || !chunk.narrowed.empty();
     chunk.narrowed.clear();
     chunk.worn.clear();
+    chunk.twins.clear();
   }
-  // Nodes that lost others around them may have become light.
-  const bool has_merged = std::exchange(merged_anew, false);
-  if (narrowed || has_merged) shake(has_merged ? 30 : 3);
+  // Nodes that lost others around them, or got them, may have become light.
+  const bool changed = std::exchange(changed_nodes, false);
+  if (narrowed || changed) shake(changed ? 30 : 3);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.

@@ -23,7 +23,7 @@ template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
   surfaces.clear();
   seen.resize(Dim, 0);
   ++counts.merged;
-  merged_anew = true;
+  changed_nodes = true;
 }
 
 /// The first becomes one with the other, if all points that see it have functions without it, and that point of these
@@ -67,11 +67,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
   }
   locked.insert(counted_on.begin(), counted_on.end());
   become_one(a, with);
-  for (const auto& [c, p] : seen_by) {
-    std::vector<Index>& worn = chunks[c].worn;
-    const auto place = std::lower_bound(worn.begin(), worn.end(), p);
-    if (place == worn.end() || *place != p) worn.insert(place, p);
-  }
+  for (const auto& [c, p] : seen_by) chunks[c].wear(p);
   return true;
 }
 

@@ -66,6 +66,9 @@ struct OtmOptions {
   /// When the stable step gets shorter than this, over the first one, nodes that squeeze functions to less than this,
   /// over their first width, become one with the next. 0: never.
   double merging = 0.25;
+  /// Where bodies with cells stretch, edges between nodes get a node into their middle when they are longer than this,
+  /// over the spacing at the start, with no other node near; cells and points around them become two. 0: never.
+  double injection = 0.0;
   OtmMomentum momentum = OtmMomentum::affine;
   double courant = 0.5;  ///< of the step that is stable by the highest frequency that power iteration finds
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
@@ -112,6 +115,7 @@ struct OtmCounts {
   std::int64_t renewals = 0;    ///< functions of a point made anew
   std::int64_t iterations = 0;  ///< of Newton's method for them
   Index merged = 0;             ///< nodes that became one with another
+  Index injected = 0;           ///< nodes that came in
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };

@@ -14,8 +14,8 @@ auto fields(OtmTimes& of) {
   return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -41,10 +41,10 @@ static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
          moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
-         damping, columns, seconds] = of;
+         twins, damping, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn,
-                  narrowed, damping, seconds);
+                  narrowed, twins, damping, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {
@@ -99,12 +99,21 @@ auto fields(IsNear auto& of) {
   auto& [node, body, facets] = of;
   return std::tie(node, body, facets);
 }
+template <class T>
+concept IsBody = requires(T of) {
+  of.cells;
+  of.first_point;
+};
+auto fields(IsBody auto& of) {
+  auto& [material, tangent, compliance, shear, modulus, renewed, finite, cells, first_node, first_point] = of;
+  return std::tie(cells, first_node, first_point);
+}
 template <int Dim> auto fields(Motion<Dim>& of) {
-  return std::tie(of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces, of.prescribed,
-                  of.held_anew, of.merged_anew, of.spacing, of.time, of.last_step, of.stable, of.first_stable,
-                  of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous, of.stored, of.shaken,
-                  of.counts, of.times, of.merged, of.surfaces, of.surface_area, of.near, of.seen, of.touches,
-                  of.cavities, of.contact_stored);
+  return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces,
+                  of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
+                  of.first_stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous,
+                  of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
+                  of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored);
 }
 
 }  // namespace internal
@@ -117,9 +126,9 @@ template <int Dim> std::string Otm<Dim>::state() const {
 
 template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   internal::Motion<Dim>& of = *motion_;
-  const Index nodes = num_nodes(), walls = static_cast<Index>(of.walls.size());
-  std::vector<std::vector<Index>> numbers;
-  for (auto& chunk : of.chunks) numbers.push_back(chunk.number);
+  const auto given = of.given;
+  const auto bodies = of.bodies;
+  const std::size_t walls = of.walls.size();
   const std::string before = this->state();
   const auto take = [&](std::string_view bytes) {
     internal::Unpacker unpack(bytes);
@@ -131,10 +140,11 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     same = take(state);
   } catch (const InputError&) {
   }
-  same = same && num_nodes() == nodes && static_cast<Index>(of.walls.size()) == walls &&
-         of.chunks.size() == numbers.size();
-  for (std::size_t c = 0; same && c < numbers.size(); ++c) same = of.chunks[c].number == numbers[c];
-  if (!same) take(before);
+  same = same && of.given == given && of.bodies.size() == bodies.size() && of.walls.size() == walls;
+  if (!same) {
+    of.bodies = bodies;
+    take(before);
+  }
   for (auto& chunk : of.chunks) {
     chunk.x.assign(4 * chunk.nodes.size(), 0.0);
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);

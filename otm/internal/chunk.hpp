@@ -4,7 +4,9 @@
 
 #include "efree/otm/otm.hpp"
 
+#include <algorithm>
 #include <cstdint>
+#include <utility>
 
 namespace efree::internal {
 
@@ -47,11 +49,18 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
   std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
-  double damping = 0.0;          ///< viscous pressure over that of sound, at the most
-  std::vector<double> columns;   ///< sixteen numbers a point: what kernels hand over
-  OtmTimes seconds;              ///< kinematics, materials, forces
+  /// Of worn points, those that were one with the next: one moves so far, the other as far the other way.
+  std::vector<std::pair<Index, Vec<Dim>>> twins;
+  double damping = 0.0;         ///< viscous pressure over that of sound, at the most
+  std::vector<double> columns;  ///< sixteen numbers a point: what kernels hand over
+  OtmTimes seconds;             ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
+  /// The point's functions are to be renewed.
+  void wear(Index p) {
+    const auto place = std::lower_bound(worn.begin(), worn.end(), p);
+    if (place == worn.end() || *place != p) worn.insert(place, p);
+  }
   /// Whether there are unions of more than one point.
   bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };

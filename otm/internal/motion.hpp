@@ -52,6 +52,7 @@ template <int Dim> struct Motion {
   using Rows = std::vector<std::vector<std::pair<Index, OtmEntry>>>;
 
   OtmOptions options;
+  std::vector<Index> given;  ///< nodes and points of each body at the start
   std::vector<BodyOf> bodies;
   Points<Dim> x, v, force;
   Points<Dim> was;  ///< v a step ago
@@ -64,8 +65,8 @@ template <int Dim> struct Motion {
   std::vector<OtmWall<Dim>> walls;
   Points<Dim> wall_forces;
   std::vector<Prescribed> prescribed;
-  bool merged_anew = false;  ///< nodes are about to become one
-  bool held_anew = false;    ///< more is prescribed than the shape of the fastest vibration knows of
+  bool changed_nodes = false;  ///< nodes are about to become one, or to come in
+  bool held_anew = false;      ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   Vector spacing;                                       ///< by node, at the start
@@ -100,8 +101,23 @@ template <int Dim> struct Motion {
   void renew();
   void follow_others();
   void become_one(Index a, Index with);
+  /// Between two nodes of a body, and the cells around it.
+  struct Split {
+    Index a, b;
+    Vec<Dim> middle;
+    std::vector<Index> cells;
+  };
+  std::vector<Split> overlong_edges(Index body);
+  void add_nodes(Index body, const Points<Dim>& at, const Points<Dim>& velocity, const Vector& spacings);
+  void inject();
   void merge_nodes();
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
+  struct PointRow {
+    Index point;
+    const std::vector<std::pair<Index, OtmEntry>>* row;  ///< its functions from now on
+  };
+  void hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows, Vector& masses,
+                 Points<Dim>& momenta) const;
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;
   void move(double kick, double dt);
   void stiffen();

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Nodes and points where a body has stretched so far that it has few of them.
+#include "efree/otm/internal/motion.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <tuple>
+#include <utility>
+
+namespace efree::internal {
+namespace {
+
+// What there is of every point, for points that go on as those.
+
+template <int R> void gather(Eigen::Matrix<double, R, Eigen::Dynamic>& columns, const std::vector<Index>& from) {
+  if (columns.cols() != 0) columns = columns(Eigen::all, from).eval();
+}
+void gather(Vector& values, const std::vector<Index>& from) {
+  if (values.size() != 0) values = values(from).eval();
+}
+template <class T> void gather(std::vector<T>& values, const std::vector<Index>& from) {
+  std::vector<T> result;
+  result.reserve(from.size());
+  for (const Index p : from) result.push_back(values[p]);
+  values = std::move(result);
+}
+
+/// The points of `twice`, ascending, become two each: both as they were, functions and all, but of half the volume.
+template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& twice) {
+  std::vector<Index> from, first(chunk.size() + 1);
+  for (Index p = 0; p < chunk.size(); ++p) {
+    first[p] = static_cast<Index>(from.size());
+    const bool is_twice = std::binary_search(twice.begin(), twice.end(), p);
+    from.insert(from.end(), is_twice ? 2 : 1, p);
+    if (!is_twice) continue;
+    chunk.volume[p] *= 0.5;
+    chunk.mass[p] *= 0.5;
+    chunk.penalty[p] *= 0.5;
+  }
+  const auto n = static_cast<Index>(from.size());
+  first.back() = n;
+  std::vector<Index> offsets{0};
+  std::vector<std::uint16_t> local;
+  std::vector<OtmEntry> entries;
+  for (const Index p : from) {
+    local.insert(local.end(), chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1]);
+    entries.insert(entries.end(), chunk.entries.begin() + chunk.offsets[p],
+                   chunk.entries.begin() + chunk.offsets[p + 1]);
+    offsets.push_back(static_cast<Index>(entries.size()));
+  }
+  chunk.offsets = std::move(offsets);
+  chunk.local = std::move(local);
+  chunk.entries = std::move(entries);
+  gather(chunk.number, from);
+  gather(chunk.now.X, from);
+  gather(chunk.now.F, from);
+  gather(chunk.now.history, from);
+  gather(chunk.now.heat, from);
+  gather(chunk.response.P, from);
+  gather(chunk.response.history, from);
+  gather(chunk.response.energy, from);
+  gather(chunk.response.A, from);
+  gather(chunk.response.dissipated, from);
+  gather(chunk.made, from);
+  gather(chunk.since, from);
+  gather(chunk.at, from);
+  for (Vector* values : {&chunk.volume, &chunk.mass, &chunk.count, &chunk.width, &chunk.growth, &chunk.dilatation,
+                         &chunk.shock, &chunk.modulus, &chunk.stiffening, &chunk.penalty})
+    gather(*values, from);
+  gather(chunk.metric, from);
+  gather(chunk.moment, from);
+  gather(chunk.lambda, from);
+  for (Index& begin : chunk.unions) begin = first[begin];
+  std::vector<Index> worn;
+  for (const Index p : chunk.worn)
+    for (Index q = first[p]; q < first[p + 1]; ++q) worn.push_back(q);
+  chunk.worn = std::move(worn);
+  chunk.columns.resize(16 * static_cast<std::size_t>(n));
+}
+
+/// More columns, before that one.
+template <int Dim> void insert(Points<Dim>& columns, Index before, const Points<Dim>& more) {
+  if (columns.cols() == 0) return;
+  Points<Dim> result(Dim, columns.cols() + more.cols());
+  result << columns.leftCols(before), more, columns.rightCols(columns.cols() - before);
+  columns = std::move(result);
+}
+void insert(Vector& values, Index before, const Vector& more) {
+  if (values.size() == 0) return;
+  Vector result(values.size() + more.size());
+  result << values.head(before), more, values.tail(values.size() - before);
+  values = std::move(result);
+}
+
+/// Facets with both ends of an edge become two, with its middle.
+template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Index middle) {
+  for (Eigen::Index f = facets.cols() - 1; f >= 0; --f) {
+    const auto has = [&](Index node) { return (facets.col(f).array() == node).any(); };
+    if (!has(a) || !has(b)) continue;
+    facets.conservativeResize(Eigen::NoChange, facets.cols() + 1);
+    facets.rightCols(1) = facets.col(f);
+    for (Index& corner : facets.col(f))
+      if (corner == b) corner = middle;
+    for (Index& corner : facets.rightCols(1).reshaped())
+      if (corner == a) corner = middle;
+  }
+}
+
+}  // namespace
+
+/// Nodes of a body, numbered after those it has; those of later bodies get other numbers. They have no mass yet.
+template <int Dim>
+void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>& velocity, const Vector& spacings) {
+  const Index first = bodies[body + 1].first_node, count = static_cast<Index>(at.cols());
+  const auto shift = [&](Index& node) {
+    if (node >= first) node += count;
+  };
+  insert<Dim>(x, first, at);
+  insert<Dim>(v, first, velocity);
+  insert<Dim>(was, first, velocity);
+  const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
+  for (Points<Dim>* values : {&force, &shaken}) insert<Dim>(*values, first, nothing);
+  insert(spacing, first, spacings);
+  for (Vector* values : {&mass, &surface_area}) insert(*values, first, Vector(Vector::Zero(count)));
+  for (Index& with : merged) shift(with);
+  merged.insert(merged.begin() + first, count, -1);
+  body_of_node.insert(body_of_node.begin() + first, count, body);
+  for (auto& chunk : chunks) std::for_each(chunk.nodes.begin(), chunk.nodes.end(), shift);
+  for (auto& one : prescribed) shift(one.node);
+  for (auto& cavity : cavities)
+    for (Index& corner : cavity.of.facets.reshaped()) shift(corner);
+  for (auto& one : touches) {
+    shift(one.node);
+    for (auto& held : one.patch) shift(held.node);
+  }
+  for (std::size_t b = body + 1; b < bodies.size(); ++b) bodies[b].first_node += count;
+  surfaces.clear();
+  near.clear();
+  seen.resize(Dim, 0);
+  counts.injected += count;
+  changed_nodes = true;
+}
+
+/// Edges of a body's cells that are to be split, of no cell two: the longest first, of those longer than
+/// OtmOptions::injection times the spacing that have no other node near their middle.
+template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlong_edges(Index of_body) {
+  const BodyOf& body = bodies[of_body];
+  const Index begin = body.first_node;
+  const auto most = [&](Index a, Index b) {
+    return 0.5 * options.injection * (spacing[begin + a] + spacing[begin + b]);
+  };
+  const auto length = [&](Index a, Index b) { return (x.col(begin + a) - x.col(begin + b)).norm(); };
+  std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
+  for (Eigen::Index c = 0; c < body.cells.cols(); ++c)
+    for (int i = 0; i <= Dim; ++i)
+      for (int j = 0; j < i; ++j) {
+        const std::pair<Index, Index> edge = std::minmax(body.cells(i, c), body.cells(j, c));
+        if (edge.first == edge.second || length(edge.first, edge.second) <= most(edge.first, edge.second)) continue;
+        std::vector<Index>& cells = around[edge];
+        if (cells.empty() || cells.back() != c) cells.push_back(static_cast<Index>(c));
+      }
+  std::vector<Split> result;
+  if (around.empty()) return result;
+  std::vector<std::pair<double, std::pair<Index, Index>>> order;
+  for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
+  std::sort(order.begin(), order.end());
+  trees[of_body]->build(x.middleCols(begin, bodies[of_body + 1].first_node - begin));
+  std::vector<char> is_split(static_cast<std::size_t>(body.cells.cols()), 0);
+  std::vector<Index> near_by;
+  for (const auto& [minus_length, edge] : order) {
+    const auto& [a, b] = edge;
+    const std::vector<Index>& cells = around[edge];
+    if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0; })) continue;
+    const Vec<Dim> middle = 0.5 * (x.col(begin + a) + x.col(begin + b));
+    const double room = 0.5 * most(a, b);
+    trees[of_body]->within(middle, room, near_by);
+    if (!near_by.empty() || std::any_of(result.begin(), result.end(), [&](const Split& other) {
+          return (other.middle - middle).squaredNorm() < room * room;
+        }))
+      continue;
+    for (const Index c : cells) is_split[c] = 1;
+    result.push_back({a, b, middle, cells});
+  }
+  return result;
+}
+
+/// Nodes come into the middle of edges, and cells around them, with their points, become two. Both points keep what
+/// the one has felt, so that the energy stored is what it was; momentum and its moment are handed over by `renew`.
+template <int Dim> void Motion<Dim>::inject() {
+  for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
+    BodyOf& body = bodies[b];
+    if (!body.renewed || body.cells.cols() == 0) continue;
+    const std::vector<Split> splits = overlong_edges(b);
+    if (splits.empty()) continue;
+    const Index begin = body.first_node, num_nodes = bodies[b + 1].first_node - begin;
+    const auto count = static_cast<Index>(splits.size());
+    Points<Dim> at(Dim, count), velocity(Dim, count);
+    Vector spacings(count);
+    for (Index k = 0; k < count; ++k) {
+      const Index ends[] = {begin + splits[k].a, begin + splits[k].b};
+      at.col(k) = splits[k].middle;
+      velocity.col(k) = 0.5 * (v.col(ends[0]) + v.col(ends[1]));
+      spacings[k] = 0.5 * (spacing[ends[0]] + spacing[ends[1]]);
+      // Points that see both ends are to see what is between them.
+      for (Index place = node_offsets[ends[0]]; place < node_offsets[ends[0] + 1]; ++place) {
+        OtmChunk<Dim>& chunk = chunks[node_places[place].first];
+        const auto sees = [&](Index p, Index node) {
+          return std::any_of(chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1],
+                             [&](std::uint16_t local) { return chunk.nodes[local] == node; });
+        };
+        for (Index p = 0; p < chunk.size(); ++p)
+          if (sees(p, ends[0]) && sees(p, ends[1])) chunk.wear(p);
+      }
+    }
+    add_nodes(b, at, velocity, spacings);
+    std::vector<std::map<Index, std::pair<Index, Vec<Dim>>>> halves(chunks.size());  // point: second number, way
+    for (Index k = 0; k < count; ++k) {
+      const auto& [a, e, middle, cells] = splits[k];
+      const Index fresh = num_nodes + k;
+      // It is held as both ends are.
+      const std::size_t num_prescribed = prescribed.size();
+      for (std::size_t i = 0; i < num_prescribed; ++i)
+        for (std::size_t j = 0; j < num_prescribed; ++j)
+          if (prescribed[i].node == begin + a && prescribed[j].node == begin + e &&
+              prescribed[i].axis == prescribed[j].axis && prescribed[i].velocity == prescribed[j].velocity)
+            prescribed.push_back({begin + fresh, prescribed[i].axis, prescribed[i].velocity});
+      for (auto& cavity : cavities) split_facets<Dim>(cavity.of.facets, begin + a, begin + e, begin + fresh);
+      for (const Index c : cells) {
+        const auto [in, p] = place_of_point[body.first_point + c];
+        const auto next = static_cast<Index>(body.cells.cols());
+        halves[in][p] = {next, (x.col(begin + a) - x.col(begin + e)) / (2 * (Dim + 1))};
+        chunks[in].wear(p);
+        body.cells.conservativeResize(Eigen::NoChange, next + 1);
+        body.cells.col(next) = body.cells.col(c);
+        for (Index& corner : body.cells.col(c))
+          if (corner == e) corner = fresh;
+        for (Index& corner : body.cells.col(next))
+          if (corner == a) corner = fresh;
+      }
+    }
+    for (std::size_t c = 0; c < chunks.size(); ++c) {
+      if (halves[c].empty()) continue;
+      OtmChunk<Dim>& chunk = chunks[c];
+      std::vector<Index> twice;
+      for (const auto& [p, half] : halves[c]) twice.push_back(p);
+      halve(chunk, twice);
+      Index before = 0;
+      for (const auto& [p, half] : halves[c]) {
+        chunk.twins.push_back({p + before, half.second});
+        chunk.number[p + ++before] = half.first;
+      }
+    }
+    const Index more = static_cast<Index>(body.cells.cols()) - (bodies[b + 1].first_point - body.first_point);
+    for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += more;
+    place_of_point.resize(bodies.back().first_point);
+    for (std::size_t c = 0; c < chunks.size(); ++c)
+      for (Index p = 0; p < chunks[c].size(); ++p)
+        place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
+    find_places();
+  }
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal
