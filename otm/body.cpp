@@ -37,6 +37,41 @@ OtmBody<Dim> otm_body(const FineMesh<Dim>& mesh, SharedMaterial material, double
   return body;
 }
 
+template <int Dim>
+OtmBody<Dim> otm_body(const Approximation<Dim>& approximation, SharedMaterial material, double density) {
+  const FineSpace<Dim>& space = approximation.space;
+  const bool elements = approximation.nodes.cols() == space.size();
+  if (elements && space.degree() > 1)
+    throw InputError("quadratic finite elements: lumped masses of corners are not positive, take linear ones");
+  OtmBody<Dim> body{.nodes = approximation.nodes,
+                    .velocity = {},
+                    .points = approximation.quadrature.points,
+                    .volumes = approximation.quadrature.weights,
+                    .unions = approximation.union_of,
+                    .material = std::move(material),
+                    .density = density,
+                    .shape = approximation.quadrature.shape};
+  if (elements) return body;
+  std::vector<char> outer(space.size());
+  for (Index f = 0; f < space.mesh().num_facets(); ++f)
+    for (const Index dof : space.facet(f)) outer[dof] = 1;
+  std::vector<Offset> offsets{0};
+  std::vector<Index> nodes;
+  std::vector<double> N;
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    if (!outer[dof]) continue;
+    const ShapeRow<Dim> row = approximation.shape.row(dof);
+    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
+    N.insert(N.end(), row.N.begin(), row.N.end());
+    offsets.push_back(static_cast<Offset>(N.size()));
+  }
+  body.surface.emplace(static_cast<Index>(body.nodes.cols()), std::move(offsets), std::move(nodes), std::move(N));
+  body.mass_terms = 2;
+  return body;
+}
+
+template OtmBody<2> otm_body(const Approximation<2>&, SharedMaterial, double);
+template OtmBody<3> otm_body(const Approximation<3>&, SharedMaterial, double);
 template OtmBody<2> otm_body(const FineMesh<2>&, SharedMaterial, double, bool);
 template OtmBody<3> otm_body(const FineMesh<3>&, SharedMaterial, double, bool);
 

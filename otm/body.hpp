@@ -5,6 +5,7 @@
 #include "efree/basis/shape_table.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/materials/material.hpp"
+#include "efree/quadrature/approximation.hpp"
 
 #include <optional>
 
@@ -25,6 +26,11 @@ template <int Dim> struct OtmBody {
   Vector densities{};    ///< M, where points differ; empty: `density` is of all of them
   /// Functions at the points, with gradients, for good; none: local maximum entropy, renewed as points move.
   std::optional<ShapeTable<Dim>> shape{};
+  /// K x N, with `shape`: functions at points of the surface, which walls act on. None: nodes are the surface.
+  std::optional<ShapeTable<Dim>> surface{};
+  /// Terms of the series for the inverse of the consistent mass, with `shape`. 1: masses are lumped, which slows waves
+  /// down where functions are wide.
+  Index mass_terms = 1;
 };
 
 /// Nodes at the vertices of a mesh, a material point in the middle of every cell, dilatation shared by the points
@@ -32,5 +38,15 @@ template <int Dim> struct OtmBody {
 /// those of the rings. Throws InputError for an axisymmetric mesh beyond the axis.
 template <int Dim>
 OtmBody<Dim> otm_body(const FineMesh<Dim>& mesh, SharedMaterial material, double density, bool axisymmetric = false);
+
+/// Support of moving least squares on a cloud for bodies in motion, over the spacing: narrower functions than at rest
+/// carry shorter waves.
+inline constexpr double otm_support = 1.75;
+
+/// Nodes, functions and quadrature of the static solver, which stay what they are (total Lagrangian). Of a cloud: two
+/// terms for the mass, walls act on the fine vertices of the boundary. Of finite elements: lumped masses, walls act on
+/// the nodes. Throws InputError for quadratic finite elements, whose masses are not positive.
+template <int Dim>
+OtmBody<Dim> otm_body(const Approximation<Dim>& approximation, SharedMaterial material, double density);
 
 }  // namespace efree

@@ -108,6 +108,16 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       fail(fmt::format("functions of {} points and {} nodes, expected {} and {}, with gradients{}",
                        body.shape->num_points(), body.shape->num_nodes(), M, N,
                        axisymmetric() ? " and values over the radius" : ""));
+    if (!body.shape && (body.surface || body.mass_terms != 1))
+      fail("points of a surface and terms of the mass are for functions that are given for good");
+    if (body.mass_terms > 1 && (!body.surface || body.cells.size() != 0))
+      fail("more than one term of the mass: expected points of a surface, and no cells");
+    if (body.mass_terms < 1 || body.mass_terms > 8)
+      fail(fmt::format("{} terms of the mass, expected 1 to 8", body.mass_terms));
+    if (body.surface && body.surface->num_nodes() != N)
+      fail(fmt::format("functions of {} nodes on the surface, expected {}", body.surface->num_nodes(), N));
+    fixed = fixed || body.surface || body.mass_terms > 1;
+    if (fixed && options.injection > 0.0) fail("injection is for functions that are made anew, expected 0");
     if (axisymmetric() && body.nodes.row(0).minCoeff() < 0.0)
       fail("axisymmetric: expected radii x that are not negative");
     if (body.cells.size() != 0) {
@@ -127,12 +137,13 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     const double shear = softest_shear(tangent), modulus = std::max({tangent(0, 0), tangent(4, 4), tangent(8, 8)});
     if (!(modulus > 0.0)) fail("a material without stiffness");
     bodies.push_back({body.material, tangent, compliance_of(tangent, shear, modulus), shear, modulus,
-                      !body.shape.has_value(), material.finite_strain(), body.cells, num_nodes, num_points});
+                      !body.shape.has_value(), material.finite_strain(), body.surface.has_value(), body.mass_terms,
+                      body.cells, num_nodes, num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, {}, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, false, 1, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
   v.setZero(Dim, num_nodes);
@@ -231,16 +242,9 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();
-  mass.setZero(num_nodes);
-  for (const auto& chunk : chunks)
-    for (Index p = 0; p < chunk.size(); ++p)
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
-        mass[chunk.nodes[chunk.local[e]]] += chunk.mass[p] * chunk.entries[e].N;
-  for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
-    for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
-      if (!(mass[a] > 0.0))
-        throw NumericalError(fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it",
-                                         a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
+  find_masses();
+  find_momenta();
+  take_surfaces(given);
   dissipated.setZero(static_cast<Index>(chunks.size()));
   viscous.setZero(static_cast<Index>(chunks.size()));
   stored.setZero(static_cast<Index>(chunks.size()));

@@ -289,19 +289,22 @@ template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
 template <int Dim> void Motion<Dim>::move(double kick, double dt) {
   auto start = Clock::now();
   was = v;
-  for (Index a = 0; a < mass.size(); ++a)
-    if (mass[a] > 0.0) v.col(a) += kick / mass[a] * force.col(a);
+  v += velocities_of(kick * force);
+  if (fixed) nodal_momentum += kick * force;
   Points<Dim> rubbed(Dim, 0);
   if (options.contact.friction > 0.0 && !touches.empty()) rubbed = rub(kick);
   // What a force that changes v at the end does is its impulse times the mean of the velocities around it.
   for (const auto& [node, axis, velocity] : prescribed) {
     prescribed_work += 0.5 * mass[node] * (velocity - v(axis, node)) * (velocity + was(axis, node));
     v(axis, node) = velocity;
+    if (fixed) nodal_momentum(axis, node) = mass[node] * velocity;
   }
   wall_forces.setZero(Dim, static_cast<Index>(walls.size()));
   for (std::size_t w = 0; w < walls.size(); ++w) {
     const OtmWall<Dim>& wall = walls[w];
+    stop_surfaces(static_cast<Index>(w), kick, dt);
     for (Index a = 0; a < mass.size(); ++a) {
+      if (bodies[body_of_node[a]].has_surface) continue;
       const double gap = x.col(a).dot(wall.normal) - wall.level;
       const double speed = v.col(a).dot(wall.normal);
       if (gap + dt * speed >= 0.0) continue;

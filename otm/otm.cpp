@@ -41,6 +41,8 @@ template <int Dim> void Otm<Dim>::add_wall(const OtmWall<Dim>& wall) {
   if (std::abs(wall.normal.norm() - 1.0) > 1e-9) throw InputError("a wall's normal: expected a unit vector");
   if (!(wall.friction >= 0.0)) throw InputError(fmt::format("a wall's friction {}, expected 0 or more", wall.friction));
   motion_->walls.push_back(wall);
+  motion_->at_walls.emplace_back();
+  motion_->looked.resize(Dim, 0);
   motion_->wall_forces.setZero(Dim, static_cast<Index>(motion_->walls.size()));
 }
 
@@ -69,6 +71,7 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
     throw InputError(fmt::format("axis {} of node {}: there are {} nodes", axis, node, num_nodes()));
   motion_->prescribed.push_back({node, axis, velocity});
   motion_->v(axis, node) = velocity;
+  motion_->find_free();
   motion_->held_anew = true;
 }
 
@@ -76,6 +79,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   internal::Motion<Dim>& of = *motion_;
   if (of.held_anew) {
     of.held_anew = false;
+    of.find_momenta();
     // What is left of that shape where nodes are held is slow: the bound would be too long until it is found anew.
     of.shake(100);
     if (of.counts.steps == 0) of.first_stable = of.stable;
@@ -173,16 +177,15 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
   result.renewal = of.renewal_loss;
   result.prescribed = of.prescribed_work;
   for (Index a = 0; a < num_nodes(); ++a) {
-    const double m = of.mass[a];
-    if (!(m > 0.0)) continue;
-    // Half a step ago, and half a step from now.
-    const Vec<Dim> v = of.v.col(a), next = v + of.last_step / m * of.force.col(a);
-    result.kinetic += 0.5 * m * v.dot(next);
-    result.momentum += m * v;
+    if (!(of.mass[a] > 0.0)) continue;
+    // Half a step ago; and the energy with that half a step from now.
+    const Vec<Dim> l = of.momentum_of(a);
+    result.kinetic += 0.5 * of.v.col(a).dot(l + of.last_step * of.force.col(a));
+    result.momentum += l;
     if constexpr (Dim == 2)
-      result.moment[0] += m * (of.x(0, a) * v[1] - of.x(1, a) * v[0]);
+      result.moment[0] += of.x(0, a) * l[1] - of.x(1, a) * l[0];
     else
-      result.moment += m * Vec<3>(of.x.col(a)).cross(v);
+      result.moment += Vec<3>(of.x.col(a)).cross(l);
   }
   for (const auto& chunk : of.chunks)
     for (Index p = 0; p < chunk.size(); ++p) result.stabilising += of.unseen(chunk, p);

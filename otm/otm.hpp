@@ -78,7 +78,8 @@ struct OtmOptions {
   OtmContact contact{};
 };
 
-/// A plane that no node goes through: x . normal >= level.
+/// A plane that no node goes through: x . normal >= level. Of bodies with points of a surface it is these that do not,
+/// by more than a hundredth of the spacing or so.
 template <int Dim> struct OtmWall {
   Vec<Dim> normal;        ///< a unit vector, to the side where bodies are
   double level = 0.0;     ///< [length]
@@ -170,7 +171,7 @@ template <int Dim> class Otm {
   double stable_step() const;        ///< the next one's bound
   const Points<Dim>& nodes() const;  ///< Dim x N, where they are
   Points<Dim> velocities() const;    ///< Dim x N, half a step ago
-  const Vector& masses() const;      ///< N
+  const Vector& masses() const;      ///< N, lumped
   Points<Dim> points() const;        ///< Dim x M, where they are
   Tensors deformation() const;       ///< 9 x M, F
   Tensors cauchy_stress() const;     ///< 9 x M

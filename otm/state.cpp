@@ -105,15 +105,26 @@ concept IsBody = requires(T of) {
   of.first_point;
 };
 auto fields(IsBody auto& of) {
-  auto& [material, tangent, compliance, shear, modulus, renewed, finite, cells, first_node, first_point] = of;
+  auto& [material, tangent, compliance, shear, modulus, renewed, finite, has_surface, mass_terms, cells, first_node,
+         first_point] = of;
   return std::tie(cells, first_node, first_point);
+}
+template <class T>
+concept IsAtWall = requires(T of) {
+  of.near;
+  of.impulses;
+};
+auto fields(IsAtWall auto& of) {
+  auto& [near, impulses] = of;
+  return std::tie(near, impulses);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces,
                   of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
                   of.first_stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous,
                   of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
-                  of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored);
+                  of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored, of.nodal_momentum,
+                  of.at_walls, of.looked);
 }
 
 }  // namespace internal
@@ -140,7 +151,8 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     same = take(state);
   } catch (const InputError&) {
   }
-  same = same && of.given == given && of.bodies.size() == bodies.size() && of.walls.size() == walls;
+  same = same && of.given == given && of.bodies.size() == bodies.size() && of.walls.size() == walls &&
+         of.at_walls.size() == walls;
   if (!same) {
     of.bodies = bodies;
     take(before);
@@ -150,6 +162,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
   }
   of.find_places();
+  of.find_free();
   if (!same) throw InputError("the state is damaged, or not of bodies and walls such as these");
 }
 

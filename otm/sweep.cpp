@@ -274,10 +274,10 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
     Points<Dim> next = -collected();
     resist(shaken, next);
     for (const auto& [node, axis, velocity] : prescribed) next(axis, node) = 0.0;
+    next = velocities_of(next);
     double norm2 = 0.0, before2 = 0.0;
     for (Index a = 0; a < mass.size(); ++a) {
       before2 += mass[a] * shaken.col(a).squaredNorm();
-      if (mass[a] > 0.0) next.col(a) /= mass[a];
       norm2 += mass[a] * next.col(a).squaredNorm();
     }
     omega2 = std::sqrt(norm2 / before2);

@@ -13,7 +13,7 @@ set(may_quadrature core geometry heatgeo basis)
 set(may_materials core)
 set(may_assembly core geometry heatgeo basis quadrature materials)
 set(may_solvers core geometry heatgeo basis quadrature materials assembly)
-set(may_otm core geometry heatgeo basis materials)
+set(may_otm core geometry heatgeo basis quadrature materials)
 set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers otm)
 set(may_io core geometry heatgeo basis quadrature materials assembly solvers otm analysis)
 

@@ -39,6 +39,8 @@ template <int Dim> struct Motion {
     double shear, modulus;                          ///< against shear, and of pressure waves
     bool renewed;                                   ///< whether functions are
     bool finite;                                    ///< whether the material is for finite strains
+    bool has_surface;                               ///< that walls act on; else they act on the nodes
+    Index mass_terms;                               ///< 1: lumped masses
     Cells<Dim> cells;                               ///< around the points; nodes as the body numbers them
     Index first_node, first_point;
   };
@@ -160,6 +162,32 @@ template <int Dim> struct Motion {
   double contact_stored = 0.0;
   std::vector<Index> body_of_node;
   std::vector<Index> merged;  ///< the node that it is one with, which is none of these; -1: it is its own
+  // Bodies with masses that are not lumped, or a surface of their own. Their nodes stay the same.
+  bool fixed = false;   ///< whether there are any; else what follows is empty
+  SparseRows coupling;  ///< consistent mass between nodes of bodies with more than one term
+  Points<Dim> nodal_momentum;
+  Points<Dim> free;  ///< 0 for what is prescribed, else 1
+  void find_masses();
+  void find_free();
+  void find_momenta();
+  Points<Dim> velocities_of(const Points<Dim>& impulses) const;
+  Vec<Dim> momentum_of(Index a) const {
+    return bodies[body_of_node[a]].mass_terms > 1 ? Vec<Dim>(nodal_momentum.col(a)) : Vec<Dim>(mass[a] * v.col(a));
+  }
+
+  // Walls and the surfaces of bodies that have them.
+  struct AtWall {
+    std::vector<Index> near;  ///< points of surfaces that may come to the wall soon, ascending
+    Points<Dim> impulses;     ///< on them in the last step
+  };
+  SparseRows surface_points;   ///< functions at the points of all surfaces
+  double surface_skin = 0.0;   ///< gap below which points are near [length]
+  double surface_reach = 1.0;  ///< how much further than nodes such points may go, at the most
+  std::vector<AtWall> at_walls;
+  Points<Dim> looked;  ///< where nodes were when the points near walls were found
+  void take_surfaces(const std::vector<OtmBody<Dim>>& of);
+  void find_near_walls();
+  void stop_surfaces(Index w, double kick, double dt);
   bool has_contact() const { return options.contact.stiffness > 0.0 && bodies.size() > 2; }
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;

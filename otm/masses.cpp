@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Masses of nodes, lumped or not, and velocities by impulses.
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+
+/// Lumped masses, and of bodies with more than one term the consistent ones.
+template <int Dim> void Motion<Dim>::find_masses() {
+  const auto N = static_cast<Index>(x.cols());
+  mass.setZero(N);
+  std::vector<Eigen::Triplet<double, Index>> entries;  // N times the root of the point's mass
+  for (const auto& chunk : chunks)
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const Index a = chunk.nodes[chunk.local[e]];
+        mass[a] += chunk.mass[p] * chunk.entries[e].N;
+        if (bodies[chunk.body].mass_terms > 1)
+          entries.emplace_back(bodies[chunk.body].first_point + chunk.number[p], a,
+                               std::sqrt(chunk.mass[p]) * chunk.entries[e].N);
+      }
+  for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
+    for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
+      if (!(mass[a] > 0.0))
+        throw NumericalError(fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it",
+                                         a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
+  if (!fixed) return;
+  SparseRows values(static_cast<Index>(place_of_point.size()), N);
+  values.setFromTriplets(entries.begin(), entries.end());
+  const SparseRows by_node = values.transpose();
+  coupling = by_node * values;
+  find_free();
+  nodal_momentum = v * mass.asDiagonal();
+}
+
+template <int Dim> void Motion<Dim>::find_free() {
+  if (!fixed) return;
+  free.setOnes(Dim, x.cols());
+  for (const auto& [node, axis, velocity] : prescribed) free(axis, node) = 0.0;
+}
+
+/// Velocities that impulses on the nodes make: with lumped masses D and consistent ones M the first terms of
+/// D^-1 + D^-1 (D - M) D^-1 + ..., the series of M^-1 (Guermond & Pasquetti 2013). It is symmetric, and does to motions
+/// that all nodes share what D does, so momentum is conserved. Nodes that are held along an axis have lumped masses
+/// along it.
+template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& impulses) const {
+  const auto N = static_cast<Index>(x.cols());
+  Points<Dim> result(Dim, N);
+  parallel_for(N, [&](Index a) {
+    if (mass[a] > 0.0)
+      result.col(a) = impulses.col(a) / mass[a];
+    else
+      result.col(a).setZero();
+  });
+  Index terms = 1;
+  for (const BodyOf& body : bodies) terms = std::max(terms, body.mass_terms);
+  for (Index k = 1; k < terms; ++k) {
+    const Points<Dim> before = result;
+    parallel_for(N, [&](Index a) {
+      if (bodies[body_of_node[a]].mass_terms <= k) return;
+      Vec<Dim> drawn = Vec<Dim>::Zero();
+      for (SparseRows::InnerIterator entry(coupling, a); entry; ++entry) {
+        const Index b = entry.col();
+        drawn += entry.value() * free.col(b).cwiseProduct(before.col(a) - before.col(b));
+      }
+      result.col(a) = (impulses.col(a) + free.col(a).cwiseProduct(drawn)) / mass[a];
+    });
+  }
+  return result;
+}
+
+/// The momenta whose velocities are those of the nodes, by conjugate gradients: there are no more different numbers
+/// than terms between the series and D^-1.
+template <int Dim> void Motion<Dim>::find_momenta() {
+  if (!fixed) return;
+  nodal_momentum = v * mass.asDiagonal();
+  Points<Dim> off = v - velocities_of(nodal_momentum), way = off * mass.asDiagonal(), weighted = way;
+  const double enough = 1e-30 * v.cwiseProduct(nodal_momentum).sum();
+  double size = off.cwiseProduct(weighted).sum();
+  for (int k = 0; k < 100 && size > enough; ++k) {
+    const Points<Dim> change = velocities_of(way);
+    const double length = size / way.cwiseProduct(change).sum();
+    nodal_momentum += length * way;
+    off -= length * change;
+    weighted = off * mass.asDiagonal();
+    const double next = off.cwiseProduct(weighted).sum();
+    way = weighted + next / size * way;
+    size = next;
+  }
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Walls against surfaces whose points are no nodes.
+#include "efree/core/parallel.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace efree::internal {
+namespace {
+
+/// Gap below which points of a surface are near a wall, over the smallest spacing of nodes.
+constexpr double skin = 0.1;
+/// Of the velocity that is to be stopped this part may be left, and what so many iterations leave: gaps tell the next
+/// step of it. What takes more of them are motions of nodes that surfaces hardly feel.
+constexpr double tolerance = 1e-3;
+constexpr int most_iterations = 30;
+
+/// What there is of bodies near a wall: impulses on points of surfaces make velocities of these points.
+template <int Dim> class Patch {
+ public:
+  Patch(const Motion<Dim>& motion, const std::vector<Index>& near) {
+    std::vector<Index> number(motion.x.cols(), -1);
+    const auto take = [&](Index a) {
+      if (number[a] < 0) {
+        number[a] = static_cast<Index>(nodes_.size());
+        nodes_.push_back(a);
+      }
+      return number[a];
+    };
+    Index terms = 1;
+    for (const Index s : near) {
+      for (SparseRows::InnerIterator entry(motion.surface_points, s); entry; ++entry) {
+        points_.push_back({take(entry.col()), entry.value()});
+        terms = std::max(terms, motion.bodies[motion.body_of_node[entry.col()]].mass_terms);
+      }
+      point_offsets_.push_back(points_.size());
+    }
+    // As far as the terms of the series reach and come back from.
+    for (Index ring = 0; ring < (terms - 1) / 2; ++ring)
+      for (std::size_t k = 0, known = nodes_.size(); k < known; ++k)
+        for (SparseRows::InnerIterator entry(motion.coupling, nodes_[k]); entry; ++entry) take(entry.col());
+    const auto n = static_cast<Index>(nodes_.size());
+    free_ = motion.free(Eigen::all, nodes_);
+    mass_ = motion.mass(nodes_);
+    pull_.setZero(Dim, n);
+    for (Index k = 0; k < n; ++k) {
+      terms_.push_back(motion.bodies[motion.body_of_node[nodes_[k]]].mass_terms);
+      for (SparseRows::InnerIterator entry(motion.coupling, nodes_[k]); entry; ++entry) {
+        pull_.col(k) += entry.value() * motion.free.col(entry.col());
+        if (number[entry.col()] >= 0) coupling_.push_back({number[entry.col()], entry.value()});
+      }
+      coupling_offsets_.push_back(coupling_.size());
+    }
+    find_bounds();
+  }
+
+  Index size() const { return static_cast<Index>(point_offsets_.size()) - 1; }
+  const std::vector<Index>& nodes() const { return nodes_; }
+  /// By point, of the matrix from impulses to velocities: together they bound it (Gershgorin).
+  const Vector& bounds() const { return bounds_; }
+
+  /// Impulses on the nodes, by those on the points.
+  Points<Dim> on_nodes(const Points<Dim>& impulses) const {
+    Points<Dim> result = Points<Dim>::Zero(Dim, mass_.size());
+    for (Index s = 0; s < size(); ++s)
+      for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e)
+        result.col(points_[e].node) += points_[e].value * impulses.col(s);
+    return result;
+  }
+  /// What values at the nodes come to at the points.
+  Points<Dim> at_points(const Points<Dim>& of_nodes) const {
+    Points<Dim> result = Points<Dim>::Zero(Dim, size());
+    for (Index s = 0; s < size(); ++s)
+      for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e)
+        result.col(s) += points_[e].value * of_nodes.col(points_[e].node);
+    return result;
+  }
+  /// As Motion::velocities_of.
+  Points<Dim> velocities(const Points<Dim>& impulses) const {
+    const Points<Dim> given = free_.cwiseProduct(on_nodes(impulses));
+    Points<Dim> result = given * mass_.cwiseInverse().asDiagonal();
+    const Index most = *std::max_element(terms_.begin(), terms_.end());
+    for (Index term = 1; term < most; ++term) {
+      const Points<Dim> before = result, seen = free_.cwiseProduct(before);
+      for (Index k = 0; k < mass_.size(); ++k) {
+        if (terms_[k] <= term) continue;
+        Vec<Dim> drawn = pull_.col(k).cwiseProduct(before.col(k));
+        for (std::size_t e = coupling_offsets_[k]; e < coupling_offsets_[k + 1]; ++e)
+          drawn -= coupling_[e].value * seen.col(coupling_[e].node);
+        result.col(k) = (given.col(k) + free_.col(k).cwiseProduct(drawn)) / mass_[k];
+      }
+    }
+    return at_points(result);
+  }
+
+ private:
+  struct Entry {
+    Index node;
+    double value;
+  };
+  /// The series is at most as many times D^-1 as it has terms.
+  void find_bounds() {
+    Vector sums = Vector::Zero(mass_.size());
+    for (const auto& [node, value] : points_) sums[node] += std::abs(value);
+    bounds_.setZero(size());
+    for (Index s = 0; s < size(); ++s)
+      for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e) {
+        const auto& [node, value] = points_[e];
+        bounds_[s] += static_cast<double>(terms_[node]) * std::abs(value) / mass_[node] * sums[node];
+      }
+  }
+
+  std::vector<Index> nodes_, terms_;
+  std::vector<std::size_t> point_offsets_{0}, coupling_offsets_{0};
+  std::vector<Entry> points_, coupling_;
+  Vector mass_, bounds_;
+  Points<Dim> free_, pull_;
+};
+
+/// The impulses that leave the least kinetic energy, of those that `project` lets be (accelerated projected gradients
+/// with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015). `speeds`: those without
+/// impulses; `impulses`: a first guess, and the result.
+template <int Dim, class Project> void stop(const Patch<Dim>& patch, const Points<Dim>& speeds, double largest,
+                                            const Project& project, Points<Dim>& impulses) {
+  Points<Dim> ahead = impulses;
+  double theta = 1.0;
+  for (int k = 0; k < most_iterations; ++k) {
+    const Points<Dim> slope = speeds + patch.velocities(ahead);
+    Points<Dim> next(Dim, patch.size());
+    double left = 0.0, uphill = 0.0;
+    for (Index s = 0; s < patch.size(); ++s) {
+      next.col(s) = project(s, Vec<Dim>(ahead.col(s) - slope.col(s) / patch.bounds()[s]));
+      const Vec<Dim> step = patch.bounds()[s] * (ahead.col(s) - next.col(s));
+      left = std::max(left, step.norm());
+      uphill += step.dot(next.col(s) - impulses.col(s));
+    }
+    const double before = uphill > 0.0 ? 1.0 : theta;
+    theta = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * before * before));
+    ahead = next + (uphill > 0.0 ? 0.0 : (before - 1.0) / theta) * (next - impulses);
+    impulses = next;
+    if (left <= tolerance * largest) break;
+  }
+}
+
+}  // namespace
+
+/// Points of surfaces, of all bodies that have such.
+template <int Dim> void Motion<Dim>::take_surfaces(const std::vector<OtmBody<Dim>>& of) {
+  if (!fixed) return;
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  Index count = 0;
+  surface_skin = std::numeric_limits<double>::infinity();
+  for (std::size_t b = 0; b < of.size(); ++b) {
+    if (!of[b].surface) continue;
+    for (Index s = 0; s < of[b].surface->num_points(); ++s, ++count) {
+      const ShapeRow<Dim> row = of[b].surface->row(s);
+      double sum = 0.0;
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+        entries.emplace_back(count, bodies[b].first_node + row.nodes[k], row.N[k]);
+        sum += std::abs(row.N[k]);
+      }
+      surface_reach = std::max(surface_reach, sum);
+    }
+    for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
+      surface_skin = std::min(surface_skin, skin * spacing[a]);
+  }
+  surface_points.resize(count, static_cast<Index>(x.cols()));
+  surface_points.setFromTriplets(entries.begin(), entries.end());
+}
+
+/// Points of surfaces within the skin of walls; found anew when nodes have gone so far that others may get there.
+template <int Dim> void Motion<Dim>::find_near_walls() {
+  if (looked.cols() != 0) {
+    const double furthest = (x - looked).colwise().squaredNorm().maxCoeff();
+    if (2.0 * surface_reach * std::sqrt(furthest) < surface_skin) return;
+  }
+  looked = x;
+  const auto n = static_cast<Index>(surface_points.rows());
+  Points<Dim> at(Dim, n);
+  parallel_for(n, [&](Index s) {
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    for (SparseRows::InnerIterator entry(surface_points, s); entry; ++entry) sum += entry.value() * x.col(entry.col());
+    at.col(s) = sum;
+  });
+  for (std::size_t w = 0; w < walls.size(); ++w) {
+    AtWall found;
+    for (Index s = 0; s < n; ++s)
+      if (at.col(s).dot(walls[w].normal) - walls[w].level < surface_skin) found.near.push_back(s);
+    found.impulses.setZero(Dim, static_cast<Index>(found.near.size()));
+    for (std::size_t k = 0; k < at_walls[w].near.size(); ++k) {
+      const Index s = at_walls[w].near[k];
+      const auto place = std::lower_bound(found.near.begin(), found.near.end(), s);
+      if (place != found.near.end() && *place == s)
+        found.impulses.col(place - found.near.begin()) = at_walls[w].impulses.col(static_cast<Index>(k));
+    }
+    at_walls[w] = std::move(found);
+  }
+}
+
+/// Impulses on surfaces such that no point of them gets through the wall within the step, and those of friction, which
+/// stop sliding as far as Coulomb's law lets them. What is normal and what is tangential do not depend on each other,
+/// as masses are the same along all axes.
+template <int Dim> void Motion<Dim>::stop_surfaces(Index w, double kick, double dt) {
+  if (surface_points.rows() == 0) return;
+  find_near_walls();
+  AtWall& at = at_walls[w];
+  if (at.near.empty()) return;
+  const OtmWall<Dim>& wall = walls[w];
+  const Patch<Dim> patch(*this, at.near);
+  Points<Dim> speeds = patch.at_points(v(Eigen::all, patch.nodes()));
+  const Points<Dim> places = patch.at_points(x(Eigen::all, patch.nodes()));
+  double largest = 0.0;
+  for (Index s = 0; s < patch.size(); ++s) {
+    speeds.col(s) += (places.col(s).dot(wall.normal) - wall.level) / dt * wall.normal;
+    largest = std::max(largest, -speeds.col(s).dot(wall.normal));
+  }
+  if (largest == 0.0) {
+    at.impulses.setZero();
+    return;
+  }
+  Vector normal = (wall.normal.transpose() * at.impulses).transpose();
+  Points<Dim> impulses = wall.normal * normal.transpose();
+  stop(
+      patch, speeds, largest,
+      [&](Index, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(wall.normal)) * wall.normal); }, impulses);
+  if (wall.friction > 0.0) {
+    normal = (wall.normal.transpose() * impulses).transpose();
+    impulses += at.impulses - wall.normal * (wall.normal.transpose() * at.impulses);
+    stop(
+        patch, speeds, largest,
+        [&](Index s, const Vec<Dim>& q) {
+          const Vec<Dim> along = q - q.dot(wall.normal) * wall.normal;
+          const double most = normal[s] > 0.0 ? wall.friction * normal[s] : 0.0, size = along.norm();
+          return Vec<Dim>(normal[s] * wall.normal + (size > most ? most / size : 1.0) * along);
+        },
+        impulses);
+  }
+  at.impulses = impulses;
+  Points<Dim> impulse = Points<Dim>::Zero(Dim, x.cols());
+  impulse(Eigen::all, patch.nodes()) = patch.on_nodes(impulses);
+  impulse = free.cwiseProduct(impulse);
+  v += velocities_of(impulse);
+  nodal_momentum += impulse;
+  contact_loss -= 0.5 * impulse.cwiseProduct(v + was).sum();
+  wall_forces.col(w) -= impulse.rowwise().sum() / kick;
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal
