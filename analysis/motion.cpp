@@ -89,6 +89,7 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
                                        const Settings<Dim>& settings, const MotionSettings<Dim>& motion,
                                        const Monitor& monitor) {
   ApproximationOptions options = settings.approximation;
+  if (options.support == 0.0) options.support = otm_support;
   options.axisymmetric = settings.model.plane == Plane::axisymmetric;
   options.dilatation = averaged_if(motion.shared_dilatation && locks(*material));
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
@@ -96,15 +97,7 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
   for (const auto& part : motion.moved)
     if (facets_of(mesh, part.on)) options.vanish_on.push_back(part.on);
   const Approximation<Dim> cloud = approximate(mesh, options, monitor);
-  Built<Dim> result{OtmBody<Dim>{.nodes = cloud.nodes,
-                                 .velocity = {},
-                                 .points = cloud.quadrature.points,
-                                 .volumes = cloud.quadrature.weights,
-                                 .unions = cloud.union_of,
-                                 .material = material,
-                                 .shape = cloud.quadrature.shape},
-                    {},
-                    {}};
+  Built<Dim> result{otm_body(cloud, material, 0.0), {}, {}};
   for (const auto& part : motion.moved)
     if (const auto* facets = facets_of(mesh, part.on)) {
       std::set<Index> dofs;
@@ -131,14 +124,14 @@ template <int Dim> void throw_bodies(const Settings<Dim>& settings, const Motion
   }
 }
 
-template <int Dim> void check_walls(const MotionSettings<Dim>& motion, const Points<Dim>& nodes) {
-  const double size = (nodes.rowwise().maxCoeff() - nodes.rowwise().minCoeff()).norm();
+template <int Dim> void check_walls(const MotionSettings<Dim>& motion, const Points<Dim>& vertices) {
+  const double size = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
   for (const auto& [wall, where] : motion.walls) {
     Index lowest = 0;
-    const double gap = (wall.normal.transpose() * nodes).minCoeff(&lowest) - wall.level;
+    const double gap = (wall.normal.transpose() * vertices).minCoeff(&lowest) - wall.level;
     if (gap < -1e-6 * size)
       throw InputError(said_at(where, fmt::format("bodies reach through the wall by {:.4g} at the start, at ({:.6g})",
-                                                  -gap, fmt::join(nodes.col(lowest), ", "))));
+                                                  -gap, fmt::join(vertices.col(lowest), ", "))));
   }
 }
 
@@ -276,7 +269,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
       .size = Eigen::Map<const Vector>(sizes.data(), static_cast<Index>(sizes.size())),
       .nodes_of_probes = {}};
   result.start = result.otm.nodes();
-  check_walls(motion, result.start);
+  check_walls(motion, all.vertices());
   for (const auto& [wall, where] : motion.walls)
     located(settings, where, [&, &added = wall] { result.otm.add_wall(added); });
   fill(settings, motion, built, result.otm);
@@ -285,7 +278,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
     result.warnings.push_back(
         fmt::format("regions touch along {} facets: they are bodies of their own, and nothing ties them", ties.size()));
   if (motion.cloud && built.size() > 1)
-    result.warnings.emplace_back("bodies on a cloud have no surface: they pass through each other");
+    result.warnings.emplace_back("bodies on a cloud meet walls only: they pass through each other");
   check_probes(motion, settings, result);
   return result;
 }

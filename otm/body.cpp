@@ -66,7 +66,7 @@ OtmBody<Dim> otm_body(const Approximation<Dim>& approximation, SharedMaterial ma
     offsets.push_back(static_cast<Offset>(N.size()));
   }
   body.surface.emplace(static_cast<Index>(body.nodes.cols()), std::move(offsets), std::move(nodes), std::move(N));
-  body.mass_terms = 2;
+  body.mass_terms = 4;
   return body;
 }
 

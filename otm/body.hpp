@@ -43,7 +43,7 @@ OtmBody<Dim> otm_body(const FineMesh<Dim>& mesh, SharedMaterial material, double
 /// carry shorter waves.
 inline constexpr double otm_support = 1.75;
 
-/// Nodes, functions and quadrature of the static solver, which stay what they are (total Lagrangian). Of a cloud: two
+/// Nodes, functions and quadrature of the static solver, which stay what they are (total Lagrangian). Of a cloud: four
 /// terms for the mass, walls act on the fine vertices of the boundary. Of finite elements: lumped masses, walls act on
 /// the nodes. Throws InputError for quadratic finite elements, whose masses are not positive.
 template <int Dim>

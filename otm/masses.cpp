@@ -6,10 +6,17 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 namespace efree::internal {
+namespace {
+
+/// Masses of nodes, over their mean, that are raised to this.
+constexpr double least_mass = 0.35;
+
+}  // namespace
 
 /// Lumped masses, and of bodies with more than one term the consistent ones.
 template <int Dim> void Motion<Dim>::find_masses() {
@@ -25,18 +32,53 @@ template <int Dim> void Motion<Dim>::find_masses() {
           entries.emplace_back(bodies[chunk.body].first_point + chunk.number[p], a,
                                std::sqrt(chunk.mass[p]) * chunk.entries[e].N);
       }
-  for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
-    for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
-      if (!(mass[a] > 0.0))
-        throw NumericalError(fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it",
-                                         a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
-  if (!fixed) return;
+  const auto check = [&] {
+    for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
+      for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
+        if (!(mass[a] > 0.0))
+          throw NumericalError(fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it",
+                                           a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
+  };
+  if (!fixed) return check();
   SparseRows values(static_cast<Index>(place_of_point.size()), N);
   values.setFromTriplets(entries.begin(), entries.end());
   const SparseRows by_node = values.transpose();
   coupling = by_node * values;
+  for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b)
+    if (bodies[b].mass_terms > 1) raise_light_masses(b);
+  check();
   find_free();
   nodal_momentum = v * mass.asDiagonal();
+}
+
+/// Nodes that are much lighter than others make steps short: they get mass of their neighbours, such that the mass of
+/// all and its centre stay where they are.
+template <int Dim> void Motion<Dim>::raise_light_masses(Index body) {
+  const Index first = bodies[body].first_node, end = bodies[body + 1].first_node;
+  const double least = least_mass * mass.segment(first, end - first).mean();
+  for (Index a = first; a < end; ++a) {
+    if (mass[a] >= least) continue;
+    Mat<Dim + 1> moment = Mat<Dim + 1>::Zero();
+    const auto basis = [&](Index b) {
+      Vec<Dim + 1> result;
+      result << 1.0, (x.col(b) - x.col(a)) / spacing[a];
+      return result;
+    };
+    std::vector<Index> around;
+    for (SparseRows::InnerIterator entry(coupling, a); entry; ++entry)
+      if (entry.value() > 0.0 && mass[entry.col()] > 2.0 * least) {
+        around.push_back(entry.col());
+        moment += basis(entry.col()) * basis(entry.col()).transpose();
+      }
+    const Vec<Dim + 1> by = moment.ldlt().solve(Vec<Dim + 1>::Unit(0));
+    if (!((moment * by - Vec<Dim + 1>::Unit(0)).norm() < 1e-9)) continue;
+    const double more = least - mass[a];
+    const bool bearable =
+        std::ranges::all_of(around, [&](Index b) { return mass[b] - more * by.dot(basis(b)) > least; });
+    if (!bearable) continue;
+    for (const Index b : around) mass[b] -= more * by.dot(basis(b));
+    mass[a] = least;
+  }
 }
 
 template <int Dim> void Motion<Dim>::find_free() {

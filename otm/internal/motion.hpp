@@ -168,6 +168,7 @@ template <int Dim> struct Motion {
   Points<Dim> nodal_momentum;
   Points<Dim> free;  ///< 0 for what is prescribed, else 1
   void find_masses();
+  void raise_light_masses(Index body);
   void find_free();
   void find_momenta();
   Points<Dim> velocities_of(const Points<Dim>& impulses) const;

@@ -127,7 +127,7 @@ TYPED_TEST(OtmCloud, EnergiesOfRigidMotionsConvergeWithTheTermsOfTheMass) {
     EXPECT_LT(error, 0.5 * last) << terms;
     last = error;
   }
-  EXPECT_LT(last, 0.005);
+  EXPECT_LT(last, 0.01);  // light nodes have got some mass of their neighbours
 }
 
 TYPED_TEST(OtmCloud, ResultsAreBitwiseTheSameOnAnyNumberOfThreadsAndFromAState) {
