@@ -2,9 +2,9 @@
 // bench_image_impact VOXELS MESH DIR SPACING... [key=value ...]: a porous block of steel from a label image, 1 mm a
 // voxel, thrown against a rigid wall at 20 m/s. Explicit linear finite elements on a mesh of MESH voxels an edge
 // against clouds on the same mesh: force on the wall, both averaged over the time a wave takes through SPACING, step
-// and time with all that goes before, on one thread. DIR keeps the force of the finite elements (and reuses it), of the
-// clouds, and the bodies in the end. Keys: terms (of the mass), support, ratio (quadrature points a node), averaged
-// (dilatation 0, 1), delaunay (mesh 0, 1), until (microseconds).
+// and time with all that goes before, on one thread. DIR keeps the impulses of the finite elements (and reuses
+// them), those of the clouds, both forces and the bodies in the end. Keys: terms (of the mass), support, ratio
+// (quadrature points a node), averaged (dilatation 0, 1), delaunay (mesh 0, 1), until (microseconds).
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
@@ -139,10 +139,13 @@ void run(int voxels, double size, const fs::path& folder, const std::vector<doub
     found.write(folder / (cloud + ".txt"));
     const double over = spacing / wave;
     double off = 0.0, all = 0.0;
+    std::ofstream forces(folder / ("force_" + name + "_" + std::to_string(spacing).substr(0, 4) + ".csv"));
+    forces << "us,elements kN,cloud kN\n";
     for (double t = 0.5 * over; t < until - 0.5 * over; t += 0.1 * over) {
       const double force = elements.force(t, over);
       off += std::pow(found.force(t, over) - force, 2);
       all += force * force;
+      forces << 1e6 * t << ',' << 1e-3 * force << ',' << 1e-3 * found.force(t, over) << '\n';
     }
     std::printf("| %g | force off by %.2f %% | impulse off by %.2f %% | step times %.2f | time over %.1f |\n", spacing,
                 100.0 * std::sqrt(off / all), 100.0 * (found.impulse.back() / elements.impulse.back() - 1.0),
