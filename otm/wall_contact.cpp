@@ -17,10 +17,15 @@ constexpr double skin = 0.1;
 constexpr double tolerance = 1e-3;
 constexpr int most_iterations = 30;
 
-/// What there is of bodies near a wall: impulses on points of surfaces make velocities of these points.
-template <int Dim> class Patch {
+/// What there is of bodies near a wall: impulses on points of surfaces make velocities of these points. R components of
+/// both: one along the normal, or all along the axes.
+template <int R> class Patch {
  public:
-  Patch(const Motion<Dim>& motion, const std::vector<Index>& near) {
+  using Values = Eigen::Matrix<double, R, Eigen::Dynamic>;
+  using Value = Eigen::Matrix<double, R, 1>;
+
+  /// `free`: of all nodes, 0 for what is prescribed, else 1.
+  template <int Dim> Patch(const Motion<Dim>& motion, const std::vector<Index>& near, const Values& free) {
     std::vector<Index> number(motion.x.cols(), -1);
     const auto take = [&](Index a) {
       if (number[a] < 0) {
@@ -42,13 +47,13 @@ template <int Dim> class Patch {
       for (std::size_t k = 0, known = nodes_.size(); k < known; ++k)
         for (SparseRows::InnerIterator entry(motion.coupling, nodes_[k]); entry; ++entry) take(entry.col());
     const auto n = static_cast<Index>(nodes_.size());
-    free_ = motion.free(Eigen::all, nodes_);
+    free_ = free(Eigen::all, nodes_);
     mass_ = motion.mass(nodes_);
-    pull_.setZero(Dim, n);
+    pull_.setZero(R, n);
     for (Index k = 0; k < n; ++k) {
       terms_.push_back(motion.bodies[motion.body_of_node[nodes_[k]]].mass_terms);
       for (SparseRows::InnerIterator entry(motion.coupling, nodes_[k]); entry; ++entry) {
-        pull_.col(k) += entry.value() * motion.free.col(entry.col());
+        pull_.col(k) += entry.value() * free.col(entry.col());
         if (number[entry.col()] >= 0) coupling_.push_back({number[entry.col()], entry.value()});
       }
       coupling_offsets_.push_back(coupling_.size());
@@ -62,37 +67,37 @@ template <int Dim> class Patch {
   const Vector& bounds() const { return bounds_; }
 
   /// Impulses on the nodes, by those on the points.
-  Points<Dim> on_nodes(const Points<Dim>& impulses) const {
-    Points<Dim> result = Points<Dim>::Zero(Dim, mass_.size());
+  Values on_nodes(const Values& impulses) const {
+    Values result = Values::Zero(R, mass_.size());
     for (Index s = 0; s < size(); ++s)
       for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e)
         result.col(points_[e].node) += points_[e].value * impulses.col(s);
     return result;
   }
   /// What values at the nodes come to at the points.
-  Points<Dim> at_points(const Points<Dim>& of_nodes) const {
-    Points<Dim> result = Points<Dim>::Zero(Dim, size());
+  template <int Rows> Points<Rows> at_points(const Points<Rows>& of_nodes) const {
+    Points<Rows> result = Points<Rows>::Zero(Rows, size());
     for (Index s = 0; s < size(); ++s)
       for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e)
         result.col(s) += points_[e].value * of_nodes.col(points_[e].node);
     return result;
   }
   /// As Motion::velocities_of.
-  Points<Dim> velocities(const Points<Dim>& impulses) const {
-    const Points<Dim> given = free_.cwiseProduct(on_nodes(impulses));
-    Points<Dim> result = given * mass_.cwiseInverse().asDiagonal();
+  Values velocities(const Values& impulses) const {
+    const Values given = free_.cwiseProduct(on_nodes(impulses));
+    Values result = given * mass_.cwiseInverse().asDiagonal();
     const Index most = *std::max_element(terms_.begin(), terms_.end());
     for (Index term = 1; term < most; ++term) {
-      const Points<Dim> before = result, seen = free_.cwiseProduct(before);
+      const Values before = result, seen = free_.cwiseProduct(before);
       for (Index k = 0; k < mass_.size(); ++k) {
         if (terms_[k] <= term) continue;
-        Vec<Dim> drawn = pull_.col(k).cwiseProduct(before.col(k));
+        Value drawn = pull_.col(k).cwiseProduct(before.col(k));
         for (std::size_t e = coupling_offsets_[k]; e < coupling_offsets_[k + 1]; ++e)
           drawn -= coupling_[e].value * seen.col(coupling_[e].node);
         result.col(k) = (given.col(k) + free_.col(k).cwiseProduct(drawn)) / mass_[k];
       }
     }
-    return at_points(result);
+    return at_points<R>(result);
   }
 
  private:
@@ -116,23 +121,23 @@ template <int Dim> class Patch {
   std::vector<std::size_t> point_offsets_{0}, coupling_offsets_{0};
   std::vector<Entry> points_, coupling_;
   Vector mass_, bounds_;
-  Points<Dim> free_, pull_;
+  Values free_, pull_;
 };
 
 /// The impulses that leave the least kinetic energy, of those that `project` lets be (accelerated projected gradients
 /// with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015). `speeds`: those without
 /// impulses; `impulses`: a first guess, and the result.
-template <int Dim, class Project> void stop(const Patch<Dim>& patch, const Points<Dim>& speeds, double largest,
-                                            const Project& project, Points<Dim>& impulses) {
-  Points<Dim> ahead = impulses;
+template <int R, class Project>
+void stop(const Patch<R>& patch, const Points<R>& speeds, double largest, const Project& project, Points<R>& impulses) {
+  Points<R> ahead = impulses;
   double theta = 1.0;
   for (int k = 0; k < most_iterations; ++k) {
-    const Points<Dim> slope = speeds + patch.velocities(ahead);
-    Points<Dim> next(Dim, patch.size());
+    const Points<R> slope = speeds + patch.velocities(ahead);
+    Points<R> next(R, patch.size());
     double left = 0.0, uphill = 0.0;
     for (Index s = 0; s < patch.size(); ++s) {
-      next.col(s) = project(s, Vec<Dim>(ahead.col(s) - slope.col(s) / patch.bounds()[s]));
-      const Vec<Dim> step = patch.bounds()[s] * (ahead.col(s) - next.col(s));
+      next.col(s) = project(s, Vec<R>(ahead.col(s) - slope.col(s) / patch.bounds()[s]));
+      const Vec<R> step = patch.bounds()[s] * (ahead.col(s) - next.col(s));
       left = std::max(left, step.norm());
       uphill += step.dot(next.col(s) - impulses.col(s));
     }
@@ -208,38 +213,38 @@ template <int Dim> void Motion<Dim>::stop_surfaces(Index w, double kick, double 
   AtWall& at = at_walls[w];
   if (at.near.empty()) return;
   const OtmWall<Dim>& wall = walls[w];
-  const Patch<Dim> patch(*this, at.near);
-  Points<Dim> speeds = patch.at_points(v(Eigen::all, patch.nodes()));
-  const Points<Dim> places = patch.at_points(x(Eigen::all, patch.nodes()));
-  double largest = 0.0;
-  for (Index s = 0; s < patch.size(); ++s) {
-    speeds.col(s) += (places.col(s).dot(wall.normal) - wall.level) / dt * wall.normal;
-    largest = std::max(largest, -speeds.col(s).dot(wall.normal));
-  }
-  if (largest == 0.0) {
+  const Patch<1> patch(*this, at.near, Points<1>(wall.normal.cwiseAbs2().transpose() * free));
+  const auto along = [&](const Points<Dim>& of) { return Points<1>(wall.normal.transpose() * of); };
+  const Points<1> gaps = patch.at_points<1>(along(x(Eigen::all, patch.nodes()))).array() - wall.level;
+  const Points<1> speeds = patch.at_points<1>(along(v(Eigen::all, patch.nodes()))) + gaps / dt;
+  const double largest = -speeds.minCoeff();
+  if (largest <= 0.0) {
     at.impulses.setZero();
     return;
   }
-  Vector normal = (wall.normal.transpose() * at.impulses).transpose();
-  Points<Dim> impulses = wall.normal * normal.transpose();
-  stop(
-      patch, speeds, largest,
-      [&](Index, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(wall.normal)) * wall.normal); }, impulses);
-  if (wall.friction > 0.0) {
-    normal = (wall.normal.transpose() * impulses).transpose();
-    impulses += at.impulses - wall.normal * (wall.normal.transpose() * at.impulses);
-    stop(
-        patch, speeds, largest,
-        [&](Index s, const Vec<Dim>& q) {
-          const Vec<Dim> along = q - q.dot(wall.normal) * wall.normal;
-          const double most = normal[s] > 0.0 ? wall.friction * normal[s] : 0.0, size = along.norm();
-          return Vec<Dim>(normal[s] * wall.normal + (size > most ? most / size : 1.0) * along);
-        },
-        impulses);
-  }
-  at.impulses = impulses;
+  Points<1> normal = along(at.impulses);
+  stop<1>(
+      patch, speeds, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+  const Points<Dim> before = at.impulses - wall.normal * along(at.impulses);
+  at.impulses = wall.normal * normal;
   Points<Dim> impulse = Points<Dim>::Zero(Dim, x.cols());
-  impulse(Eigen::all, patch.nodes()) = patch.on_nodes(impulses);
+  impulse(Eigen::all, patch.nodes()) = wall.normal * patch.on_nodes(normal);
+  if (wall.friction > 0.0) {
+    const Patch<Dim> sliding(*this, at.near, free);
+    const Points<Dim> all = sliding.template at_points<Dim>(v(Eigen::all, sliding.nodes()));
+    const Points<Dim> tangential = all - wall.normal * along(all);
+    Points<Dim> rubbed = before;
+    stop<Dim>(
+        sliding, tangential, largest,
+        [&](Index s, const Vec<Dim>& q) {
+          const Vec<Dim> held = q - q.dot(wall.normal) * wall.normal;
+          const double most = normal[s] > 0.0 ? wall.friction * normal[s] : 0.0, size = held.norm();
+          return Vec<Dim>((size > most ? most / size : 1.0) * held);
+        },
+        rubbed);
+    at.impulses += rubbed;
+    impulse(Eigen::all, sliding.nodes()) += sliding.on_nodes(rubbed);
+  }
   impulse = free.cwiseProduct(impulse);
   v += velocities_of(impulse);
   nodal_momentum += impulse;
