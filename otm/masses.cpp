@@ -85,6 +85,7 @@ template <int Dim> void Motion<Dim>::find_free() {
   if (!fixed) return;
   free.setOnes(Dim, x.cols());
   for (const auto& [node, axis, velocity] : prescribed) free(axis, node) = 0.0;
+  pull = (coupling * free.transpose()).transpose();
 }
 
 /// Velocities that impulses on the nodes make: with lumped masses D and consistent ones M the first terms of
@@ -103,14 +104,12 @@ template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& imp
   Index terms = 1;
   for (const BodyOf& body : bodies) terms = std::max(terms, body.mass_terms);
   for (Index k = 1; k < terms; ++k) {
-    const Points<Dim> before = result;
+    const Points<Dim> before = free.cwiseProduct(result);
     parallel_for(N, [&](Index a) {
       if (bodies[body_of_node[a]].mass_terms <= k) return;
-      Vec<Dim> drawn = Vec<Dim>::Zero();
-      for (SparseRows::InnerIterator entry(coupling, a); entry; ++entry) {
-        const Index b = entry.col();
-        drawn += entry.value() * free.col(b).cwiseProduct(before.col(a) - before.col(b));
-      }
+      Vec<Dim> drawn = pull.col(a).cwiseProduct(result.col(a));
+      for (SparseRows::InnerIterator entry(coupling, a); entry; ++entry)
+        drawn -= entry.value() * before.col(entry.col());
       result.col(a) = (impulses.col(a) + free.col(a).cwiseProduct(drawn)) / mass[a];
     });
   }

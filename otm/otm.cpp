@@ -71,7 +71,6 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
     throw InputError(fmt::format("axis {} of node {}: there are {} nodes", axis, node, num_nodes()));
   motion_->prescribed.push_back({node, axis, velocity});
   motion_->v(axis, node) = velocity;
-  motion_->find_free();
   motion_->held_anew = true;
 }
 
@@ -79,6 +78,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   internal::Motion<Dim>& of = *motion_;
   if (of.held_anew) {
     of.held_anew = false;
+    of.find_free();
     of.find_momenta();
     // What is left of that shape where nodes are held is slow: the bound would be too long until it is found anew.
     of.shake(100);

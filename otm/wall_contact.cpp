@@ -216,7 +216,9 @@ template <int Dim> void Motion<Dim>::stop_surfaces(Index w, double kick, double 
   const Patch<1> patch(*this, at.near, Points<1>(wall.normal.cwiseAbs2().transpose() * free));
   const auto along = [&](const Points<Dim>& of) { return Points<1>(wall.normal.transpose() * of); };
   const Points<1> gaps = patch.at_points<1>(along(x(Eigen::all, patch.nodes()))).array() - wall.level;
-  const Points<1> speeds = patch.at_points<1>(along(v(Eigen::all, patch.nodes()))) + gaps / dt;
+  // What is behind the wall comes back within a stable step, not at once where a step is cut short.
+  const Points<1> closing = gaps.cwiseMax(0.0) / dt + gaps.cwiseMin(0.0) / std::max(dt, stable);
+  const Points<1> speeds = patch.at_points<1>(along(v(Eigen::all, patch.nodes()))) + closing;
   const double largest = -speeds.minCoeff();
   if (largest <= 0.0) {
     at.impulses.setZero();

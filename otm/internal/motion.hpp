@@ -167,6 +167,7 @@ template <int Dim> struct Motion {
   SparseRows coupling;  ///< consistent mass between nodes of bodies with more than one term
   Points<Dim> nodal_momentum;
   Points<Dim> free;  ///< 0 for what is prescribed, else 1
+  Points<Dim> pull;  ///< coupling with all nodes that are free
   void find_masses();
   void raise_light_masses(Index body);
   void find_free();

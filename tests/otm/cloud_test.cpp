@@ -82,6 +82,22 @@ TYPED_TEST(OtmCloud, ThrownAgainstARoughWallItsMomentumIsThatOfTheWallAndNoPoint
   EXPECT_LT(slid(std::numeric_limits<double>::infinity()), slid(0.1));
 }
 
+TYPED_TEST(OtmCloud, AStepThatIsCutShortThrowsNothingOffTheWall) {
+  constexpr int Dim = TypeParam::value;
+  OtmBody<Dim> body = on_cloud<Dim>(1.0, Dim == 2 ? 0.2 : 0.35, soft());
+  body.velocity = Vec<Dim>::Unit(0) * Vector::Constant(body.nodes.cols(), -0.1).transpose();
+  Otm<Dim> otm({body});
+  otm.add_wall({.normal = Vec<Dim>::Unit(0)});
+  otm.run(0.5);
+  ASSERT_LT(deepest(body, otm, 0), 0.0);
+  const double lost = otm.balance().contact, thrown = 0.5 * 0.1 * 0.1;
+  for (int k = 0; k < 3; ++k) {
+    otm.step(1e-4 * otm.stable_step());
+    otm.step();
+  }
+  EXPECT_NEAR(otm.balance().contact, lost, 0.02 * thrown);
+}
+
 TYPED_TEST(OtmCloud, FlyingAndSpinningItKeepsItsMomentaToRounding) {
   constexpr int Dim = TypeParam::value;
   OtmBody<Dim> body = on_cloud<Dim>(2.0, Dim == 2 ? 0.2 : 0.35, soft());
