@@ -36,8 +36,10 @@ template <int Dim> void Motion<Dim>::find_masses() {
     for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
       for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
         if (!(mass[a] > 0.0))
-          throw NumericalError(fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it",
-                                           a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
+          throw NumericalError(
+              fmt::format("node {} of body {} at ({:.6g}) has no mass: no material point is near it, or "
+                          "functions are negative there; try another spacing or seed of the nodes",
+                          a - bodies[b].first_node, b, fmt::join(x.col(a), ", ")));
   };
   if (!fixed) return check();
   SparseRows values(static_cast<Index>(place_of_point.size()), N);
