@@ -250,6 +250,19 @@ template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::v
   chunk.force.assign(4 * nodes.size(), 0.0);
 }
 
+/// Numbers of points, after some came in or went.
+template <int Dim> void Motion<Dim>::find_points() {
+  for (std::size_t b = 0; b + 1 < bodies.size(); ++b) {
+    const Index change = static_cast<Index>(bodies[b].cells.cols()) - (bodies[b + 1].first_point - bodies[b].first_point);
+    if (bodies[b].cells.cols() == 0 || change == 0) continue;
+    for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += change;
+  }
+  place_of_point.resize(bodies.back().first_point);
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (Index p = 0; p < chunks[c].size(); ++p)
+      place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
+}
+
 template <int Dim> void Motion<Dim>::find_places() {
   node_offsets.assign(x.cols() + 1, 0);
   for (const auto& chunk : chunks)
@@ -262,8 +275,8 @@ template <int Dim> void Motion<Dim>::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
-/// Masses and momenta of nodes change as the functions of a point do, or of two that were one: what it carries of
-/// momentum, and of its moment, stays what it is.
+/// Masses and momenta of nodes change as the functions of a point do, or of a pair: what it carries of momentum, and of
+/// its moment, stays what it is.
 template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows,
                                                Vector& masses, Points<Dim>& momenta) const {
   double m = 0.0;
@@ -339,12 +352,22 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       changes[k].unseen += unseen(chunk, p);
     }
-    for (const auto& [p, way] : chunk.twins) {
-      chunk.at.col(p) += way;
-      chunk.at.col(p + 1) -= way;
+    for (const auto& [p, q, way, fuses] : chunk.pairs) {
+      chunk.at.col(p) += fuses ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) *
+                                          (chunk.at.col(q) - chunk.at.col(p)))
+                               : way;
+      if (fuses)
+        chunk.at.col(q) = chunk.at.col(p);
+      else
+        chunk.at.col(q) -= way;
     }
     changes[k].rows.resize(chunk.worn.size());
     make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
+    for (const auto& pair : chunk.pairs) {
+      if (!pair.fuses) continue;
+      chunk.at.col(pair.second) = chunk.at.col(pair.first);
+      changes[k].rows[chunk.worn_place(pair.second)] = changes[k].rows[chunk.worn_place(pair.first)];
+    }
     for (const Index p : chunk.worn) {
       const Mat<3> made = chunk.since[p] * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
       Eigen::Map<Mat<3>>(chunk.made.col(p).data()) = made;
@@ -366,15 +389,15 @@ template <int Dim> void Motion<Dim>::renew() {
     counts.widened += changes[k].counted.widened;
     counts.kept += changes[k].counted.kept;
     renewal_loss += changes[k].unseen;
-    auto twins = chunk.twins.begin();
-    for (std::size_t w = 0; w < chunk.worn.size();) {
-      const bool are_twins = twins != chunk.twins.end() && twins->first == chunk.worn[w];
-      const std::size_t end = w + (are_twins ? 2 : 1);
-      if (are_twins) ++twins;
-      std::vector<PointRow> rows;
-      for (; w < end; ++w) rows.push_back({chunk.worn[w], &changes[k].rows[w]});
-      hand_over(chunk, rows, change, momentum);
-    }
+    std::vector<char> is_done(chunk.worn.size(), 0);
+    const auto row = [&](std::size_t w) {
+      is_done[w] = 1;
+      return PointRow{chunk.worn[w], &changes[k].rows[w]};
+    };
+    for (const auto& pair : chunk.pairs)
+      hand_over(chunk, {row(chunk.worn_place(pair.first)), row(chunk.worn_place(pair.second))}, change, momentum);
+    for (std::size_t w = 0; w < chunk.worn.size(); ++w)
+      if (is_done[w] == 0) hand_over(chunk, {row(w)}, change, momentum);
   }
   for (Index a = 0; a < mass.size(); ++a) {
     if (change[a] == 0.0 && momentum.col(a).isZero(0.0)) continue;
@@ -389,6 +412,7 @@ template <int Dim> void Motion<Dim>::renew() {
     put_rows(chunk, chunk.worn, changes[k].rows);
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
   });
+  fuse_pairs();
   find_places();
   follow_others();
   times.functions += lap(start);
@@ -405,7 +429,7 @@ template <int Dim> void Motion<Dim>::renew() {
     narrowed = narrowed || !chunk.narrowed.empty();
     chunk.narrowed.clear();
     chunk.worn.clear();
-    chunk.twins.clear();
+    chunk.pairs.clear();
   }
   // Nodes that lost others around them, or got them, may have become light.
   const bool changed = std::exchange(changed_nodes, false);

@@ -12,26 +12,10 @@
 namespace efree::internal {
 namespace {
 
-// What there is of every point, for points that go on as those.
-
-template <int R> void gather(Eigen::Matrix<double, R, Eigen::Dynamic>& columns, const std::vector<Index>& from) {
-  if (columns.cols() != 0) columns = columns(Eigen::all, from).eval();
-}
-void gather(Vector& values, const std::vector<Index>& from) {
-  if (values.size() != 0) values = values(from).eval();
-}
-template <class T> void gather(std::vector<T>& values, const std::vector<Index>& from) {
-  std::vector<T> result;
-  result.reserve(from.size());
-  for (const Index p : from) result.push_back(values[p]);
-  values = std::move(result);
-}
-
 /// The points of `twice`, ascending, become two each: both as they were, functions and all, but of half the volume.
 template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& twice) {
-  std::vector<Index> from, first(chunk.size() + 1);
+  std::vector<Index> from;
   for (Index p = 0; p < chunk.size(); ++p) {
-    first[p] = static_cast<Index>(from.size());
     const bool is_twice = std::binary_search(twice.begin(), twice.end(), p);
     from.insert(from.end(), is_twice ? 2 : 1, p);
     if (!is_twice) continue;
@@ -39,45 +23,7 @@ template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& tw
     chunk.mass[p] *= 0.5;
     chunk.penalty[p] *= 0.5;
   }
-  const auto n = static_cast<Index>(from.size());
-  first.back() = n;
-  std::vector<Index> offsets{0};
-  std::vector<std::uint16_t> local;
-  std::vector<OtmEntry> entries;
-  for (const Index p : from) {
-    local.insert(local.end(), chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1]);
-    entries.insert(entries.end(), chunk.entries.begin() + chunk.offsets[p],
-                   chunk.entries.begin() + chunk.offsets[p + 1]);
-    offsets.push_back(static_cast<Index>(entries.size()));
-  }
-  chunk.offsets = std::move(offsets);
-  chunk.local = std::move(local);
-  chunk.entries = std::move(entries);
-  gather(chunk.number, from);
-  gather(chunk.now.X, from);
-  gather(chunk.now.F, from);
-  gather(chunk.now.history, from);
-  gather(chunk.now.heat, from);
-  gather(chunk.response.P, from);
-  gather(chunk.response.history, from);
-  gather(chunk.response.energy, from);
-  gather(chunk.response.A, from);
-  gather(chunk.response.dissipated, from);
-  gather(chunk.made, from);
-  gather(chunk.since, from);
-  gather(chunk.at, from);
-  for (Vector* values : {&chunk.volume, &chunk.mass, &chunk.count, &chunk.width, &chunk.growth, &chunk.dilatation,
-                         &chunk.shock, &chunk.modulus, &chunk.stiffening, &chunk.penalty})
-    gather(*values, from);
-  gather(chunk.metric, from);
-  gather(chunk.moment, from);
-  gather(chunk.lambda, from);
-  for (Index& begin : chunk.unions) begin = first[begin];
-  std::vector<Index> worn;
-  for (const Index p : chunk.worn)
-    for (Index q = first[p]; q < first[p + 1]; ++q) worn.push_back(q);
-  chunk.worn = std::move(worn);
-  chunk.columns.resize(16 * static_cast<std::size_t>(n));
+  chunk.take(from);
 }
 
 /// More columns, before that one.
@@ -188,7 +134,8 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
 
 /// Nodes come into the middle of edges, and cells around them, with their points, become two. Both points keep what
 /// the one has felt, so that the energy stored is what it was; momentum and its moment are handed over by `renew`.
-template <int Dim> void Motion<Dim>::inject() {
+template <int Dim> bool Motion<Dim>::inject() {
+  const Index injected_before = counts.injected;
   for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
     BodyOf& body = bodies[b];
     if (!body.renewed || body.cells.cols() == 0) continue;
@@ -248,18 +195,14 @@ template <int Dim> void Motion<Dim>::inject() {
       halve(chunk, twice);
       Index before = 0;
       for (const auto& [p, half] : halves[c]) {
-        chunk.twins.push_back({p + before, half.second});
+        chunk.pairs.push_back({p + before, p + before + 1, half.second});
         chunk.number[p + ++before] = half.first;
       }
     }
-    const Index more = static_cast<Index>(body.cells.cols()) - (bodies[b + 1].first_point - body.first_point);
-    for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += more;
-    place_of_point.resize(bodies.back().first_point);
-    for (std::size_t c = 0; c < chunks.size(); ++c)
-      for (Index p = 0; p < chunks[c].size(); ++p)
-        place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
+    find_points();
     find_places();
   }
+  return counts.injected > injected_before;
 }
 
 template struct Motion<2>;
