@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 namespace efree::internal {
@@ -101,20 +102,38 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   return false;
 }
 
-/// The functions that a point has, as they are where it and the nodes are now; false if it lost a node of them.
+/// The functions that a point has, as they are where it and the nodes are now. What a node had that has become one with
+/// another is the other's: the point moves to the mean of them, and gradients are those of maximum entropy to these
+/// weights, N_a J^-1 (x_a - x). False if the nodes that are left do not span space.
 template <int Dim>
 bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
   const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
   place(chunk, p);
   row.clear();
+  bool is_lost = false;
   for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
     const OtmEntry& entry = chunk.entries[e];
     const Index a = chunk.nodes[chunk.local[e]];
-    if (merged[a] >= 0) return false;
+    is_lost = is_lost || merged[a] >= 0;
     const Vec<Dim> dN = inverse.transpose() * Eigen::Map<const Vec<Dim>>(entry.dN);
     row.push_back({a, entry_of<Dim>(entry.N, dN, axisymmetric() ? entry.N / chunk.at(0, p) : 0.0)});
   }
-  const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+  Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+  if (is_lost) {
+    std::map<Index, double> weights;
+    for (const auto& [a, entry] : row) weights[merged[a] >= 0 ? merged[a] : a] += entry.N;
+    Vec<Dim> at = Vec<Dim>::Zero();
+    for (const auto& [a, N] : weights) at += N * x.col(a);
+    Mat<Dim> spread = Mat<Dim>::Zero();
+    for (const auto& [a, N] : weights) spread += N * (x.col(a) - at) * (x.col(a) - at).transpose();
+    if (!(smallest_eigenvalue<Dim>(spread) > 1e-3 * smallest_eigenvalue<Dim>(moment))) return false;
+    const Mat<Dim> slopes = spread.inverse();
+    row.clear();
+    for (const auto& [a, N] : weights)
+      row.push_back({a, entry_of<Dim>(N, N * slopes * (x.col(a) - at), axisymmetric() ? N / at[0] : 0.0)});
+    chunk.at.col(p) = at;
+    moment = spread;
+  }
   chunk.penalty[p] *= moment.inverse().trace() / chunk.moment[p].inverse().trace();
   chunk.moment[p] = moment;
   return true;
@@ -359,7 +378,7 @@ template <int Dim> void Motion<Dim>::renew() {
       if (fuses)
         chunk.at.col(q) = chunk.at.col(p);
       else
-        chunk.at.col(q) -= way;
+        chunk.at.col(q) -= chunk.mass[p] / chunk.mass[q] * way;
     }
     changes[k].rows.resize(chunk.worn.size());
     make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
@@ -427,6 +446,7 @@ template <int Dim> void Motion<Dim>::renew() {
         for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
       }
     narrowed = narrowed || !chunk.narrowed.empty();
+    changed_nodes = changed_nodes || !chunk.pairs.empty();
     chunk.narrowed.clear();
     chunk.worn.clear();
     chunk.pairs.clear();

@@ -4,8 +4,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -89,8 +91,32 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   changed_nodes = true;
 }
 
+/// Edges of sides of which a body has one cell only, as the body numbers its nodes.
+template <int Dim> std::set<std::pair<Index, Index>> Motion<Dim>::outer_edges(Index of_body) const {
+  const Cells<Dim>& cells = bodies[of_body].cells;
+  std::map<std::array<Index, Dim>, int> sides;
+  for (Eigen::Index c = 0; c < cells.cols(); ++c) {
+    std::array<Index, Dim + 1> corners;
+    std::copy_n(cells.col(c).data(), Dim + 1, corners.begin());
+    std::sort(corners.begin(), corners.end());
+    if (std::adjacent_find(corners.begin(), corners.end()) != corners.end()) continue;  // collapsed
+    for (int without = 0; without <= Dim; ++without) {
+      std::array<Index, Dim> side;
+      std::copy(corners.begin(), corners.begin() + without, side.begin());
+      std::copy(corners.begin() + without + 1, corners.end(), side.begin() + without);
+      ++sides[side];
+    }
+  }
+  std::set<std::pair<Index, Index>> edges;
+  for (const auto& [side, count] : sides)
+    for (int i = 0; i < Dim && count == 1; ++i)
+      for (int j = 0; j < i; ++j) edges.insert({side[j], side[i]});
+  return edges;
+}
+
 /// Edges of a body's cells that are to be split, of no cell two: the longest first, of those longer than
-/// OtmOptions::injection times the spacing that have no other node near their middle.
+/// OtmOptions::injection times the spacing that have no other node near their middle; on the surface no other of it, and
+/// nearer, as points between the surface and nodes inside have nothing else to hold on to.
 template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlong_edges(Index of_body) {
   const BodyOf& body = bodies[of_body];
   const Index begin = body.first_node;
@@ -113,6 +139,9 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
   trees[of_body]->build(x.middleCols(begin, bodies[of_body + 1].first_node - begin));
+  const std::set<std::pair<Index, Index>> outer = outer_edges(of_body);
+  std::vector<char> on_surface(x.cols(), 0);
+  for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;
   std::vector<char> is_split(static_cast<std::size_t>(body.cells.cols()), 0);
   std::vector<Index> near_by;
   for (const auto& [minus_length, edge] : order) {
@@ -120,9 +149,11 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     const std::vector<Index>& cells = around[edge];
     if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0; })) continue;
     const Vec<Dim> middle = 0.5 * (x.col(begin + a) + x.col(begin + b));
-    const double room = 0.5 * most(a, b);
+    const bool is_outer = outer.contains(edge);
+    const double room = (is_outer ? 0.25 : 0.5) * most(a, b);
     trees[of_body]->within(middle, room, near_by);
-    if (!near_by.empty() || std::any_of(result.begin(), result.end(), [&](const Split& other) {
+    if (std::any_of(near_by.begin(), near_by.end(),
+                    [&](Index near) { return merged[begin + near] < 0 && (!is_outer || on_surface[near] != 0); }) || std::any_of(result.begin(), result.end(), [&](const Split& other) {
           return (other.middle - middle).squaredNorm() < room * room;
         }))
       continue;

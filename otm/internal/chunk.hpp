@@ -18,10 +18,11 @@ struct OtmEntry {
   double N;
 };
 
-/// Two points that were one, which part, or that become one. Their momentum, and its moment, are handed over together.
+/// Two points that come apart, as they were one, or nearer to each other, or that become one. Their momentum, and its
+/// moment, are handed over together.
 template <int Dim> struct OtmPair {
   Index first, second;
-  Vec<Dim> way = Vec<Dim>::Zero();  ///< that the first goes, and the second the other way
+  Vec<Dim> way = Vec<Dim>::Zero();  ///< that the first goes; their centre of mass stays
   bool fuses = false;               ///< both go to their centre of mass, and the first has it all
 };
 

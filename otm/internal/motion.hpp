@@ -114,6 +114,8 @@ template <int Dim> struct Motion {
   void fuse_pairs();
   void find_points();
   void merge_nodes();
+  void spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const;
+  std::set<std::pair<Index, Index>> outer_edges(Index of_body) const;
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   struct PointRow {
     Index point;
