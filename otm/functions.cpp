@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 namespace efree::internal {
@@ -101,20 +102,38 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   return false;
 }
 
-/// The functions that a point has, as they are where it and the nodes are now; false if it lost a node of them.
+/// The functions that a point has, as they are where it and the nodes are now. What a node had that has become one with
+/// another is the other's: the point moves to the mean of them, and gradients are those of maximum entropy to these
+/// weights, N_a J^-1 (x_a - x). False if the nodes that are left do not span space.
 template <int Dim>
 bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
   const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
   place(chunk, p);
   row.clear();
+  bool is_lost = false;
   for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
     const OtmEntry& entry = chunk.entries[e];
     const Index a = chunk.nodes[chunk.local[e]];
-    if (merged[a] >= 0) return false;
+    is_lost = is_lost || merged[a] >= 0;
     const Vec<Dim> dN = inverse.transpose() * Eigen::Map<const Vec<Dim>>(entry.dN);
     row.push_back({a, entry_of<Dim>(entry.N, dN, axisymmetric() ? entry.N / chunk.at(0, p) : 0.0)});
   }
-  const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+  Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
+  if (is_lost) {
+    std::map<Index, double> weights;
+    for (const auto& [a, entry] : row) weights[merged[a] >= 0 ? merged[a] : a] += entry.N;
+    Vec<Dim> at = Vec<Dim>::Zero();
+    for (const auto& [a, N] : weights) at += N * x.col(a);
+    Mat<Dim> spread = Mat<Dim>::Zero();
+    for (const auto& [a, N] : weights) spread += N * (x.col(a) - at) * (x.col(a) - at).transpose();
+    if (!(smallest_eigenvalue<Dim>(spread) > 1e-3 * smallest_eigenvalue<Dim>(moment))) return false;
+    const Mat<Dim> slopes = spread.inverse();
+    row.clear();
+    for (const auto& [a, N] : weights)
+      row.push_back({a, entry_of<Dim>(N, N * slopes * (x.col(a) - at), axisymmetric() ? N / at[0] : 0.0)});
+    chunk.at.col(p) = at;
+    moment = spread;
+  }
   chunk.penalty[p] *= moment.inverse().trace() / chunk.moment[p].inverse().trace();
   chunk.moment[p] = moment;
   return true;
@@ -250,6 +269,19 @@ template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::v
   chunk.force.assign(4 * nodes.size(), 0.0);
 }
 
+/// Numbers of points, after some came in or went.
+template <int Dim> void Motion<Dim>::find_points() {
+  for (std::size_t b = 0; b + 1 < bodies.size(); ++b) {
+    const Index change = static_cast<Index>(bodies[b].cells.cols()) - (bodies[b + 1].first_point - bodies[b].first_point);
+    if (bodies[b].cells.cols() == 0 || change == 0) continue;
+    for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += change;
+  }
+  place_of_point.resize(bodies.back().first_point);
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (Index p = 0; p < chunks[c].size(); ++p)
+      place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
+}
+
 template <int Dim> void Motion<Dim>::find_places() {
   node_offsets.assign(x.cols() + 1, 0);
   for (const auto& chunk : chunks)
@@ -262,8 +294,8 @@ template <int Dim> void Motion<Dim>::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
-/// Masses and momenta of nodes change as the functions of a point do, or of two that were one: what it carries of
-/// momentum, and of its moment, stays what it is.
+/// Masses and momenta of nodes change as the functions of a point do, or of a pair: what it carries of momentum, and of
+/// its moment, stays what it is.
 template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows,
                                                Vector& masses, Points<Dim>& momenta) const {
   double m = 0.0;
@@ -339,12 +371,22 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       changes[k].unseen += unseen(chunk, p);
     }
-    for (const auto& [p, way] : chunk.twins) {
-      chunk.at.col(p) += way;
-      chunk.at.col(p + 1) -= way;
+    for (const auto& [p, q, way, fuses] : chunk.pairs) {
+      chunk.at.col(p) += fuses ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) *
+                                          (chunk.at.col(q) - chunk.at.col(p)))
+                               : way;
+      if (fuses)
+        chunk.at.col(q) = chunk.at.col(p);
+      else
+        chunk.at.col(q) -= chunk.mass[p] / chunk.mass[q] * way;
     }
     changes[k].rows.resize(chunk.worn.size());
     make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
+    for (const auto& pair : chunk.pairs) {
+      if (!pair.fuses) continue;
+      chunk.at.col(pair.second) = chunk.at.col(pair.first);
+      changes[k].rows[chunk.worn_place(pair.second)] = changes[k].rows[chunk.worn_place(pair.first)];
+    }
     for (const Index p : chunk.worn) {
       const Mat<3> made = chunk.since[p] * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
       Eigen::Map<Mat<3>>(chunk.made.col(p).data()) = made;
@@ -366,15 +408,15 @@ template <int Dim> void Motion<Dim>::renew() {
     counts.widened += changes[k].counted.widened;
     counts.kept += changes[k].counted.kept;
     renewal_loss += changes[k].unseen;
-    auto twins = chunk.twins.begin();
-    for (std::size_t w = 0; w < chunk.worn.size();) {
-      const bool are_twins = twins != chunk.twins.end() && twins->first == chunk.worn[w];
-      const std::size_t end = w + (are_twins ? 2 : 1);
-      if (are_twins) ++twins;
-      std::vector<PointRow> rows;
-      for (; w < end; ++w) rows.push_back({chunk.worn[w], &changes[k].rows[w]});
-      hand_over(chunk, rows, change, momentum);
-    }
+    std::vector<char> is_done(chunk.worn.size(), 0);
+    const auto row = [&](std::size_t w) {
+      is_done[w] = 1;
+      return PointRow{chunk.worn[w], &changes[k].rows[w]};
+    };
+    for (const auto& pair : chunk.pairs)
+      hand_over(chunk, {row(chunk.worn_place(pair.first)), row(chunk.worn_place(pair.second))}, change, momentum);
+    for (std::size_t w = 0; w < chunk.worn.size(); ++w)
+      if (is_done[w] == 0) hand_over(chunk, {row(w)}, change, momentum);
   }
   for (Index a = 0; a < mass.size(); ++a) {
     if (change[a] == 0.0 && momentum.col(a).isZero(0.0)) continue;
@@ -389,6 +431,7 @@ template <int Dim> void Motion<Dim>::renew() {
     put_rows(chunk, chunk.worn, changes[k].rows);
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
   });
+  fuse_pairs();
   find_places();
   follow_others();
   times.functions += lap(start);
@@ -403,9 +446,10 @@ template <int Dim> void Motion<Dim>::renew() {
         for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
       }
     narrowed = narrowed || !chunk.narrowed.empty();
+    changed_nodes = changed_nodes || !chunk.pairs.empty();
     chunk.narrowed.clear();
     chunk.worn.clear();
-    chunk.twins.clear();
+    chunk.pairs.clear();
   }
   // Nodes that lost others around them, or got them, may have become light.
   const bool changed = std::exchange(changed_nodes, false);

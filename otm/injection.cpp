@@ -4,34 +4,20 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
 namespace efree::internal {
 namespace {
 
-// What there is of every point, for points that go on as those.
-
-template <int R> void gather(Eigen::Matrix<double, R, Eigen::Dynamic>& columns, const std::vector<Index>& from) {
-  if (columns.cols() != 0) columns = columns(Eigen::all, from).eval();
-}
-void gather(Vector& values, const std::vector<Index>& from) {
-  if (values.size() != 0) values = values(from).eval();
-}
-template <class T> void gather(std::vector<T>& values, const std::vector<Index>& from) {
-  std::vector<T> result;
-  result.reserve(from.size());
-  for (const Index p : from) result.push_back(values[p]);
-  values = std::move(result);
-}
-
 /// The points of `twice`, ascending, become two each: both as they were, functions and all, but of half the volume.
 template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& twice) {
-  std::vector<Index> from, first(chunk.size() + 1);
+  std::vector<Index> from;
   for (Index p = 0; p < chunk.size(); ++p) {
-    first[p] = static_cast<Index>(from.size());
     const bool is_twice = std::binary_search(twice.begin(), twice.end(), p);
     from.insert(from.end(), is_twice ? 2 : 1, p);
     if (!is_twice) continue;
@@ -39,45 +25,7 @@ template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& tw
     chunk.mass[p] *= 0.5;
     chunk.penalty[p] *= 0.5;
   }
-  const auto n = static_cast<Index>(from.size());
-  first.back() = n;
-  std::vector<Index> offsets{0};
-  std::vector<std::uint16_t> local;
-  std::vector<OtmEntry> entries;
-  for (const Index p : from) {
-    local.insert(local.end(), chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1]);
-    entries.insert(entries.end(), chunk.entries.begin() + chunk.offsets[p],
-                   chunk.entries.begin() + chunk.offsets[p + 1]);
-    offsets.push_back(static_cast<Index>(entries.size()));
-  }
-  chunk.offsets = std::move(offsets);
-  chunk.local = std::move(local);
-  chunk.entries = std::move(entries);
-  gather(chunk.number, from);
-  gather(chunk.now.X, from);
-  gather(chunk.now.F, from);
-  gather(chunk.now.history, from);
-  gather(chunk.now.heat, from);
-  gather(chunk.response.P, from);
-  gather(chunk.response.history, from);
-  gather(chunk.response.energy, from);
-  gather(chunk.response.A, from);
-  gather(chunk.response.dissipated, from);
-  gather(chunk.made, from);
-  gather(chunk.since, from);
-  gather(chunk.at, from);
-  for (Vector* values : {&chunk.volume, &chunk.mass, &chunk.count, &chunk.width, &chunk.growth, &chunk.dilatation,
-                         &chunk.shock, &chunk.modulus, &chunk.stiffening, &chunk.penalty})
-    gather(*values, from);
-  gather(chunk.metric, from);
-  gather(chunk.moment, from);
-  gather(chunk.lambda, from);
-  for (Index& begin : chunk.unions) begin = first[begin];
-  std::vector<Index> worn;
-  for (const Index p : chunk.worn)
-    for (Index q = first[p]; q < first[p + 1]; ++q) worn.push_back(q);
-  chunk.worn = std::move(worn);
-  chunk.columns.resize(16 * static_cast<std::size_t>(n));
+  chunk.take(from);
 }
 
 /// More columns, before that one.
@@ -143,8 +91,32 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   changed_nodes = true;
 }
 
+/// Edges of sides of which a body has one cell only, as the body numbers its nodes.
+template <int Dim> std::set<std::pair<Index, Index>> Motion<Dim>::outer_edges(Index of_body) const {
+  const Cells<Dim>& cells = bodies[of_body].cells;
+  std::map<std::array<Index, Dim>, int> sides;
+  for (Eigen::Index c = 0; c < cells.cols(); ++c) {
+    std::array<Index, Dim + 1> corners;
+    std::copy_n(cells.col(c).data(), Dim + 1, corners.begin());
+    std::sort(corners.begin(), corners.end());
+    if (std::adjacent_find(corners.begin(), corners.end()) != corners.end()) continue;  // collapsed
+    for (int without = 0; without <= Dim; ++without) {
+      std::array<Index, Dim> side;
+      std::copy(corners.begin(), corners.begin() + without, side.begin());
+      std::copy(corners.begin() + without + 1, corners.end(), side.begin() + without);
+      ++sides[side];
+    }
+  }
+  std::set<std::pair<Index, Index>> edges;
+  for (const auto& [side, count] : sides)
+    for (int i = 0; i < Dim && count == 1; ++i)
+      for (int j = 0; j < i; ++j) edges.insert({side[j], side[i]});
+  return edges;
+}
+
 /// Edges of a body's cells that are to be split, of no cell two: the longest first, of those longer than
-/// OtmOptions::injection times the spacing that have no other node near their middle.
+/// OtmOptions::injection times the spacing that have no other node near their middle; on the surface no other of it, and
+/// nearer, as points between the surface and nodes inside have nothing else to hold on to.
 template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlong_edges(Index of_body) {
   const BodyOf& body = bodies[of_body];
   const Index begin = body.first_node;
@@ -167,6 +139,9 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
   trees[of_body]->build(x.middleCols(begin, bodies[of_body + 1].first_node - begin));
+  const std::set<std::pair<Index, Index>> outer = outer_edges(of_body);
+  std::vector<char> on_surface(x.cols(), 0);
+  for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;
   std::vector<char> is_split(static_cast<std::size_t>(body.cells.cols()), 0);
   std::vector<Index> near_by;
   for (const auto& [minus_length, edge] : order) {
@@ -174,9 +149,11 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     const std::vector<Index>& cells = around[edge];
     if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0; })) continue;
     const Vec<Dim> middle = 0.5 * (x.col(begin + a) + x.col(begin + b));
-    const double room = 0.5 * most(a, b);
+    const bool is_outer = outer.contains(edge);
+    const double room = (is_outer ? 0.25 : 0.5) * most(a, b);
     trees[of_body]->within(middle, room, near_by);
-    if (!near_by.empty() || std::any_of(result.begin(), result.end(), [&](const Split& other) {
+    if (std::any_of(near_by.begin(), near_by.end(),
+                    [&](Index near) { return merged[begin + near] < 0 && (!is_outer || on_surface[near] != 0); }) || std::any_of(result.begin(), result.end(), [&](const Split& other) {
           return (other.middle - middle).squaredNorm() < room * room;
         }))
       continue;
@@ -188,7 +165,8 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
 
 /// Nodes come into the middle of edges, and cells around them, with their points, become two. Both points keep what
 /// the one has felt, so that the energy stored is what it was; momentum and its moment are handed over by `renew`.
-template <int Dim> void Motion<Dim>::inject() {
+template <int Dim> bool Motion<Dim>::inject() {
+  const Index injected_before = counts.injected;
   for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
     BodyOf& body = bodies[b];
     if (!body.renewed || body.cells.cols() == 0) continue;
@@ -248,18 +226,14 @@ template <int Dim> void Motion<Dim>::inject() {
       halve(chunk, twice);
       Index before = 0;
       for (const auto& [p, half] : halves[c]) {
-        chunk.twins.push_back({p + before, half.second});
+        chunk.pairs.push_back({p + before, p + before + 1, half.second});
         chunk.number[p + ++before] = half.first;
       }
     }
-    const Index more = static_cast<Index>(body.cells.cols()) - (bodies[b + 1].first_point - body.first_point);
-    for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += more;
-    place_of_point.resize(bodies.back().first_point);
-    for (std::size_t c = 0; c < chunks.size(); ++c)
-      for (Index p = 0; p < chunks[c].size(); ++p)
-        place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
+    find_points();
     find_places();
   }
+  return counts.injected > injected_before;
 }
 
 template struct Motion<2>;

@@ -10,6 +10,15 @@
 #include <set>
 
 namespace efree::internal {
+namespace {
+
+/// How far apart nodes may be that become one, over their spacing.
+constexpr double reach = 0.5;
+
+/// Width of functions, over the first, below which a point lies in a plane of its nodes.
+constexpr double flat = 0.1;
+
+}  // namespace
 
 /// The first goes on as a shadow of the other; its mass goes with the points that see it.
 template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
@@ -71,8 +80,32 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
   return true;
 }
 
+/// A point with functions that narrow across n, as it is all but in a plane of nodes, and the nearest out of that plane
+/// come nearer to each other, their centre of mass where it is.
+template <int Dim>
+void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
+  const auto is_free = [&](Index q) {
+    return std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
+                        [&](const auto& pair) { return pair.first == q || pair.second == q; });
+  };
+  if (!is_free(p)) return;
+  Index with = -1;
+  for (Index q = 0; q < chunk.size(); ++q) {
+    const Vec<Dim> d = chunk.at.col(q) - chunk.at.col(p);
+    if (std::abs(n.dot(d)) > 4.0 * width && is_free(q) &&
+        (with < 0 || d.squaredNorm() < (chunk.at.col(with) - chunk.at.col(p)).squaredNorm()))
+      with = q;
+  }
+  if (with < 0) return;
+  const double share = chunk.mass[with] / (chunk.mass[p] + chunk.mass[with]);
+  chunk.pairs.push_back({.first = p, .second = with, .way = 0.3 * share * (chunk.at.col(with) - chunk.at.col(p))});
+  chunk.wear(p);
+  chunk.wear(with);
+}
+
 template <int Dim> void Motion<Dim>::merge_nodes() {
   std::vector<char> is_built(bodies.size(), 0);
+  std::vector<char> on_surface(x.cols(), 0);
   std::set<Index> locked;
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     OtmChunk<Dim>& chunk = chunks[c];
@@ -85,6 +118,9 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
       if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;
       if (!is_built[chunk.body])
         trees[chunk.body]->build(x.middleCols(body.first_node, bodies[chunk.body + 1].first_node - body.first_node));
+      if (is_built[chunk.body] == 0)
+        for (const auto& [a, e] : outer_edges(chunk.body))
+          on_surface[body.first_node + a] = on_surface[body.first_node + e] = 1;
       is_built[chunk.body] = 1;
       if (!is_placed) {
         deform(chunk, x);
@@ -104,6 +140,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
       }
       std::sort(by.begin(), by.end());
       if (by.size() > 4) by.resize(4);
+      bool is_merged = false;
       for (const auto& [slope, a] : by) {
         Index nearest = -1;
         for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
@@ -112,9 +149,17 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
               (nearest < 0 || (x.col(b) - x.col(a)).squaredNorm() < (x.col(nearest) - x.col(a)).squaredNorm()))
             nearest = b;
         }
-        if (nearest >= 0 && merge(a, nearest, static_cast<Index>(c), p, locked, 1.3 * smallest_width<Dim>(moment)))
+        if (nearest < 0 || (x.col(nearest) - x.col(a)).norm() > reach * 0.5 * (spacing[a] + spacing[nearest])) continue;
+        // The surface stays where it is.
+        const bool is_inner = !on_surface[a] || on_surface[nearest];
+        if (merge(is_inner ? a : nearest, is_inner ? nearest : a, static_cast<Index>(c), p, locked,
+                  1.3 * smallest_width<Dim>(moment))) {
+          is_merged = true;
           break;
+        }
       }
+      if (!is_merged && smallest_width<Dim>(moment) < flat * chunk.width[p])
+        spread(chunk, p, n, smallest_width<Dim>(moment));
     }
   }
 }

@@ -95,6 +95,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   if (of.counts.steps % 32 == 31 && of.stable < of.options.merging * of.first_stable) of.merge_nodes();
   if (of.options.injection > 0.0 && of.counts.steps % 8 == 7) of.inject();
+  if (of.options.injection > 0.0 && of.counts.steps % 8 == 3) of.pair_points();
   of.renew();
   of.sweep(dt);
   of.touch();

@@ -117,6 +117,7 @@ struct OtmCounts {
   std::int64_t iterations = 0;  ///< of Newton's method for them
   Index merged = 0;             ///< nodes that became one with another
   Index injected = 0;           ///< nodes that came in
+  Index fused = 0;              ///< points that became one with another
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };

@@ -14,8 +14,8 @@ auto fields(OtmTimes& of) {
   return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, fused, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -38,13 +38,17 @@ namespace internal {
 template <> inline constexpr bool is_plain<OtmEntry> = true;
 static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
 
+template <int Dim> auto fields(OtmPair<Dim>& of) {
+  auto& [first, second, way, fuses] = of;
+  return std::tie(first, second, way, fuses);
+}
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
          moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
-         twins, damping, columns, seconds] = of;
+         pairs, damping, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn,
-                  narrowed, twins, damping, seconds);
+                  narrowed, pairs, damping, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {

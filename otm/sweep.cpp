@@ -283,9 +283,11 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
     omega2 = std::sqrt(norm2 / before2);
     shaken = next / std::sqrt(norm2);
   }
-  // Steps change no more than they have to: energy swings with their length.
+  // Steps change no more than they have to: energy swings with their length. They grow slowly, as a shape that has lost
+  // what made it fast takes a while to find what is fastest now.
   const double found = options.courant * 2.0 / std::sqrt(omega2);
-  if (found < stable || found > 1.25 * stable) stable = 0.98 * found;
+  if (found < stable || found > 1.25 * stable)
+    stable = counts.steps > 0 ? std::min(0.98 * found, 1.2 * stable) : 0.98 * found;
   times.stability += lap(begin);
 }
 

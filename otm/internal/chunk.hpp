@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 namespace efree::internal {
 
@@ -15,6 +16,14 @@ namespace efree::internal {
 struct OtmEntry {
   double dN[3];
   double N;
+};
+
+/// Two points that come apart, as they were one, or nearer to each other, or that become one. Their momentum, and its
+/// moment, are handed over together.
+template <int Dim> struct OtmPair {
+  Index first, second;
+  Vec<Dim> way = Vec<Dim>::Zero();  ///< that the first goes; their centre of mass stays
+  bool fuses = false;               ///< both go to their centre of mass, and the first has it all
 };
 
 template <int Dim> struct OtmChunk {
@@ -49,8 +58,7 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
   std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
-  /// Of worn points, those that were one with the next: one moves so far, the other as far the other way.
-  std::vector<std::pair<Index, Vec<Dim>>> twins;
+  std::vector<OtmPair<Dim>> pairs;  ///< of worn points, none in two
   double damping = 0.0;         ///< viscous pressure over that of sound, at the most
   std::vector<double> columns;  ///< sixteen numbers a point: what kernels hand over
   OtmTimes seconds;             ///< kinematics, materials, forces
@@ -61,6 +69,12 @@ template <int Dim> struct OtmChunk {
     const auto place = std::lower_bound(worn.begin(), worn.end(), p);
     if (place == worn.end() || *place != p) worn.insert(place, p);
   }
+  /// Where it is in `worn`.
+  std::size_t worn_place(Index p) const {
+    return static_cast<std::size_t>(std::lower_bound(worn.begin(), worn.end(), p) - worn.begin());
+  }
+  /// Points go on as those of `from`, ascending, of which some may be left out and some may be there twice.
+  void take(const std::vector<Index>& from);
   /// Whether there are unions of more than one point.
   bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };

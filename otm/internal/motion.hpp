@@ -111,8 +111,13 @@ template <int Dim> struct Motion {
   };
   std::vector<Split> overlong_edges(Index body);
   void add_nodes(Index body, const Points<Dim>& at, const Points<Dim>& velocity, const Vector& spacings);
-  void inject();
+  bool inject();
+  bool pair_points();
+  void fuse_pairs();
+  void find_points();
   void merge_nodes();
+  void spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const;
+  std::set<std::pair<Index, Index>> outer_edges(Index of_body) const;
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   struct PointRow {
     Index point;
