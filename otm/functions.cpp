@@ -272,7 +272,8 @@ template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::v
 /// Numbers of points, after some came in or went.
 template <int Dim> void Motion<Dim>::find_points() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b) {
-    const Index change = static_cast<Index>(bodies[b].cells.cols()) - (bodies[b + 1].first_point - bodies[b].first_point);
+    const Index change =
+        static_cast<Index>(bodies[b].cells.cols()) - (bodies[b + 1].first_point - bodies[b].first_point);
     if (bodies[b].cells.cols() == 0 || change == 0) continue;
     for (std::size_t later = b + 1; later < bodies.size(); ++later) bodies[later].first_point += change;
   }
@@ -298,6 +299,7 @@ template <int Dim> void Motion<Dim>::find_places() {
 /// its moment, stays what it is.
 template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows,
                                                Vector& masses, Points<Dim>& momenta) const {
+  if (options.functions == OtmFunctions::smoothed_particles) return;  // nodes are the points
   double m = 0.0;
   Vec<Dim> at = Vec<Dim>::Zero();
   for (const auto& [p, row] : rows) {
@@ -372,9 +374,8 @@ template <int Dim> void Motion<Dim>::renew() {
       changes[k].unseen += unseen(chunk, p);
     }
     for (const auto& [p, q, way, fuses] : chunk.pairs) {
-      chunk.at.col(p) += fuses ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) *
-                                          (chunk.at.col(q) - chunk.at.col(p)))
-                               : way;
+      chunk.at.col(p) +=
+          fuses ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) * (chunk.at.col(q) - chunk.at.col(p))) : way;
       if (fuses)
         chunk.at.col(q) = chunk.at.col(p);
       else
