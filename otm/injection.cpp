@@ -67,7 +67,7 @@ template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& tw
   gather(chunk.since, from);
   gather(chunk.at, from);
   for (Vector* values : {&chunk.volume, &chunk.mass, &chunk.count, &chunk.width, &chunk.growth, &chunk.dilatation,
-                         &chunk.shock, &chunk.modulus, &chunk.stiffening, &chunk.penalty})
+                         &chunk.shock, &chunk.modulus, &chunk.stiffening, &chunk.penalty, &chunk.damage, &chunk.reach})
     gather(*values, from);
   gather(chunk.metric, from);
   gather(chunk.moment, from);
@@ -153,7 +153,9 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   };
   const auto length = [&](Index a, Index b) { return (x.col(begin + a) - x.col(begin + b)).norm(); };
   std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
-  for (Eigen::Index c = 0; c < body.cells.cols(); ++c)
+  for (Eigen::Index c = 0; c < body.cells.cols(); ++c) {
+    const auto [in, p] = place_of_point[body.first_point + c];
+    if (chunks[in].is_eroded(p)) continue;
     for (int i = 0; i <= Dim; ++i)
       for (int j = 0; j < i; ++j) {
         const std::pair<Index, Index> edge = std::minmax(body.cells(i, c), body.cells(j, c));
@@ -161,6 +163,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
         std::vector<Index>& cells = around[edge];
         if (cells.empty() || cells.back() != c) cells.push_back(static_cast<Index>(c));
       }
+  }
   std::vector<Split> result;
   if (around.empty()) return result;
   std::vector<std::pair<double, std::pair<Index, Index>>> order;
@@ -211,7 +214,7 @@ template <int Dim> void Motion<Dim>::inject() {
                              [&](std::uint16_t local) { return chunk.nodes[local] == node; });
         };
         for (Index p = 0; p < chunk.size(); ++p)
-          if (sees(p, ends[0]) && sees(p, ends[1])) chunk.wear(p);
+          if (!chunk.is_eroded(p) && sees(p, ends[0]) && sees(p, ends[1])) chunk.wear(p);
       }
     }
     add_nodes(b, at, velocity, spacings);
@@ -259,6 +262,7 @@ template <int Dim> void Motion<Dim>::inject() {
       for (Index p = 0; p < chunks[c].size(); ++p)
         place_of_point[bodies[chunks[c].body].first_point + chunks[c].number[p]] = {static_cast<Index>(c), p};
     find_places();
+    ball_offsets.clear();
   }
 }
 

@@ -80,6 +80,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
     if (!body.renewed) continue;
     bool is_placed = false;
     for (Index p = 0; p < chunk.size(); ++p) {
+      if (chunk.is_eroded(p)) continue;
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
       if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;

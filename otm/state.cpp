@@ -10,12 +10,12 @@ namespace efree {
 // By structured bindings: what is added and not listed does not compile. What a step begins with by filling it is left
 // out.
 auto fields(OtmTimes& of) {
-  auto& [functions, kinematics, materials, forces, stability, nodes, contact] = of;
-  return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
+  auto& [functions, kinematics, materials, forces, stability, nodes, contact, fracture] = of;
+  return std::tie(functions, kinematics, materials, forces, stability, nodes, contact, fracture);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, eroded, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, eroded, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -40,11 +40,11 @@ static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
 
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
-         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
-         twins, damping, columns, seconds] = of;
+         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach, unions,
+         worn, narrowed, twins, damping, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
-                  moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn,
-                  narrowed, twins, damping, seconds);
+                  moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
+                  unions, worn, narrowed, twins, damping, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {
@@ -105,15 +105,17 @@ concept IsBody = requires(T of) {
   of.first_point;
 };
 auto fields(IsBody auto& of) {
-  auto& [material, tangent, compliance, shear, modulus, renewed, finite, cells, first_node, first_point] = of;
+  auto& [material, tangent, compliance, shear, modulus, renewed, finite, fracture, plastic_strain, temperature, release,
+         cells, first_node, first_point] = of;
   return std::tie(cells, first_node, first_point);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces,
                   of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
-                  of.first_stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous,
-                  of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
-                  of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored);
+                  of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
+                  of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
+                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities,
+                  of.contact_stored);
 }
 
 }  // namespace internal
@@ -150,6 +152,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
   }
   of.find_places();
+  of.ball_offsets.clear();
   if (!same) throw InputError("the state is damaged, or not of bodies and walls such as these");
 }
 

@@ -34,7 +34,7 @@ template <int Dim> struct OtmChunk {
   Tensors made;                  ///< F when the functions were made
   std::vector<Mat<3>> since;     ///< F since then
   Points<Dim> at;                ///< where they are
-  Vector volume, mass;           ///< in the reference configuration
+  Vector volume, mass;           ///< in the reference configuration; the volume of eroded points is 0
   std::vector<Mat<Dim>> metric;  ///< that the functions were made with
   std::vector<Mat<Dim>> moment;  ///< J of them
   std::vector<Vec<Dim>> lambda;  ///< of them
@@ -46,6 +46,8 @@ template <int Dim> struct OtmChunk {
   Vector modulus;                ///< of pressure waves
   Vector stiffening;             ///< how many times stiffer than at rest, at the most
   Vector penalty;                ///< on motions that points do not see [force/length]
+  Vector damage;                 ///< 1: it breaks
+  Vector reach;                  ///< radius of the ball that releases energy with it
   std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
   std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
@@ -56,6 +58,7 @@ template <int Dim> struct OtmChunk {
   OtmTimes seconds;             ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
+  bool is_eroded(Index p) const { return volume[p] == 0.0; }
   /// The point's functions are to be renewed.
   void wear(Index p) {
     const auto place = std::lower_bound(worn.begin(), worn.end(), p);
