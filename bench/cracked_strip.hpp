@@ -36,7 +36,8 @@ struct CrackedStrip {
     }
     return body;
   }
-  /// Nodes `size` apart; G would get to the toughness at the time `ramp`.
+  /// Nodes at most `size` apart. The crack is wider than functions, which would bridge it. G would get to the toughness
+  /// at the time `ramp`.
   CrackedStrip(double size, double neighbourhood, double ramp)
       : size(size), ramp(ramp), otm({body(size, neighbourhood, ramp)}) {
     for (Index a = 0; a < otm.num_nodes(); ++a)
@@ -46,7 +47,7 @@ struct CrackedStrip {
       }
     const Points<2> points = otm.points();
     for (Index p = 0; p < otm.num_points(); ++p)
-      if (points(0, p) < notch && std::abs(points(1, p)) < 0.5 * size) otm.erode(p);
+      if (points(0, p) < notch && std::abs(points(1, p)) < size) otm.erode(p);
     notched = otm.counts().eroded;
   }
   /// Energy release rate of a crack that is long, over the toughness.

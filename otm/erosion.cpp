@@ -6,12 +6,63 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace efree::internal {
 
 template <int Dim> bool Motion<Dim>::breaks() const {
   return std::any_of(bodies.begin(), bodies.end(), [](const BodyOf& body) { return body.fracture.on(); });
+}
+
+/// Which cells are around each node, once something is eroded.
+template <int Dim> void Motion<Dim>::find_stars() {
+  stars.clear();
+  star_offsets.clear();
+  if (counts.eroded == 0) return;
+  for (std::size_t b = 0; b + 1 < bodies.size(); ++b) {
+    const Cells<Dim>& cells = bodies[b].cells;
+    std::vector<Index>& offsets = star_offsets.emplace_back(bodies[b + 1].first_node - bodies[b].first_node + 1, 0);
+    const auto is_whole = [&](Eigen::Index c) {
+      const auto [in, p] = place_of_point[bodies[b].first_point + c];
+      return !chunks[in].is_eroded(p);
+    };
+    for (Eigen::Index c = 0; c < cells.cols(); ++c)
+      for (const Index a : cells.col(c)) offsets[a + 1] += is_whole(c) ? 1 : 0;
+    std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+    std::vector<Index>& star = stars.emplace_back(offsets.back());
+    std::vector<Index> next(offsets.begin(), offsets.end() - 1);
+    for (Eigen::Index c = 0; c < cells.cols(); ++c)
+      for (const Index a : cells.col(c))
+        if (is_whole(c)) star[next[a]++] = static_cast<Index>(c);
+  }
+}
+
+/// Of these nodes, ascending, those that cells which are not eroded join to the point's own, by nodes among these:
+/// functions do not reach across cracks.
+template <int Dim> void Motion<Dim>::keep_connected(Index of_body, Index point, std::vector<Index>& nodes) const {
+  const BodyOf& body = bodies[of_body];
+  const std::vector<Index>&offsets = star_offsets[of_body], &star = stars[of_body];
+  thread_local std::vector<char> reached;
+  thread_local std::vector<Index> front;
+  reached.assign(nodes.size(), 0);
+  front.clear();
+  for (const Index a : body.cells.col(point)) front.push_back(a);
+  while (!front.empty()) {
+    const Index from = front.back();
+    front.pop_back();
+    for (Index e = offsets[from]; e < offsets[from + 1]; ++e)
+      for (const Index a : body.cells.col(star[e])) {
+        const auto place = std::lower_bound(nodes.begin(), nodes.end(), body.first_node + a);
+        if (place == nodes.end() || *place != body.first_node + a || reached[place - nodes.begin()] != 0) continue;
+        reached[place - nodes.begin()] = 1;
+        front.push_back(a);
+      }
+  }
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < nodes.size(); ++k)
+    if (reached[k] != 0) nodes[kept++] = nodes[k];
+  nodes.resize(kept);
 }
 
 /// Which points were near each other at the start.
@@ -159,7 +210,27 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
     chunk.response.energy[p] = 0.0;
     chunk.damage[p] = 1.0;
     ++counts.eroded;
+    // The others of its union go on from the dilatation that they shared with it.
+    const auto last = std::upper_bound(chunk.unions.begin(), chunk.unions.end(), p);
+    for (Index q = *std::prev(last); q < *last; ++q)
+      if (!chunk.is_eroded(q)) chunk.made.col(q) /= std::cbrt(std::exchange(chunk.growth[q], 1.0));
+    // Points that see nodes of its cell see them past it, perhaps.
+    const BodyOf& body = bodies[chunk.body];
+    if (!body.renewed || body.cells.cols() == 0) continue;
+    for (const Index corner : body.cells.col(chunk.number[p])) {
+      const Index a = body.first_node + corner;
+      for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+        OtmChunk<Dim>& other = chunks[node_places[k].first];
+        for (Index q = 0; q < other.size(); ++q)
+          if (!other.is_eroded(q) &&
+              std::find(other.local.begin() + other.offsets[q], other.local.begin() + other.offsets[q + 1],
+                        node_places[k].second) != other.local.begin() + other.offsets[q + 1])
+            other.wear(q);
+      }
+    }
   }
+  // Those that broke after they were told to.
+  for (auto& chunk : chunks) std::erase_if(chunk.worn, [&](Index p) { return chunk.is_eroded(p); });
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     deform(chunks[c], x);
     press(chunks[c]);

@@ -67,6 +67,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
       const Vec<Dim> d = x.col(a) - at;
       if (merged[a] < 0 && d.dot(metric * d) <= furthest * share) used.push_back(a);
     }
+    if (!stars.empty() && body.cells.cols() != 0) keep_connected(chunk.body, chunk.number[p], used);
   };
   if (!first) {
     const Mat<Dim> inverse = chunk.since[p].template topLeftCorner<Dim, Dim>().inverse();
@@ -325,6 +326,7 @@ template <int Dim> void Motion<Dim>::renew() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b])
       trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
+  find_stars();
   struct Change {
     Rows rows;
     OtmCounts counted;

@@ -73,6 +73,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
 
 template <int Dim> void Motion<Dim>::merge_nodes() {
   std::vector<char> is_built(bodies.size(), 0);
+  find_stars();
   std::set<Index> locked;
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     OtmChunk<Dim>& chunk = chunks[c];

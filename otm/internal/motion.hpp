@@ -124,9 +124,12 @@ template <int Dim> struct Motion {
                  Points<Dim>& momenta) const;
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;
   // Fracture. Points are numbered through all bodies.
-  std::vector<Index> ball_offsets, balls;  ///< by point: those in its ball, itself too; empty: not known
-  Vector ball_mass;                        ///< by point
+  std::vector<Index> ball_offsets, balls;               ///< by point: those in its ball, itself too; empty: not known
+  Vector ball_mass;                                     ///< by point
+  std::vector<std::vector<Index>> star_offsets, stars;  ///< by body and node: cells around it that are not eroded
   bool breaks() const;
+  void find_stars();
+  void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
   void find_balls();
   void wear_down(OtmChunk<Dim>& chunk) const;
   Vector tension_energies() const;
