@@ -57,13 +57,23 @@ struct Perforation {
       half.boundary.push_back(outline);
       return triangulate(half, {.size = size});
     } else {
-      // Cubes become balls.
-      MeshData<3> mesh = solids::box({radius, radius, 2.0 * radius}, size);
-      for (auto at : mesh.vertices.colwise()) {
-        at[2] -= radius;
-        if (const double r = at.norm(); r > 0.0) at *= at.cwiseAbs().maxCoeff() / r;
-        at[2] += centre;
+      // With its mirror image; hollow in the middle, 1.6 % of its volume.
+      const MeshData<3> eighth = solids::thick_sphere(0.25 * radius, radius, size);
+      const auto n = static_cast<Index>(eighth.vertices.cols());
+      std::vector<Index> image(static_cast<std::size_t>(n));
+      Index next = n;
+      for (Index a = 0; a < n; ++a) image[a] = eighth.vertices(2, a) < 1e-9 ? a : next++;
+      MeshData<3> mesh;
+      mesh.vertices.resize(3, next);
+      mesh.cells.resize(4, 2 * eighth.cells.cols());
+      for (Index a = 0; a < n; ++a) {
+        const Vec<3> at = eighth.vertices.col(a);
+        mesh.vertices.col(a) << at[0], at[1], centre + at[2];
+        mesh.vertices.col(image[a]) << at[0], at[1], centre - at[2];
       }
+      mesh.cells.leftCols(eighth.cells.cols()) = eighth.cells;
+      for (Eigen::Index c = 0; c < eighth.cells.cols(); ++c)
+        for (int i = 0; i < 4; ++i) mesh.cells(i, eighth.cells.cols() + c) = image[eighth.cells(i, c)];
       return FineMesh<3>(std::move(mesh));
     }
   }
@@ -80,6 +90,7 @@ struct Perforation {
                                      otm_body(plate<Dim>(size), aluminium(), 2770.0, Dim == 2)};
     bodies[0].velocity.setZero(Dim, bodies[0].nodes.cols());
     bodies[0].velocity.row(Dim - 1).setConstant(-speed);
+    bodies[0].fracture.strain = JohnsonCookFailure{.D = {0.05, 3.44, -2.12, 0.002, 0.61}, .melting = 1500.0};
     bodies[1].fracture = broken_by;
     OtmOptions options;
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;

@@ -20,7 +20,8 @@ struct JohnsonCookFailure {
   double melting = 0.0;    ///< by how much it is warmer than the reference temperature when it melts; 0: T* = 0
 };
 
-/// When a material point breaks. Several criteria may be on; all are off to begin with.
+/// When a material point breaks. Several criteria may be on; all are off to begin with. Where one is, points that are
+/// turned inside out break, too.
 struct OtmFracture {
   /// G_c of eigenerosion [stress length], 0: none. A point under tension breaks when the energy release rate
   /// G = C r sum(m W) / sum(m) over the points that were within the radius r of it gets there (Pandolfi & Ortiz 2012;

@@ -76,8 +76,14 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
     // In no time nothing moves, not even by rounding: what flows asks how fast.
     const Mat<3> made = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
     const Mat<3> now = dt > 0.0 ? Mat<3>(since * made) : made;
-    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     const double J = now.determinant();
+    if (!(J > 0.0) && body.fracture.on()) {
+      // It breaks at the end of the step, and until then is as it was.
+      chunk.damage[p] = 1.0;
+      chunk.growth[p] = chunk.now.gradient(p).determinant();
+      continue;
+    }
+    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     if (!(J > 0.0))
       throw NumericalError(fmt::format(
           "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
