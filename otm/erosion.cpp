@@ -235,6 +235,7 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
     deform(chunks[c], x);
     press(chunks[c]);
   });
+  const Points<Dim> pulled = force;
   force = collected();
   surfaces.clear();
   seen.resize(Dim, 0);
@@ -242,6 +243,8 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   touch();
   contact_loss -= contact_stored;
   inflate();
+  // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.
+  fracture_loss -= 0.5 * last_step * v.cwiseProduct(force - pulled).sum();
   // The fastest vibration may have been theirs: any shape of the others may be the next.
   const double size = 0.1 / std::sqrt(mass.sum());
   for (Index a = 0; a < x.cols(); ++a)

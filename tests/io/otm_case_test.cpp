@@ -224,14 +224,18 @@ TEST(OtmRun, NodesOnACloudFollowTheFunctionsOfTheStaticSolver) {
 
 TEST(OtmRun, PointsThatBreakAreCountedAndTheirEnergyIsToo) {
   const Workspace workspace;
-  const auto done = run(workspace, replaced(rubber, "[[wall]]\nnormal = [0, 2]\nlevel = -0.1\n", "") +
-                                       "[[boundary]]\non = \"top\"\nvelocity = [0, 0.2]\n[[boundary]]\non = "
-                                       "\"bottom\"\nvelocity = [0, -0.2]\n[[fracture]]\nstretch = 1.5\n");
+  // Pulled apart, the right end faster.
+  const std::string pulled =
+      replaced(replaced(rubber, "[[wall]]\nnormal = [0, 2]\nlevel = -0.1\n", ""), "\"-0.2\"", "\"0.02*x*(2*y - 1)\"");
+  const auto done =
+      run(workspace, pulled +
+                         "[[boundary]]\non = \"top\"\nvelocity = [0, \"0.02*x\"]\n[[boundary]]\non = \"bottom\"\n"
+                         "velocity = [0, \"-0.02*x\"]\n[[fracture]]\nstretch = 1.2\n");
   ASSERT_EQ(done.status, 0) << done.output;
   const auto result = json(workspace / "out/result.json");
   EXPECT_GT(result["counts"]["eroded"].get<int>(), 5);
   EXPECT_LT(result["counts"]["eroded"].get<int>(), result["counts"]["material_points"].get<int>());
-  EXPECT_GT(result["energy"]["fracture"].get<double>(), 0.01);
+  EXPECT_GT(result["energy"]["fracture"].get<double>(), 0.0);
   EXPECT_EQ(result["extremes"]["damage"]["max"]["value"].get<double>(), 1.0);
   EXPECT_EQ(column(workspace / "out/history.csv", "eroded").back(), result["counts"]["eroded"].get<double>());
   EXPECT_EQ(column(workspace / "out/history.csv", "fracture").back(), result["energy"]["fracture"].get<double>());
