@@ -77,7 +77,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
     const Mat<3> made = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
     const Mat<3> now = dt > 0.0 ? Mat<3>(since * made) : made;
     const double J = now.determinant();
-    if (!(J > 0.0) && body.fracture.on()) {
+    if (J <= 0.0 && body.fracture.on()) {
       // It breaks at the end of the step, and until then is as it was.
       chunk.damage[p] = 1.0;
       chunk.growth[p] = chunk.now.gradient(p).determinant();
