@@ -186,6 +186,8 @@ template <int Dim> Built<Dim> build(const FineMesh<Dim>& part, const std::string
   });
   give_density(density, result.body);
   throw_bodies(settings, motion, region, result.body);
+  for (const auto& broken : motion.fractures)
+    if (broken.region.empty() || broken.region == region) result.body.fracture = broken.fracture;
   return result;
 }
 
@@ -233,6 +235,8 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
   const bool axisymmetric = Dim == 2 && settings.model.plane == Plane::axisymmetric;
   for (const auto& thrown : motion.velocities)
     if (!thrown.region.empty()) located(settings, thrown.where, [&] { return all.region(thrown.region); });
+  for (const auto& broken : motion.fractures)
+    if (!broken.region.empty()) located(settings, broken.where, [&] { return all.region(broken.region); });
   if (axisymmetric && all.vertices().row(0).minCoeff() < 0.0)
     throw InputError(said_at(where_said(settings, "analysis.plane"),
                              fmt::format("axisymmetric: x is the radius, and the body reaches to x = {:.6g}",
@@ -293,7 +297,8 @@ template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(con
     pressure[p] = -stress.template head<3>().mean();
     J[p] = Eigen::Map<const Mat<3>>(F.col(p).data()).determinant();
   }
-  std::vector<std::pair<std::string, Vector>> result{{"von_mises", mises}, {"pressure", pressure}, {"J", J}};
+  std::vector<std::pair<std::string, Vector>> result{
+      {"von_mises", mises}, {"pressure", pressure}, {"J", J}, {"damage", otm.damage()}};
   std::map<std::string, Vector> remembered;
   for (Index b = 0; b < otm.num_bodies(); ++b) {
     const Matrix history = otm.history(b);

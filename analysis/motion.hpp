@@ -21,6 +21,12 @@ template <int Dim> struct InitialVelocity {
   std::function<Vec<Dim>(const Vec<Dim>&)> velocity;  ///< by place [length/time]
   std::string where{};
 };
+/// When points break.
+struct BodyFracture {
+  std::string region{};  ///< empty: of all bodies
+  OtmFracture fracture{};
+  std::string where{};
+};
 /// A rigid wall.
 template <int Dim> struct MotionWall {
   OtmWall<Dim> wall;
@@ -67,6 +73,7 @@ template <int Dim> struct MotionSettings {
   bool cloud = false;
   bool shared_dilatation = true;  ///< points that are near each other share their dilatation, against locking
   std::vector<InitialVelocity<Dim>> velocities{};
+  std::vector<BodyFracture> fractures{};  ///< of a region one at most; that of all bodies is of those without
   std::vector<MotionWall<Dim>> walls{};
   std::vector<MovedPart<Dim>> moved{};
   std::vector<GasInside> gases{};
@@ -95,8 +102,8 @@ template <int Dim> struct MovingBodies {
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
                                                    const MotionSettings<Dim>& motion, const Monitor& monitor = {});
 
-/// The scalar fields of material points: von_mises, pressure (both of Cauchy's stress), J and what histories hold (zero
-/// where a body's material knows of none).
+/// The scalar fields of material points: von_mises, pressure (both of Cauchy's stress), J, damage (1: eroded) and what
+/// histories hold (zero where a body's material knows of none).
 template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Otm<Dim>& otm);
 
 /// What a probe says now: one number; of nodes the displacement, then the velocity. NaN where nothing is in its box.

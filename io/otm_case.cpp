@@ -38,6 +38,30 @@ template <int Dim> void read_velocities(const std::vector<Section>& entries, con
   }
 }
 
+template <int Dim> void read_fractures(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
+  for (const Section& entry : entries) {
+    BodyFracture broken{.region = entry.text("region", ""), .where = entry.where("")};
+    for (const auto& earlier : motion.fractures)
+      if (earlier.region == broken.region || earlier.region.empty() || broken.region.empty())
+        entry.fail("region", fmt::format("there is fracture already, from {}", earlier.where));
+    OtmFracture& fracture = broken.fracture;
+    fracture.toughness = entry.number("toughness", not_negative, fracture.toughness);
+    fracture.neighbourhood = entry.number("neighbourhood", {0.0, 10.0, true, true}, fracture.neighbourhood);
+    fracture.stretch = entry.number("stretch", {1.0, 1e3, false, true}, fracture.stretch);
+    if (entry.has("strain")) {
+      const Section law = entry.section("strain", {"D1", "D2", "D3", "D4", "D5", "rate", "melting"});
+      JohnsonCookFailure failure;
+      for (std::size_t i = 0; i < failure.D.size(); ++i)
+        failure.D[i] = law.number(fmt::format("D{}", i + 1), any_number, 0.0);
+      failure.reference = law.number("rate", positive, failure.reference);
+      failure.melting = law.number("melting", not_negative, failure.melting);
+      fracture.strain = failure;
+    }
+    if (!fracture.on()) entry.fail("", "[[fracture]]: expected toughness, stretch or strain");
+    motion.fractures.push_back(std::move(broken));
+  }
+}
+
 template <int Dim> void read_walls(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
   for (const Section& entry : entries) {
     const Vec<Dim> normal = entry.template point<Dim>("normal");
@@ -163,6 +187,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
   const auto velocities = root.sections("velocity", {"region", "value"});
+  const auto fractures = root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
@@ -185,6 +210,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   internal::MaterialReader<Dim>(expressions, "bodies in motion ask").read(root, result);
   internal::PlaceReader<Dim> places(result);
   read_velocities<Dim>(velocities, expressions, motion);
+  read_fractures<Dim>(fractures, motion);
   read_walls<Dim>(walls, motion);
   read_moved<Dim>(boundaries, expressions, places, motion);
   read_functions(root, places, result);
@@ -227,7 +253,7 @@ AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& readi
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
-                      "wall", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
+                      "fracture", "wall", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const Section analysis = root.required_section("analysis", {"kind", "plane"});
   if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");

@@ -111,6 +111,7 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"viscous", now.viscous},
             {"contact", now.contact},
             {"renewal", now.renewal},
+            {"fracture", now.fracture},
             {"prescribed", now.prescribed},
             {"total", now.total()},
             {"nodes", otm.num_nodes()},
@@ -118,7 +119,8 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"renewals", static_cast<double>(counts.renewals)},
             {"widened", static_cast<double>(counts.widened)},
             {"kept", static_cast<double>(counts.kept)},
-            {"merged", counts.merged}};
+            {"merged", counts.merged},
+            {"eroded", counts.eroded}};
   for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axes[i]), now.momentum[i]);
   for (int i = 0; i < now.moment.size(); ++i)
     line.emplace_back(fmt::format("moment.{}", axes[Dim == 2 ? 2 : i]), now.moment[i]);

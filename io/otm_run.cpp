@@ -196,13 +196,21 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"steps", counts.steps},       {"updates", counts.updates},
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened},   {"kept", counts.kept},
-                    {"merged", counts.merged}};
+                    {"merged", counts.merged},     {"eroded", counts.eroded}};
   json["stable_step"] = otm.stable_step();
-  json["energy"] = {
-      {"start", energy.start},        {"kinetic", now.kinetic},         {"stored", now.stored},
-      {"dissipated", now.dissipated}, {"stabilising", now.stabilising}, {"viscous", now.viscous},
-      {"contact", now.contact},       {"renewal", now.renewal},         {"prescribed", now.prescribed},
-      {"total", now.total()},         {"error", energy.error()},        {"largest_error", energy.largest_error()}};
+  json["energy"] = {{"start", energy.start},
+                    {"kinetic", now.kinetic},
+                    {"stored", now.stored},
+                    {"dissipated", now.dissipated},
+                    {"stabilising", now.stabilising},
+                    {"viscous", now.viscous},
+                    {"contact", now.contact},
+                    {"renewal", now.renewal},
+                    {"prescribed", now.prescribed},
+                    {"fracture", now.fracture},
+                    {"total", now.total()},
+                    {"error", energy.error()},
+                    {"largest_error", energy.largest_error()}};
   json["momentum"] = array(now.momentum);
   json["moment_of_momentum"] = array(now.moment);
   for (Index w = 0; w < otm.wall_forces().cols(); ++w)
@@ -225,12 +233,12 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
   }
   json["reports"]["warnings"] = warnings;
   const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
-                     spent.nodes + spent.contact;
+                     spent.nodes + spent.contact + spent.fracture;
   if (all > 0.0)
     json["shares"] = {{"functions", spent.functions / all}, {"kinematics", spent.kinematics / all},
                       {"materials", spent.materials / all}, {"forces", spent.forces / all},
                       {"stability", spent.stability / all}, {"nodes", spent.nodes / all},
-                      {"contact", spent.contact / all}};
+                      {"contact", spent.contact / all},     {"fracture", spent.fracture / all}};
   for (const auto& [stage, seconds] : times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = times.total();
   json["peak_memory_mb"] = peak_memory_mb();

@@ -53,7 +53,7 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
   gather(since, from);
   gather(at, from);
   for (Vector* values :
-       {&volume, &mass, &count, &width, &growth, &dilatation, &shock, &modulus, &stiffening, &penalty})
+       {&volume, &mass, &count, &width, &growth, &dilatation, &shock, &modulus, &stiffening, &penalty, &damage, &reach})
     gather(*values, from);
   gather(metric, from);
   gather(moment, from);

@@ -10,7 +10,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
+#include <string_view>
 
 namespace efree::internal {
 namespace {
@@ -58,6 +60,22 @@ MaterialResponse::Tangent compliance_of(const MaterialResponse::Tangent& tangent
   if (shear < least)
     added += least * (MaterialResponse::Tangent::Identity() - turns() - trace * trace.transpose() / 3.0);
   return (tangent + added).inverse();
+}
+
+/// C of energy release rates by the mean energy of a ball of radius r, G = C r mean(W). About a crack tip in plane
+/// strain W is G (3 - 4 nu - c) (1 + c) / (8 pi (1 - nu) s) at the distance s, c the cosine to the crack's direction
+/// (Sih 1974): (5/2 - 4 nu) on average, and the mean of 1 / s is 2 / r in a disk, 3 pi / (4 r) in a ball.
+template <int Dim> double release_factor(double shear, double modulus) {
+  const double nu = 0.5 * (modulus - 2.0 * shear) / (modulus - shear);
+  const double disk = 4.0 * std::numbers::pi * (1.0 - nu) / (2.5 - 4.0 * nu);
+  return Dim == 2 ? disk : disk * 8.0 / (3.0 * std::numbers::pi);
+}
+
+/// Where a number is in the history of a material; -1: nowhere.
+Index row_of(const Material& material, std::string_view name) {
+  for (const auto& part : material.history_parts())
+    if (part.name == name) return part.offset;
+  return -1;
 }
 
 constexpr Index points_of_a_chunk = 256;
@@ -136,14 +154,30 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     const MaterialResponse::Tangent tangent = rest.tangent_at(0);
     const double shear = softest_shear(tangent), modulus = std::max({tangent(0, 0), tangent(4, 4), tangent(8, 8)});
     if (!(modulus > 0.0)) fail("a material without stiffness");
+    if (options.injection > 0.0 && body.shape)
+      fail("injection: its functions are given, and nodes that come in have none; expected injection = 0");
+    const OtmFracture& fracture = body.fracture;
+    if (!(fracture.toughness >= 0.0) || !std::isfinite(fracture.toughness))
+      fail(fmt::format("fracture toughness {}, expected 0 or more", fracture.toughness));
+    if (!(fracture.neighbourhood >= 0.0) || fracture.neighbourhood > 10.0)
+      fail(fmt::format("fracture neighbourhood {}, expected 0 to 10", fracture.neighbourhood));
+    if (fracture.stretch != 0.0 && !(fracture.stretch > 1.0))
+      fail(fmt::format("fracture stretch {}, expected more than 1, or 0", fracture.stretch));
+    const Index plastic_strain = row_of(material, "equivalent_plastic_strain");
+    if (fracture.strain) {
+      if (plastic_strain < 0) fail("a plastic strain at failure, and a material that knows of no plastic strain");
+      if (!(fracture.strain->reference > 0.0) || !(fracture.strain->melting >= 0.0))
+        fail("plastic strain at failure: expected a positive rate of reference, and a rise to melting of 0 or more");
+    }
     bodies.push_back({body.material, tangent, compliance_of(tangent, shear, modulus), shear, modulus,
                       !body.shape.has_value(), material.finite_strain(), body.surface.has_value(), body.mass_terms,
-                      body.cells, num_nodes, num_points});
+                      fracture, plastic_strain, row_of(material, "temperature_rise"),
+                      release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, false, 1, {}, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
   v.setZero(Dim, num_nodes);
@@ -174,6 +208,11 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       if (unions[p] < 0) throw InputError(fmt::format("body {}: a union of points has the number {}", b, unions[p]));
       key[unions[p]] = std::min(key[unions[p]], along_curve<Dim>((body.points.col(p) - low) / extent));
     }
+    const auto ball_as_large = [&](const OtmChunk<Dim>& chunk, Index p) {
+      if (Dim == 3) return std::cbrt(0.75 / std::numbers::pi * chunk.volume[p]);
+      const double around = axisymmetric() ? 2.0 * std::numbers::pi * chunk.at(0, p) : 1.0;
+      return std::sqrt(chunk.volume[p] / (around * std::numbers::pi));
+    };
     std::iota(order.begin(), order.end(), 0);
     std::sort(order.begin(), order.end(), [&](Index p, Index q) {
       return std::tuple(key[unions[p]], unions[p], p) < std::tuple(key[unions[q]], unions[q], q);
@@ -207,9 +246,11 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.response = respond(*body.material, chunk.now, false);
       chunk.made = chunk.now.F;
       chunk.since.assign(n, Mat<3>::Identity());
+      chunk.reach.resize(n);
       for (Index p = 0; p < n; ++p) {
         const double h = spacing[first + trees.back()->nearest(chunk.at.col(p))];
         chunk.metric.push_back(options.lme.gamma / (h * h) * Mat<Dim>::Identity());
+        chunk.reach[p] = body.fracture.neighbourhood > 0.0 ? body.fracture.neighbourhood * h : ball_as_large(chunk, p);
       }
       chunk.moment.assign(n, Mat<Dim>::Identity());
       chunk.lambda.assign(n, Vec<Dim>::Zero());
@@ -222,6 +263,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.modulus.setConstant(n, bodies[b].modulus);
       chunk.stiffening.setOnes(n);
       chunk.penalty.setZero(n);
+      chunk.damage.setZero(n);
       chunk.columns.resize(16 * n);
       chunk.offsets.assign(n + 1, 0);
       chunks.push_back(std::move(chunk));

@@ -68,7 +68,7 @@ template <int Dim> Vec<Dim> area_of(const Mat<Dim>& corner) {
 
 }  // namespace
 
-/// The facets that only one cell has.
+/// The facets that only one cell has, of those that are not eroded.
 template <int Dim> void Motion<Dim>::find_surface() {
   surfaces.assign(bodies.size() - 1, {});
   surface_area.setZero(x.cols());
@@ -76,6 +76,8 @@ template <int Dim> void Motion<Dim>::find_surface() {
     const Cells<Dim>& cells = bodies[b].cells;
     std::map<std::array<Index, Dim>, std::pair<int, std::array<Index, Dim>>> sides;
     for (Eigen::Index c = 0; c < cells.cols(); ++c) {
+      const auto [in, p] = place_of_point[bodies[b].first_point + c];
+      if (chunks[in].is_eroded(p)) continue;
       std::set<Index> different;
       for (const Index a : cells.col(c)) different.insert(a);
       if (static_cast<int>(different.size()) <= Dim) continue;  // collapsed
@@ -198,10 +200,19 @@ template <int Dim> void Motion<Dim>::touch() {
     for (Index k = begin; k < end; ++k)
       if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
   });
+  // Where points broke, nodes may be inside a surface that is new: they touch it when they have come to it.
+  std::set<std::pair<Index, Index>> touched;
+  for (const Touch& one : touches) touched.insert({one.node, body_of_node[one.patch.front().node]});
+  const auto may_begin = [&](const Touch& one) {
+    if (counts.eroded == 0 || touched.contains({one.node, body_of_node[one.patch.front().node]})) return true;
+    Vec<Dim> speed = v.col(one.node);
+    for (const auto& held : one.patch) speed -= held.weight * v.col(held.node);
+    return -one.gap <= 1.5 * last_step * speed.norm();
+  };
   touches.clear();
   contact_stored = 0.0;
   for (Touch& one : found) {
-    if (!(one.stiffness > 0.0)) continue;
+    if (!(one.stiffness > 0.0) || !may_begin(one)) continue;
     const Vec<Dim> push = -one.stiffness * one.gap * one.normal;
     force.col(one.node) += push;
     for (const auto& [b, weight, lever] : one.patch) force.col(b) -= weight * push;

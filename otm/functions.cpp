@@ -48,6 +48,9 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
 constexpr double least_share = 0.6;
 
+/// Width of functions, over the first one, below which a point that is next to a crack does not take them.
+constexpr double least_width = 0.05;
+
 }  // namespace
 
 /// The functions of a point where it and the nodes are now, and these nodes; its metric and lambda are those of before,
@@ -82,6 +85,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   }
   for (double share = 1.0; share < (first ? 10.0 : 4.0); share *= 3.0) {
     look(share);
+    if (!stars.empty() && body.cells.cols() != 0) keep_connected(chunk.body, chunk.number[p], used);
     if (share > 2.0 && !first) {
       // The nodes it had: it is a mean of them.
       const std::size_t found = used.size();
@@ -96,7 +100,9 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
     for (const Index a : used) functions.add(x.col(a) - at);
     const LmeStatus status = functions.find(metric, lambda);
     counted.iterations += functions.iterations();
-    if (status == LmeStatus::found) return true;
+    // Past a crack a point may be at the very edge of the nodes that are left to it.
+    const bool is_edge = !stars.empty() && smallest_width<Dim>(functions.moment()) < least_width * chunk.width[p];
+    if (status == LmeStatus::found && !is_edge) return true;
     lambda.setZero();
   }
   return false;
@@ -359,6 +365,7 @@ template <int Dim> void Motion<Dim>::renew() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b])
       trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
+  find_stars();
   struct Change {
     Rows rows;
     OtmCounts counted;

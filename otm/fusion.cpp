@@ -22,7 +22,7 @@ template <int Dim> bool Motion<Dim>::pair_points() {
     };
     std::vector<Index> collapsed;
     for (Index p = 0; p < chunk.size(); ++p)
-      if (corners(p).size() <= Dim) collapsed.push_back(p);
+      if (!chunk.is_eroded(p) && corners(p).size() <= Dim) collapsed.push_back(p);
     if (collapsed.empty()) continue;
     std::set<Index> busy(collapsed.begin(), collapsed.end());
     deform(chunk, x);
@@ -32,7 +32,7 @@ template <int Dim> bool Motion<Dim>::pair_points() {
       Index with = -1, shared_with = 0;
       double distance = 0.0;
       for (Index q = 0; q < chunk.size(); ++q) {
-        if (busy.contains(q)) continue;
+        if (busy.contains(q) || chunk.is_eroded(q)) continue;
         const std::set<Index> of_q = corners(q);
         const auto shared = static_cast<Index>(
             std::count_if(of_p.begin(), of_p.end(), [&](Index corner) { return of_q.contains(corner); }));
@@ -138,7 +138,9 @@ template <int Dim> void Motion<Dim>::fuse_pairs() {
         number -= static_cast<Index>(std::lower_bound(numbers.begin(), numbers.end(), number) - numbers.begin());
     }
   }
-  if (found) find_points();
+  if (!found) return;
+  find_points();
+  ball_offsets.clear();
 }
 
 template bool Motion<2>::pair_points();

@@ -115,8 +115,8 @@ template <int Dim> std::set<std::pair<Index, Index>> Motion<Dim>::outer_edges(In
 }
 
 /// Edges of a body's cells that are to be split, of no cell two: the longest first, of those longer than
-/// OtmOptions::injection times the spacing that have no other node near their middle; on the surface no other of it, and
-/// nearer, as points between the surface and nodes inside have nothing else to hold on to.
+/// OtmOptions::injection times the spacing that have no other node near their middle; on the surface no other of it,
+/// and nearer, as points between the surface and nodes inside have nothing else to hold on to.
 template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlong_edges(Index of_body) {
   const BodyOf& body = bodies[of_body];
   const Index begin = body.first_node;
@@ -125,7 +125,9 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   };
   const auto length = [&](Index a, Index b) { return (x.col(begin + a) - x.col(begin + b)).norm(); };
   std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
-  for (Eigen::Index c = 0; c < body.cells.cols(); ++c)
+  for (Eigen::Index c = 0; c < body.cells.cols(); ++c) {
+    const auto [in, p] = place_of_point[body.first_point + c];
+    if (chunks[in].is_eroded(p)) continue;
     for (int i = 0; i <= Dim; ++i)
       for (int j = 0; j < i; ++j) {
         const std::pair<Index, Index> edge = std::minmax(body.cells(i, c), body.cells(j, c));
@@ -133,6 +135,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
         std::vector<Index>& cells = around[edge];
         if (cells.empty() || cells.back() != c) cells.push_back(static_cast<Index>(c));
       }
+  }
   std::vector<Split> result;
   if (around.empty()) return result;
   std::vector<std::pair<double, std::pair<Index, Index>>> order;
@@ -153,9 +156,9 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     const double room = (is_outer ? 0.25 : 0.5) * most(a, b);
     trees[of_body]->within(middle, room, near_by);
     if (std::any_of(near_by.begin(), near_by.end(),
-                    [&](Index near) { return merged[begin + near] < 0 && (!is_outer || on_surface[near] != 0); }) || std::any_of(result.begin(), result.end(), [&](const Split& other) {
-          return (other.middle - middle).squaredNorm() < room * room;
-        }))
+                    [&](Index near) { return merged[begin + near] < 0 && (!is_outer || on_surface[near] != 0); }) ||
+        std::any_of(result.begin(), result.end(),
+                    [&](const Split& other) { return (other.middle - middle).squaredNorm() < room * room; }))
       continue;
     for (const Index c : cells) is_split[c] = 1;
     result.push_back({a, b, middle, cells});
@@ -189,7 +192,7 @@ template <int Dim> bool Motion<Dim>::inject() {
                              [&](std::uint16_t local) { return chunk.nodes[local] == node; });
         };
         for (Index p = 0; p < chunk.size(); ++p)
-          if (sees(p, ends[0]) && sees(p, ends[1])) chunk.wear(p);
+          if (!chunk.is_eroded(p) && sees(p, ends[0]) && sees(p, ends[1])) chunk.wear(p);
       }
     }
     add_nodes(b, at, velocity, spacings);
@@ -232,6 +235,7 @@ template <int Dim> bool Motion<Dim>::inject() {
     }
     find_points();
     find_places();
+    ball_offsets.clear();
   }
   return counts.injected > injected_before;
 }

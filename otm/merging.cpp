@@ -82,8 +82,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
 
 /// A point with functions that narrow across n, as it is all but in a plane of nodes, and the nearest out of that plane
 /// come nearer to each other, their centre of mass where it is.
-template <int Dim>
-void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
+template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
   const auto is_free = [&](Index q) {
     return std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
                         [&](const auto& pair) { return pair.first == q || pair.second == q; });
@@ -92,7 +91,7 @@ void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, doubl
   Index with = -1;
   for (Index q = 0; q < chunk.size(); ++q) {
     const Vec<Dim> d = chunk.at.col(q) - chunk.at.col(p);
-    if (std::abs(n.dot(d)) > 4.0 * width && is_free(q) &&
+    if (!chunk.is_eroded(q) && std::abs(n.dot(d)) > 4.0 * width && is_free(q) &&
         (with < 0 || d.squaredNorm() < (chunk.at.col(with) - chunk.at.col(p)).squaredNorm()))
       with = q;
   }
@@ -106,6 +105,7 @@ void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, doubl
 template <int Dim> void Motion<Dim>::merge_nodes() {
   std::vector<char> is_built(bodies.size(), 0);
   std::vector<char> on_surface(x.cols(), 0);
+  find_stars();
   std::set<Index> locked;
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     OtmChunk<Dim>& chunk = chunks[c];
@@ -113,6 +113,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
     if (!body.renewed) continue;
     bool is_placed = false;
     for (Index p = 0; p < chunk.size(); ++p) {
+      if (chunk.is_eroded(p)) continue;
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
       if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;

@@ -74,6 +74,31 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
   motion_->held_anew = true;
 }
 
+template <int Dim> void Otm<Dim>::erode(Index point) {
+  if (point < 0 || point >= num_points())
+    throw InputError(fmt::format("point {} is to be eroded, and there are {}", point, num_points()));
+  if (!is_eroded(point)) motion_->erode({point});
+}
+
+template <int Dim> bool Otm<Dim>::is_eroded(Index point) const {
+  const auto [c, p] = motion_->place_of_point.at(point);
+  return motion_->chunks[c].is_eroded(p);
+}
+
+template <int Dim> Vector Otm<Dim>::release_rates() const {
+  if (motion_->ball_offsets.empty()) motion_->find_balls();
+  return motion_->release_rates(motion_->tension_energies());
+}
+
+template <int Dim> Vector Otm<Dim>::damage() const {
+  Vector result(num_points());
+  for (Index p = 0; p < num_points(); ++p) {
+    const auto [c, k] = motion_->place_of_point[p];
+    result[p] = motion_->chunks[c].damage[k];
+  }
+  return result;
+}
+
 template <int Dim> double Otm<Dim>::step(double at_most) {
   internal::Motion<Dim>& of = *motion_;
   if (of.held_anew) {
@@ -100,6 +125,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.sweep(dt);
   of.touch();
   of.inflate();
+  if (of.breaks()) of.fracture();
   if (++of.counts.steps % 64 == 0) of.stiffen();
   if (of.counts.steps % 4 == 0) of.shake(1);
   return dt;
@@ -176,6 +202,7 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
   result.viscous = of.viscous.sum();
   result.contact = of.contact_loss + of.contact_stored;
   result.renewal = of.renewal_loss;
+  result.fracture = of.fracture_loss;
   result.prescribed = of.prescribed_work;
   for (Index a = 0; a < num_nodes(); ++a) {
     if (!(of.mass[a] > 0.0)) continue;

@@ -100,12 +100,13 @@ template <int Dim> struct OtmBalance {
   double viscous = 0.0;                                  ///< heat of shock viscosity
   double contact = 0.0;                                  ///< energy lost in contact, or stored in it
   double renewal = 0.0;                                  ///< energy lost where functions changed
+  double fracture = 0.0;                                 ///< energy lost with points that broke
   double prescribed = 0.0;                               ///< work of prescribed velocities
   Vec<Dim> momentum = Vec<Dim>::Zero();
   Vec<Dim == 2 ? 1 : 3> moment;  ///< of momentum, about the origin
   /// All of it; constant but for the integration in time.
   double total() const {
-    return kinetic + stored + dissipated + stabilising + viscous + contact + renewal - prescribed;
+    return kinetic + stored + dissipated + stabilising + viscous + contact + renewal + fracture - prescribed;
   }
 };
 
@@ -118,6 +119,7 @@ struct OtmCounts {
   Index merged = 0;             ///< nodes that became one with another
   Index injected = 0;           ///< nodes that came in
   Index fused = 0;              ///< points that became one with another
+  Index eroded = 0;             ///< points that broke
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };
@@ -131,6 +133,7 @@ struct OtmTimes {
   double stability = 0.0;  ///< the stable step
   double nodes = 0.0;      ///< motion and walls
   double contact = 0.0;    ///< of bodies
+  double fracture = 0.0;   ///< whether points break
 };
 
 /// Bodies in motion. Nodes carry positions and velocities, points F, stress and history; leapfrog in time, momentum
@@ -156,6 +159,16 @@ template <int Dim> class Otm {
   void add_cavity(const OtmCavity<Dim>& cavity);
   /// The node's velocity along an axis is prescribed from now on.
   void prescribe(Index node, int axis, double velocity);
+
+  /// The point bears no stress from now on: its mass stays with its nodes, with their velocities, and what was stored
+  /// in it is lost (OtmBalance::fracture). Nothing happens to a point that is eroded.
+  void erode(Index point);
+  bool is_eroded(Index point) const;
+  /// M, energy release rates of the points as they are now [stress length]; 0 where a body has no toughness and at
+  /// points that are eroded or not under tension.
+  Vector release_rates() const;
+  /// M, 1 where a point is eroded; else what has summed up of OtmFracture::strain, or 0.
+  Vector damage() const;
 
   /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
   /// go on.

@@ -10,12 +10,12 @@ namespace efree {
 // By structured bindings: what is added and not listed does not compile. What a step begins with by filling it is left
 // out.
 auto fields(OtmTimes& of) {
-  auto& [functions, kinematics, materials, forces, stability, nodes, contact] = of;
-  return std::tie(functions, kinematics, materials, forces, stability, nodes, contact);
+  auto& [functions, kinematics, materials, forces, stability, nodes, contact, fracture] = of;
+  return std::tie(functions, kinematics, materials, forces, stability, nodes, contact, fracture);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, fused, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, fused, eroded, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, eroded, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -44,11 +44,11 @@ template <int Dim> auto fields(OtmPair<Dim>& of) {
 }
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
-         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn, narrowed,
-         pairs, damping, columns, seconds] = of;
+         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach, unions,
+         worn, narrowed, pairs, damping, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
-                  moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, unions, worn,
-                  narrowed, pairs, damping, seconds);
+                  moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
+                  unions, worn, narrowed, pairs, damping, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {
@@ -109,8 +109,8 @@ concept IsBody = requires(T of) {
   of.first_point;
 };
 auto fields(IsBody auto& of) {
-  auto& [material, tangent, compliance, shear, modulus, renewed, finite, has_surface, mass_terms, cells, first_node,
-         first_point] = of;
+  auto& [material, tangent, compliance, shear, modulus, renewed, finite, has_surface, mass_terms, fracture,
+         plastic_strain, temperature, release, cells, first_node, first_point] = of;
   return std::tie(cells, first_node, first_point);
 }
 template <class T>
@@ -125,10 +125,10 @@ auto fields(IsAtWall auto& of) {
 template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces,
                   of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
-                  of.first_stable, of.contact_loss, of.renewal_loss, of.prescribed_work, of.dissipated, of.viscous,
-                  of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
-                  of.surface_area, of.near, of.seen, of.touches, of.cavities, of.contact_stored, of.nodal_momentum,
-                  of.at_walls, of.looked);
+                  of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
+                  of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
+                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities,
+                  of.contact_stored);
 }
 
 }  // namespace internal
@@ -167,6 +167,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   }
   of.find_places();
   of.find_free();
+  of.ball_offsets.clear();
   if (!same) throw InputError("the state is damaged, or not of bodies and walls such as these");
 }
 

@@ -30,8 +30,8 @@ template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<D
 /// Where a point is and how it is deformed, after `deform` by where the nodes are.
 template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
   const double* column = chunk.columns.data() + 16 * p;
-  chunk.since[p] = gradient(column, 1.0);
   for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
+  if (!chunk.is_eroded(p)) chunk.since[p] = gradient(column, 1.0);
 }
 
 /// Deformations, stresses and forces where the nodes are now.
@@ -71,12 +71,19 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   if (viscous_shocks) before = chunk.since;
   for (Index p = 0; p < n; ++p) {
     place(chunk, p);
+    if (chunk.is_eroded(p)) continue;
     const Mat<3>& since = chunk.since[p];
     // In no time nothing moves, not even by rounding: what flows asks how fast.
     const Mat<3> made = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
     const Mat<3> now = dt > 0.0 ? Mat<3>(since * made) : made;
-    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     const double J = now.determinant();
+    if (J <= 0.0 && body.fracture.on()) {
+      // It breaks at the end of the step, and until then is as it was.
+      chunk.damage[p] = 1.0;
+      chunk.growth[p] = chunk.now.gradient(p).determinant();
+      continue;
+    }
+    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     if (!(J > 0.0))
       throw NumericalError(fmt::format(
           "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
@@ -101,13 +108,15 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
       const auto volume = chunk.volume.segment(begin, size);
       const double mean = volume.dot(chunk.growth.segment(begin, size)) / volume.sum();
       for (Index p = begin; p < begin + size; ++p) {
+        if (chunk.is_eroded(p)) continue;
         chunk.growth[p] /= mean;
         F.col(p) /= std::cbrt(chunk.growth[p]);
       }
     }
   chunk.damping = 0.0;
   if (viscous_shocks) {
-    for (Index p = 0; p < n; ++p) shock(chunk, p, before[p], dt);
+    for (Index p = 0; p < n; ++p)
+      if (!chunk.is_eroded(p)) shock(chunk, p, before[p], dt);
     viscous[number] += chunk.now.heat.dot(chunk.volume);
   }
   chunk.seconds.kinematics += lap(start);
@@ -116,18 +125,25 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   } catch (const NumericalError& error) {
     throw NumericalError(fmt::format("at time {:.6g}: {}", time, error.what()));
   }
+  if (body.fracture.on() || counts.eroded > 0) wear_down(chunk);
   stored[number] = chunk.response.energy.dot(chunk.volume);
   dissipated[number] += chunk.response.dissipated.dot(chunk.volume);
   chunk.now.history.swap(chunk.response.history);
   chunk.seconds.materials += lap(start);
-  for (Index p = 0; p < n; ++p)
+  press(chunk);
+  chunk.seconds.forces += lap(start);
+}
+
+/// Forces of the stresses that points have.
+template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
+  const Tensors& F = chunk.now.F;
+  for (Index p = 0; p < chunk.size(); ++p)
     Eigen::Map<Mat<3>>(chunk.columns.data() + 16 * p) =
         chunk.response.stress(p) * Eigen::Map<const Mat<3>>(F.col(p).data()).transpose() -
         chunk.shock[p] * Mat<3>::Identity();
   push(
       chunk, [&](Index p) { return Vec<Dim>(chunk.at.col(p)); },
       [&](Index p) { return Mat<Dim>(chunk.since[p].template topLeftCorner<Dim, Dim>()); });
-  chunk.seconds.forces += lap(start);
 }
 
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
@@ -177,7 +193,7 @@ void Motion<Dim>::push(OtmChunk<Dim>& chunk, const At& at, const Since& since) c
     for (Index p = begin; p < end; ++p) {
       double* column = chunk.columns.data() + 16 * p;
       Mat<3> tau = Eigen::Map<const Mat<3>>(column);
-      if (shared) tau.diagonal().array() += pressure / volume * chunk.growth[p] - tau.trace() / 3.0;
+      if (shared && volume > 0.0) tau.diagonal().array() += pressure / volume * chunk.growth[p] - tau.trace() / 3.0;
       Mat<3> columns = -chunk.volume[p] * tau * chunk.since[p].inverse().transpose();
       columns.template topLeftCorner<Dim, Dim>() += chunk.penalty[p] * since(p) * chunk.moment[p];
       std::fill_n(column, 16, 0.0);
@@ -259,7 +275,7 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
         for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
           double* column = chunk.columns.data() + 16 * p;
           Vec<9> H = Eigen::Map<const Vec<9>>(column);
-          if (shared) {
+          if (shared && volume > 0.0) {
             const double shift = (dilatation / volume - H[0] - H[4] - H[8]) / 3.0;
             for (const int d : {0, 4, 8}) H[d] += shift;
           }

@@ -38,32 +38,35 @@ template <int Dim> struct OtmChunk {
   std::vector<double> x, force;  ///< four numbers for each of these
 
   // Points.
-  Deformation now;               ///< X, F, history
-  MaterialResponse response;     ///< to it
-  Tensors made;                  ///< F when the functions were made
-  std::vector<Mat<3>> since;     ///< F since then
-  Points<Dim> at;                ///< where they are
-  Vector volume, mass;           ///< in the reference configuration
-  std::vector<Mat<Dim>> metric;  ///< that the functions were made with
-  std::vector<Mat<Dim>> moment;  ///< J of them
-  std::vector<Vec<Dim>> lambda;  ///< of them
-  Vector count;                  ///< nodes each saw at first
-  Vector width;                  ///< of its functions at first, where they were narrowest
-  Vector growth;                 ///< J, over that of the union
-  Vector dilatation;             ///< J, of the union
-  Vector shock;                  ///< viscous pressure times J
-  Vector modulus;                ///< of pressure waves
-  Vector stiffening;             ///< how many times stiffer than at rest, at the most
-  Vector penalty;                ///< on motions that points do not see [force/length]
-  std::vector<Index> unions;     ///< where each union of points begins, and the end of the last
-  std::vector<Index> worn;       ///< points whose functions are to be renewed, ascending
-  std::vector<Index> narrowed;   ///< those of them whose new functions are narrower
+  Deformation now;                  ///< X, F, history
+  MaterialResponse response;        ///< to it
+  Tensors made;                     ///< F when the functions were made
+  std::vector<Mat<3>> since;        ///< F since then
+  Points<Dim> at;                   ///< where they are
+  Vector volume, mass;              ///< in the reference configuration; the volume of eroded points is 0
+  std::vector<Mat<Dim>> metric;     ///< that the functions were made with
+  std::vector<Mat<Dim>> moment;     ///< J of them
+  std::vector<Vec<Dim>> lambda;     ///< of them
+  Vector count;                     ///< nodes each saw at first
+  Vector width;                     ///< of its functions at first, where they were narrowest
+  Vector growth;                    ///< J, over that of the union
+  Vector dilatation;                ///< J, of the union
+  Vector shock;                     ///< viscous pressure times J
+  Vector modulus;                   ///< of pressure waves
+  Vector stiffening;                ///< how many times stiffer than at rest, at the most
+  Vector penalty;                   ///< on motions that points do not see [force/length]
+  Vector damage;                    ///< 1: it breaks
+  Vector reach;                     ///< radius of the ball that releases energy with it
+  std::vector<Index> unions;        ///< where each union of points begins, and the end of the last
+  std::vector<Index> worn;          ///< points whose functions are to be renewed, ascending
+  std::vector<Index> narrowed;      ///< those of them whose new functions are narrower
   std::vector<OtmPair<Dim>> pairs;  ///< of worn points, none in two
-  double damping = 0.0;         ///< viscous pressure over that of sound, at the most
-  std::vector<double> columns;  ///< sixteen numbers a point: what kernels hand over
-  OtmTimes seconds;             ///< kinematics, materials, forces
+  double damping = 0.0;             ///< viscous pressure over that of sound, at the most
+  std::vector<double> columns;      ///< sixteen numbers a point: what kernels hand over
+  OtmTimes seconds;                 ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
+  bool is_eroded(Index p) const { return volume[p] == 0.0; }
   /// The point's functions are to be renewed.
   void wear(Index p) {
     const auto place = std::lower_bound(worn.begin(), worn.end(), p);

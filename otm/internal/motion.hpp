@@ -41,7 +41,10 @@ template <int Dim> struct Motion {
     bool finite;                                    ///< whether the material is for finite strains
     bool has_surface;                               ///< that walls act on; else they act on the nodes
     Index mass_terms;                               ///< 1: lumped masses
-    Cells<Dim> cells;                               ///< around the points; nodes as the body numbers them
+    OtmFracture fracture;
+    Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
+    double release;                     ///< C of its energy release rates
+    Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
     Index first_node, first_point;
   };
   struct Prescribed {
@@ -73,7 +76,7 @@ template <int Dim> struct Motion {
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   Vector spacing;                                       ///< by node, at the start
   double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
-  double contact_loss = 0.0, renewal_loss = 0.0, prescribed_work = 0.0;
+  double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0;
   Vector dissipated;   ///< by chunk, so far
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
@@ -100,6 +103,7 @@ template <int Dim> struct Motion {
   template <class At, class Since> void push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const;
   void sweep(double dt);
   void sweep(Index number, double dt);
+  void press(OtmChunk<Dim>& chunk) const;
   void renew();
   void follow_others();
   void become_one(Index a, Index with);
@@ -126,6 +130,20 @@ template <int Dim> struct Motion {
   void hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows, Vector& masses,
                  Points<Dim>& momenta) const;
   double unseen(const OtmChunk<Dim>& chunk, Index p) const;
+  // Fracture. Points are numbered through all bodies.
+  std::vector<Index> ball_offsets, balls;               ///< by point: those in its ball, itself too; empty: not known
+  Vector ball_mass;                                     ///< by point
+  std::vector<std::vector<Index>> star_offsets, stars;  ///< by body and node: cells around it that are not eroded
+  bool breaks() const;
+  void find_stars();
+  void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
+  void find_balls();
+  void wear_down(OtmChunk<Dim>& chunk) const;
+  Vector tension_energies() const;
+  double release_rate(Index point, const Vector& energies) const;
+  Vector release_rates(const Vector& energies) const;
+  void fracture();
+  void erode(const std::vector<Index>& broken);
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);

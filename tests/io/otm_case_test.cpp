@@ -107,6 +107,11 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[otm]\ncourant = 2\n"), says("courant"));
   EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\ntoughness = -1\n"), says("toughness"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nregion = \"bolt\"\nstretch = 2\n"), says("bolt"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstretch = 2\n[[fracture]]\nstretch = 3\n"), says("fracture already"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = { D1 = 1, D6 = 2 }\n"), says("D6"));
   EXPECT_THAT(refuses(with("\"otm\"", "\"motion\"")), says("kind"));
 }
 
@@ -215,6 +220,25 @@ TEST(OtmRun, NodesOnACloudFollowTheFunctionsOfTheStaticSolver) {
   EXPECT_LT(result["counts"]["nodes"].get<int>(), 80);
   EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.2, 1e-12);
   EXPECT_EQ(result["probes"]["corner"]["displacement"][0].get<double>(), 0.0);
+}
+
+TEST(OtmRun, PointsThatBreakAreCountedAndTheirEnergyIsToo) {
+  const Workspace workspace;
+  // Pulled apart, the right end faster.
+  const std::string pulled =
+      replaced(replaced(rubber, "[[wall]]\nnormal = [0, 2]\nlevel = -0.1\n", ""), "\"-0.2\"", "\"0.02*x*(2*y - 1)\"");
+  const auto done =
+      run(workspace, pulled +
+                         "[[boundary]]\non = \"top\"\nvelocity = [0, \"0.02*x\"]\n[[boundary]]\non = \"bottom\"\n"
+                         "velocity = [0, \"-0.02*x\"]\n[[fracture]]\nstretch = 1.2\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_GT(result["counts"]["eroded"].get<int>(), 5);
+  EXPECT_LT(result["counts"]["eroded"].get<int>(), result["counts"]["material_points"].get<int>());
+  EXPECT_GT(result["energy"]["fracture"].get<double>(), 0.0);
+  EXPECT_EQ(result["extremes"]["damage"]["max"]["value"].get<double>(), 1.0);
+  EXPECT_EQ(column(workspace / "out/history.csv", "eroded").back(), result["counts"]["eroded"].get<double>());
+  EXPECT_EQ(column(workspace / "out/history.csv", "fracture").back(), result["energy"]["fracture"].get<double>());
 }
 
 TEST(OtmRun, RegionsAreBodiesOfTheirOwn) {
