@@ -120,6 +120,7 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"widened", static_cast<double>(counts.widened)},
             {"kept", static_cast<double>(counts.kept)},
             {"merged", counts.merged},
+            {"injected", counts.injected},
             {"eroded", counts.eroded}};
   for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axes[i]), now.momentum[i]);
   for (int i = 0; i < now.moment.size(); ++i)

@@ -196,7 +196,8 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"steps", counts.steps},       {"updates", counts.updates},
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened},   {"kept", counts.kept},
-                    {"merged", counts.merged},     {"eroded", counts.eroded}};
+                    {"merged", counts.merged},     {"injected", counts.injected},
+                    {"eroded", counts.eroded}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {{"start", energy.start},
                     {"kinetic", now.kinetic},

@@ -11,7 +11,7 @@ namespace efree::internal {
 
 /// Points of cells that have collapsed, as nodes of theirs became one, are to fuse with one of the same chunk that has
 /// most corners in common, the nearest of these.
-template <int Dim> bool Motion<Dim>::pair_points() {
+template <int Dim> void Motion<Dim>::pair_points() {
   bool found = false;
   for (auto& chunk : chunks) {
     const BodyOf& body = bodies[chunk.body];
@@ -55,7 +55,6 @@ template <int Dim> bool Motion<Dim>::pair_points() {
     }
   }
   if (found) find_points();
-  return found;
 }
 
 /// The first of every pair that fuses gets the volume and mass of both; of what they have felt it keeps its own, but
@@ -143,8 +142,8 @@ template <int Dim> void Motion<Dim>::fuse_pairs() {
   ball_offsets.clear();
 }
 
-template bool Motion<2>::pair_points();
-template bool Motion<3>::pair_points();
+template void Motion<2>::pair_points();
+template void Motion<3>::pair_points();
 template void Motion<2>::fuse_pairs();
 template void Motion<3>::fuse_pairs();
 

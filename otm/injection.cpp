@@ -168,8 +168,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
 
 /// Nodes come into the middle of edges, and cells around them, with their points, become two. Both points keep what
 /// the one has felt, so that the energy stored is what it was; momentum and its moment are handed over by `renew`.
-template <int Dim> bool Motion<Dim>::inject() {
-  const Index injected_before = counts.injected;
+template <int Dim> void Motion<Dim>::inject() {
   for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
     BodyOf& body = bodies[b];
     if (!body.renewed || body.cells.cols() == 0) continue;
@@ -237,7 +236,6 @@ template <int Dim> bool Motion<Dim>::inject() {
     find_places();
     ball_offsets.clear();
   }
-  return counts.injected > injected_before;
 }
 
 template struct Motion<2>;

@@ -118,9 +118,14 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.move(0.5 * (of.last_step + dt), dt);
   of.time += dt;
   of.last_step = dt;
-  if (of.counts.steps % 32 == 31 && of.stable < of.options.merging * of.first_stable) of.merge_nodes();
-  if (of.options.injection > 0.0 && of.counts.steps % 8 == 7) of.inject();
-  if (of.options.injection > 0.0 && of.counts.steps % 8 == 3) of.pair_points();
+  // Points are of no two pairs: what pairs them takes turns.
+  const Index turn = of.counts.steps % 32;
+  if (turn == 31 && of.stable < of.options.merging * of.first_stable)
+    of.merge_nodes();
+  else if (of.options.injection > 0.0 && turn % 8 == 7)
+    of.inject();
+  else if (of.options.injection > 0.0 && turn % 8 == 3)
+    of.pair_points();
   of.renew();
   of.sweep(dt);
   of.touch();

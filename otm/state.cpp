@@ -128,7 +128,7 @@ template <int Dim> auto fields(Motion<Dim>& of) {
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
                   of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
                   of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities,
-                  of.contact_stored);
+                  of.contact_stored, of.nodal_momentum, of.at_walls, of.looked);
 }
 
 }  // namespace internal
@@ -164,6 +164,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   for (auto& chunk : of.chunks) {
     chunk.x.assign(4 * chunk.nodes.size(), 0.0);
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
+    chunk.columns.resize(16 * static_cast<std::size_t>(chunk.size()));
   }
   of.find_places();
   of.find_free();

@@ -115,8 +115,8 @@ template <int Dim> struct Motion {
   };
   std::vector<Split> overlong_edges(Index body);
   void add_nodes(Index body, const Points<Dim>& at, const Points<Dim>& velocity, const Vector& spacings);
-  bool inject();
-  bool pair_points();
+  void inject();
+  void pair_points();
   void fuse_pairs();
   void find_points();
   void merge_nodes();

@@ -87,6 +87,42 @@ TYPED_TEST(OtmBlock, ThrownAndSpinningBodiesKeepTheirMomentaToRounding) {
   }
 }
 
+/// A block of metal that flies apart, spinning, to more than twice its length and breadth.
+TYPED_TEST(OtmBlock, NodesAndPointsThatComeInKeepMassMomentaAndEnergy) {
+  constexpr int Dim = TypeParam::value;
+  const double size = Dim == 2 ? 0.15 : 0.35;
+  const J2 metal({.moduli = {.E = 100.0, .nu = 0.3}, .yield = 0.2, .strain = Strain::finite});
+  OtmBody<Dim> body = otm_body(block<Dim>(1.0, size), metal, 1.0);
+  body.velocity.setZero(Dim, body.nodes.cols());
+  for (Index a = 0; a < body.nodes.cols(); ++a) {
+    const auto x = body.nodes.col(a);
+    body.velocity(0, a) = 0.2 + 1.5 * (x[0] - 0.5) - 0.5 * (x[1] - 0.5);
+    body.velocity(1, a) = 0.1 - 0.5 * (x[1] - 0.5) + 0.5 * (x[0] - 0.5);
+  }
+  const OtmOptions options{.injection = 1.5};
+  Otm<Dim> otm({body}, options);
+  const auto before = otm.balance();
+  const double mass = otm.masses().sum();
+  const Index num_nodes = otm.num_nodes(), num_points = otm.num_points();
+  otm.run(0.6);
+  const std::string state = otm.state();
+  otm.run(1.2);
+  EXPECT_GT(otm.counts().injected, 5);
+  EXPECT_EQ(otm.num_nodes(), num_nodes + otm.counts().injected);
+  EXPECT_GT(otm.num_points(), num_points);
+  const auto after = otm.balance();
+  EXPECT_NEAR(otm.masses().sum(), mass, 1e-13 * mass);
+  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * before.momentum.norm());
+  EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * before.moment.norm());
+  EXPECT_NEAR(after.total(), before.total(), 0.01 * before.total());
+  EXPECT_LT(std::abs(after.renewal), 0.1 * before.kinetic);  // three spacings wide
+  Otm<Dim> other({body}, options);
+  other.restore(state);
+  other.run(1.2);
+  EXPECT_EQ(other.nodes(), otm.nodes());
+  EXPECT_EQ(other.cauchy_stress(), otm.cauchy_stress());
+}
+
 TYPED_TEST(OtmBlock, TurningIsNoWear) {
   constexpr int Dim = TypeParam::value;
   OtmBody<Dim> body = otm_body(block<Dim>(1.0, 0.3), soft(), 1.0);

@@ -44,5 +44,27 @@ TEST(TaylorBar, AtThreeTimesTheSpeedNodesBecomeOneAndTheEnergyIsAccounted) {
   }
 }
 
+/// The bar becomes a disk half a millimetre thin: nodes come in along it and become one across it.
+TEST(TaylorBar, AtThreeTimesTheSpeedNodesThatComeInCarryItToTheEnd) {
+  for (const double size : {1e-3, 0.8e-3}) {
+    auto otm = TaylorBar::bar<2>(TaylorBar::mesh<2>(size), 750.0, {.injection = 2.0});
+    const auto before = otm.balance();
+    const double mass = otm.masses().sum();
+    otm.run(100e-6);
+    const auto after = otm.balance();
+    EXPECT_NEAR(after.total(), before.total(), 0.02 * before.total());
+    EXPECT_LT(std::abs(after.renewal), 0.06 * before.kinetic);
+    EXPECT_LT(after.kinetic, 0.05 * before.kinetic);
+    EXPECT_GT(otm.counts().injected, 10);
+    EXPECT_GT(otm.counts().fused, 0);
+    EXPECT_NEAR(otm.masses().sum(), mass, 1e-11 * mass);
+    const Tensors F = otm.deformation();
+    for (Index p = 0; p < otm.num_points(); ++p)
+      EXPECT_GT(Eigen::Map<const Mat<3>>(F.col(p).data()).determinant(), 0.0);
+    EXPECT_GT(TaylorBar::shape(otm).foot, 20e-3);
+    EXPECT_LT(TaylorBar::shape(otm).length, 2e-3);
+  }
+}
+
 }  // namespace
 }  // namespace efree
