@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_otm taylor 2|3 SIZE [key=value ...]: Taylor's bar, with what it costs. Keys: speed, until, gamma, cutoff,
-// renewal, anisotropy, courant, stabilisation, merging, injection, linear, quadratic (shock viscosity), momentum (0 affine, 1
-// nodes, 2 points), shared (0, 1), metal (0 linear hardening, 1 Johnson and Cook's, 2 with the pressure of shocks),
-// threads.
+// renewal, anisotropy, courant, stabilisation, merging, injection, linear, quadratic (shock viscosity), momentum (0
+// affine, 1 nodes, 2 points), shared (0, 1), metal (0 linear hardening, 1 Johnson and Cook's, 2 with the pressure of
+// shocks), threads.
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -57,14 +57,15 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
           "%5.1f us: length %.3f mm, foot %.3f mm, plastic strain %.3f | plastic work %.3f, kinetic %.3f, stored %.3f, "
           "stabilising %.4f, contact %.3f, renewal %.4f, total %.5f | %d steps, %.3f s, %.3g updates/s, %.1f renewals "
           "a "
-          "point, %.2f iterations each, %lld widened, %lld kept, %d merged, %d injected, %d fused: %d nodes, %d points\n",
+          "point, %.2f iterations each, %lld widened, %lld kept, %d merged, %d injected, %d fused: %d nodes, %d "
+          "points\n",
           1e6 * otm.time(), 1e3 * shape.length, 1e3 * shape.foot, shape.plastic_strain, now.dissipated / before.kinetic,
           now.kinetic / before.kinetic, now.stored / before.kinetic, now.stabilising / before.kinetic,
           now.contact / before.kinetic, now.renewal / before.kinetic, now.total() / before.kinetic, count.steps,
           seconds, static_cast<double>(count.updates) / seconds, static_cast<double>(count.renewals) / otm.num_points(),
           static_cast<double>(count.iterations) / static_cast<double>(count.renewals + otm.num_points()),
-          static_cast<long long>(count.widened), static_cast<long long>(count.kept), count.merged, count.injected, count.fused,
-          otm.num_nodes() - count.merged, otm.num_points());
+          static_cast<long long>(count.widened), static_cast<long long>(count.kept), count.merged, count.injected,
+          count.fused, otm.num_nodes() - count.merged, otm.num_points());
       std::fflush(stdout);
     }
     const OtmTimes times = otm.times();
