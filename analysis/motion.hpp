@@ -113,8 +113,10 @@ template <int Dim> std::vector<double> measure(const MotionProbe<Dim>& probe, co
 template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<Dim>& motion,
                                                                                     const MovingBodies<Dim>& bodies);
 
-/// Errors of the energy balance that are warned of, and with which a run is none: what comes out could be anything.
-inline constexpr double warned_imbalance = 0.01, refused_imbalance = 0.05;
+/// Error of the energy balance that is warned of.
+inline constexpr double warned_imbalance = 0.01;
+/// Error of the energy balance with which a run is none: what comes out could be anything.
+inline constexpr double refused_imbalance = 0.05;
 
 /// How well energy is accounted for.
 struct EnergyWatch {

@@ -153,7 +153,7 @@ void read_options(const Section& section, bool cloud, OtmOptions& options) {
   options.merging = section.number("merging", {0.0, 0.9, true, true}, options.merging);
   options.injection = section.number("injection", {0.0, 10.0, true, true}, options.injection);
   if (options.injection > 0.0 && options.injection < 1.3)
-    section.fail("injection", fmt::format("{}, expected 0, or 1.3 to 10", options.injection));
+    section.fail("injection", fmt::format("injection is {}, expected 0, or 1.3 to 10", options.injection));
   options.momentum = section.choice<OtmMomentum>(
       "momentum", {{"affine", OtmMomentum::affine}, {"nodes", OtmMomentum::nodes}, {"points", OtmMomentum::points}},
       options.momentum);

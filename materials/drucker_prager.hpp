@@ -16,6 +16,7 @@ enum class ConeFit {
   plane_strain,  ///< the same limit load in plane strain, of associated flow
 };
 
+/// What a material with cohesion and friction is given by.
 struct DruckerPragerParameters {
   ElasticModuli moduli;
   Hardening cohesion;                    ///< [stress], of the equivalent plastic strain

@@ -30,6 +30,7 @@ class EquationOfState {
   /// rho_0 c_0^2 (1 / J - 1) + Gamma_0 E.
   static EquationOfState mie_grueneisen(const MieGrueneisen& parameters);
 
+  /// Of a pressure [stress].
   struct Value {
     double pressure, by_J, by_energy;  ///< and its derivatives
   };

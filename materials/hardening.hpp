@@ -28,6 +28,7 @@ class Hardening {
   /// Linear between points, constant beyond the last. Strains ascend from zero.
   static Hardening table(std::vector<double> strain, std::vector<double> stress);
 
+  /// Of a curve of hardening.
   struct Value {
     double stress;  ///< yield stress
     double slope;   ///< its derivative by a

@@ -6,6 +6,7 @@
 
 namespace efree {
 
+/// What a material that bears so much tension is given by.
 struct RankineParameters {
   ElasticModuli moduli;
   Parameter strength;         ///< tau_C, the largest principal stress there can be [stress], not negative

@@ -67,9 +67,11 @@ template <int Dim> struct RecoveryFits {
   SparseRows values;   ///< nodes (of finite elements: places) x quadrature points: the value of the fit at the node
   Points<Dim> slopes;  ///< by entry of `values`: the same of its derivatives; empty for finite elements
 };
+/// Those of an approximation.
 template <int Dim> RecoveryFits<Dim> recovery_fits(const Approximation<Dim>& approximation);
 /// Of a solution, from its quadrature points; with the fits of this approximation where there are several.
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution);
+/// The same with fits that there are already.
 template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approximation, const Solution<Dim>& solution,
                                               const RecoveryFits<Dim>& fits);
 
