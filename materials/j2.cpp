@@ -2,11 +2,12 @@
 #include "efree/materials/j2.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/materials/internal/near_identity.hpp"
+#include "efree/materials/internal/eight_metals.hpp"
 #include "efree/materials/internal/return_mapping.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace efree {
@@ -91,65 +92,80 @@ J2::Flow J2::flow_of(Index p, const Deformation& given, double e, const ElasticC
   return {length, slope, fast * yield_.work(a, a + ratio * length), 0.0};
 }
 
-void J2::respond(const Deformation& given, MaterialResponse& response) const {
-  for (Index p = 0; p < given.size(); ++p) {
-    if (respond_near_identity(p, given, response)) continue;
-    double rise = 0.0;
-    const auto returned = [&](const Vec<3>& trial, double a, const ElasticConstants& elastic, const Vec<3>&) {
-      const Meridian at(trial);
-      const Flow flow = flow_of(p, given, at.e, elastic);
-      rise = flow.rise;
-      if (flow.length == 0.0) return still_elastic(trial, a, elastic);
-      const double s = 2.0 * elastic.mu * (at.e - flow.length);
-      Mat<2> slope;
-      slope << elastic.kappa, 0.0, 0.0, 2.0 * elastic.mu * (1.0 - flow.slope);
-      return Returned{at.stress(elastic.kappa * at.theta, s, slope), trial - flow.length * at.n,
-                      a + std::sqrt(2.0 / 3.0) * flow.length, flow.work, true};
-    };
-    respond_by_return(p, moduli_, strain_, kinematic_, given, response, returned);
-    if (heating_) response.history(7, p) = rise;
+/// In principal axes: any strain, and tangents.
+void J2::respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const {
+  double rise = 0.0;
+  const auto returned = [&](const Vec<3>& trial, double a, const ElasticConstants& elastic, const Vec<3>&) {
+    const Meridian at(trial);
+    const Flow flow = flow_of(p, given, at.e, elastic);
+    rise = flow.rise;
+    if (flow.length == 0.0) return still_elastic(trial, a, elastic);
+    const double s = 2.0 * elastic.mu * (at.e - flow.length);
+    Mat<2> slope;
+    slope << elastic.kappa, 0.0, 0.0, 2.0 * elastic.mu * (1.0 - flow.slope);
+    return Returned{at.stress(elastic.kappa * at.theta, s, slope), trial - flow.length * at.n,
+                    a + std::sqrt(2.0 / 3.0) * flow.length, flow.work, true};
+  };
+  respond_by_return(p, moduli_, strain_, kinematic_, given, response, returned);
+  if (heating_) response.history(7, p) = rise;
+}
+
+/// The same law for points begin .. begin + count, eight at the most, without principal axes, where elastic strains are
+/// small.
+void J2::respond_near_identity(Index begin, int count, const Deformation& given, MaterialResponse& response) const {
+  EightMetals points;
+  for (int l = 0; l < 8; ++l) {
+    const Index p = begin + std::min(l, count - 1);  // the last again where there are fewer
+    for (int k = 0; k < 9; ++k) points.F[k][l] = given.F(k, p);
+    for (int k = 0; k < 6; ++k) points.metric[k][l] = given.history(k, p);
+  }
+  try_elastic(points);
+  std::array<Flow, 8> flows;
+  std::array<ElasticConstants, 8> elastic;
+  points.length = points.pressure = points.shear = Eight{};
+  bool plastic = false;
+  for (int l = 0; l < count; ++l) {
+    if (points.near[l] != 1.0) continue;
+    const Vec<3> X = given.X.col(begin + l);
+    elastic[l] = moduli_.at(X);
+    const double e = points.e[l];
+    try {
+      flows[l] = flow_of(begin + l, given, e, elastic[l]);
+    } catch (const NumericalError& error) {
+      throw NumericalError(error.what() + (" " + place(X)));
+    }
+    points.length[l] = flows[l].length;
+    points.pressure[l] = elastic[l].kappa * points.theta[l];
+    points.shear[l] = 2.0 * elastic[l].mu * (flows[l].length == 0.0 ? 1.0 : 1.0 - flows[l].length / e);
+    plastic = plastic || flows[l].length > 0.0;
+  }
+  flow_back(points, plastic);
+  for (int l = 0; l < count; ++l) {
+    const Index p = begin + l;
+    if (points.near[l] != 1.0) {
+      respond_in_axes(p, given, response);
+      continue;
+    }
+    const Flow& flow = flows[l];
+    const double theta = points.theta[l], kept = points.e[l] - flow.length;
+    for (int k = 0; k < 9; ++k) response.P(k, p) = points.P[k][l];
+    response.energy[p] = 0.5 * elastic[l].kappa * theta * theta + elastic[l].mu * kept * kept;
+    response.dissipated[p] = flow.work;
+    response.history.col(p) = given.history.col(p);
+    if (heating_) response.history(7, p) = flow.rise;
+    if (flow.length == 0.0) continue;
+    for (int k = 0; k < 6; ++k) response.history(k, p) = points.metric[k][l];
+    response.history(6, p) += std::sqrt(2.0 / 3.0) * flow.length;
   }
 }
 
-/// The same law without principal axes, three times as fast, where no tangent is asked for and elastic strains are
-/// small: ln V_e and what flow makes of V_e are short series. False, and nothing is done, elsewhere.
-bool J2::respond_near_identity(Index p, const Deformation& given, MaterialResponse& response) const {
-  if (strain_ == Strain::small || response.tangent) return false;
-  const Mat<3> F = given.gradient(p), H = F - Mat<3>::Identity();
-  const double J = F.determinant();
-  if (!(J > 0.0) || !std::isfinite(J)) return false;
-  // b_e = F C_p^-1 F^T, less one so that small strains keep their digits.
-  const Mat<3> before = internal::symmetric(given.history.col(p).head<6>());
-  const Mat<3> growth = H + H.transpose() + H * H.transpose() + F * before * F.transpose();
-  Mat<3> strain;
-  if (!log_near_identity(growth, strain)) return false;
-  strain *= 0.5;
-  const Vec<3> X = given.X.col(p);
-  const ElasticConstants elastic = moduli_.at(X);
-  const double theta = strain.trace(), a = given.history(6, p);
-  const Mat<3> deviator = strain - theta / 3.0 * Mat<3>::Identity();
-  const double e = deviator.norm();
-  Flow flow;
-  try {
-    flow = flow_of(p, given, e, elastic);
-  } catch (const NumericalError& error) {
-    throw NumericalError(error.what() + (" " + place(X)));
-  }
-  const Mat<3> inverse = F.inverse();
-  const double kept = flow.length == 0.0 ? 1.0 : 1.0 - flow.length / e;
-  const Mat<3> tau = elastic.kappa * theta * Mat<3>::Identity() + 2.0 * elastic.mu * kept * deviator;
-  response.stress(p) = tau * inverse.transpose();
-  response.energy[p] = 0.5 * elastic.kappa * theta * theta + elastic.mu * (kept * e) * (kept * e);
-  response.dissipated[p] = 0.0;
-  response.history.col(p) = given.history.col(p);
-  if (heating_) response.history(7, p) = flow.rise;
-  if (flow.length == 0.0) return true;
-  const double after = a + std::sqrt(2.0 / 3.0) * flow.length;
-  response.dissipated[p] = flow.work;
-  const Mat<3> left = exp_of_deviator(-2.0 * flow.length / e * deviator);  // b_e loses this factor
-  const Mat<3> plastic = inverse * (left + growth * left) * inverse.transpose();
-  response.history.col(p).head<7>() << components(0.5 * (plastic + plastic.transpose()) - Mat<3>::Identity()), after;
-  return true;
+void J2::respond(const Deformation& given, MaterialResponse& response) const {
+  const Index n = given.size();
+  if (strain_ == Strain::small || response.tangent)
+    for (Index p = 0; p < n; ++p) respond_in_axes(p, given, response);
+  else
+    for (Index p = 0; p < n; p += 8)
+      respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), given, response);
 }
 
 }  // namespace efree

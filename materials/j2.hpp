@@ -38,7 +38,8 @@ class J2 final : public Plastic {
  private:
   struct Flow;
   Flow flow_of(Index p, const Deformation& given, double e, const ElasticConstants& elastic) const;
-  bool respond_near_identity(Index p, const Deformation& given, MaterialResponse& response) const;
+  void respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const;
+  void respond_near_identity(Index begin, int count, const Deformation& given, MaterialResponse& response) const;
 
   Hardening yield_;
   double kinematic_;

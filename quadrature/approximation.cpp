@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/quadrature/approximation.hpp"
 
+#include "efree/core/concurrently.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/setting_error.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -283,30 +285,40 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
                                .support = options.support,
                                .weights = {options.weight, options.kernel},
                                .vanish_on = options.vanish_on};
-  auto mls = moving_least_squares(result.space, clouds.determined, mls_options, monitor);
+  const bool clustered = options.secondary == SecondaryKind::cells || options.secondary == SecondaryKind::linear;
+  const bool second_cloud = options.secondary != SecondaryKind::full;
+  const double seeds_per_node = options.ratio / (options.secondary == SecondaryKind::linear ? Dim + 1 : 1);
+  result.averaged = options.dilatation == Dilatation::averaged;
+  result.undecided = options.dilatation == Dilatation::automatic;
+  NearestSource nearest;
+  NodeCloud<Dim> points;
+  Clusters clusters;
+  Mls<Dim> mls;
+  // The second cloud needs no functions; beside them it is no stage of its own.
+  const Monitor told = num_threads() == 1 ? monitor : Monitor{};
+  concurrently(
+      [&] {
+        if (!second_cloud && !result.averaged) return;
+        const Stage stage("quadrature", told);
+        nearest = nearest_source(mesh, cloud.vertices);
+        if (!second_cloud) return;
+        // Another seed, so that the two clouds do not coincide.
+        points = sample_points(mesh, cloud, nearest, seeds_per_node, options.seed + 0x9e3779b97f4a7c15ull);
+        if (clustered) clusters = nearest_clusters(mesh, points);
+        if (options.secondary == SecondaryKind::linear) clusters = levelled(mesh, std::move(clusters));
+      },
+      [&] { mls = moving_least_squares(result.space, clouds.determined, mls_options, monitor); });
   result.shape = std::move(mls.shape);
   result.mls = mls.report;
   result.small_bodies = static_cast<Index>(std::ranges::count(clouds.has_basis, 0));
   result.node_dofs = std::move(mls.node_dofs);
   result.nodes = result.space.points()(Eigen::all, result.node_dofs);
 
-  const bool second_cloud = options.secondary != SecondaryKind::full;
-  const double seeds_per_node = options.ratio / (options.secondary == SecondaryKind::linear ? Dim + 1 : 1);
-  NearestSource nearest;
-  NodeCloud<Dim> points;
   Stage stage("quadrature", monitor);
-  result.averaged = options.dilatation == Dilatation::averaged;
-  result.undecided = options.dilatation == Dilatation::automatic;
-  if (second_cloud || result.averaged) {
-    nearest = nearest_source(mesh, cloud.vertices);
-    // Another seed, so that the two clouds do not coincide.
-    if (second_cloud)
-      points = sample_points(mesh, cloud, nearest, seeds_per_node, options.seed + 0x9e3779b97f4a7c15ull);
-  }
   const auto secondary = options.secondary == SecondaryKind::cells
-                             ? cell_clusters(result.space, points, result.shape, 0.5 * seeds_per_node)
+                             ? cell_clusters(result.space, clusters, result.shape, 0.5 * seeds_per_node)
                          : options.secondary == SecondaryKind::linear
-                             ? linear_clusters(result.space, points, result.shape, 0.5 * seeds_per_node)
+                             ? linear_clusters(result.space, clusters, result.shape, 0.5 * seeds_per_node)
                          : options.secondary == SecondaryKind::mls
                              ? mls_secondary(result.space, std::move(points), options, result.dropped_points)
                              : every_cell(result.space);

@@ -154,101 +154,6 @@ template <int Dim, int Count> void emit_nodes(const ShapeTable<Dim>& shape, Accu
 /// In place of a cluster's number: the cell is in none and integrated point by point.
 constexpr Index alone = -1;
 
-/// Cells in clusters.
-struct Clusters {
-  std::vector<Index> of_cell;   ///< cluster of each cell, or `alone`
-  std::vector<Index> vertices;  ///< fine vertex of each cluster
-};
-
-/// Every cell joins the candidate among its vertices' nodes that is nearest to its centroid: straight to the node, plus
-/// the detour that the vertex had to make. Clusters that get no cell are left out.
-template <int Dim> Clusters cluster(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud) {
-  const NearestSource nearest = nearest_source(mesh, cloud.vertices);
-  Clusters clusters{std::vector<Index>(mesh.num_cells(), -1), {}};
-  parallel_for(mesh.num_cells(), [&](Index c) {
-    double best = std::numeric_limits<double>::infinity();
-    for (int i = 0; i <= Dim; ++i) {
-      const Index v = mesh.cells()(i, c), K = nearest.source[v];
-      if (K < 0) continue;
-      const double detour = std::max(0.0, nearest.distance[v] - (mesh.vertex(v) - cloud.positions.col(K)).norm());
-      const double distance = (mesh.centroid(c) - cloud.positions.col(K)).norm() + detour;
-      if (distance < best || (distance == best && K < clusters.of_cell[c])) {
-        best = distance;
-        clusters.of_cell[c] = K;
-      }
-    }
-  });
-  std::vector<char> holds_cells(cloud.size(), 0);
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    if (clusters.of_cell[c] < 0)
-      throw NumericalError(
-          fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
-                      fmt::join(mesh.centroid(c), ", ")));
-    holds_cells[clusters.of_cell[c]] = 1;
-  }
-  std::vector<Index> renumbered(cloud.size(), -1);
-  for (Index K = 0; K < cloud.size(); ++K)
-    if (holds_cells[K]) {
-      renumbered[K] = static_cast<Index>(clusters.vertices.size());
-      clusters.vertices.push_back(cloud.vertices[K]);
-    }
-  for (Index& K : clusters.of_cell) K = renumbered[K];
-  return clusters;
-}
-
-/// Clusters alike in size, at walls too, where nodes of the cloud own but half of one: cells go over to the cluster
-/// next to them whose centroid is nearer, one layer of cells at a time (Lloyd 1982), which takes no distances in the
-/// body.
-template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters) {
-  const Index cells = mesh.num_cells(), count = static_cast<Index>(clusters.vertices.size());
-  Vector volumes = Vector::Zero(count);
-  Points<Dim> moments = Points<Dim>::Zero(Dim, count), centres(Dim, count);
-  const auto add = [&](Index c, Index K, double sign) {
-    volumes[K] += sign * mesh.volume(c);
-    moments.col(K) += sign * mesh.volume(c) * mesh.centroid(c);
-  };
-  for (Index c = 0; c < cells; ++c) add(c, clusters.of_cell[c], 1.0);
-  const int layers = static_cast<int>(std::ceil(2.0 * std::pow(static_cast<double>(cells) / count, 1.0 / Dim)));
-  std::vector<Index> next(cells);
-  for (int layer = 0; layer < layers; ++layer) {
-    for (Index K = 0; K < count; ++K) centres.col(K) = moments.col(K) / volumes[K];
-    parallel_for(cells, [&](Index c) {
-      const Index own = next[c] = clusters.of_cell[c];
-      double least = -1.0;  // distance, once it is needed
-      for (int i = 0; i <= Dim; ++i) {
-        const Index other = mesh.neighbour(i, c);
-        if (other < 0 || clusters.of_cell[other] == own) continue;
-        const Vec<Dim> x = mesh.centroid(c);
-        if (least < 0.0) least = (x - centres.col(own)).squaredNorm();
-        const Index K = clusters.of_cell[other];
-        if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least) least = distance, next[c] = K;
-      }
-    });
-    for (Index c = 0; c < cells; ++c)
-      if (next[c] != clusters.of_cell[c]) add(c, clusters.of_cell[c], -1.0), add(c, next[c], 1.0);
-    std::swap(clusters.of_cell, next);
-  }
-
-  // Those that lost all of their cells are left out; the others have a vertex in their middle.
-  std::vector<double> least(count, std::numeric_limits<double>::infinity());
-  for (Index c = 0; c < cells; ++c)
-    for (const Index v : mesh.cells().col(c)) {
-      const Index K = clusters.of_cell[c];
-      if (const double distance = (mesh.vertex(v) - centres.col(K)).squaredNorm(); distance < least[K])
-        least[K] = distance, clusters.vertices[K] = v;
-    }
-  std::vector<Index> number(count, -1);
-  Index kept = 0;
-  for (Index K = 0; K < count; ++K)
-    if (std::isfinite(least[K])) {
-      clusters.vertices[kept] = clusters.vertices[K];
-      number[K] = kept++;
-    }
-  clusters.vertices.resize(kept);
-  for (Index& K : clusters.of_cell) K = number[K];
-  return clusters;
-}
-
 /// Around each of the points at these vertices: how many of them a node has to itself, in the mean over the nodes that
 /// act there. With the values phi of the nodes' functions at the points (a partition of unity): phi phi^T 1.
 template <int Dim> Vector points_per_node_around(const ShapeTable<Dim>& shape, const std::vector<Index>& vertices) {
@@ -505,20 +410,103 @@ template <int Dim> SecondaryBasis<Dim> linear_functions_of(const FineSpace<Dim>&
 
 }  // namespace
 
+template <int Dim> Clusters nearest_clusters(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud) {
+  const NearestSource nearest = nearest_source(mesh, cloud.vertices);
+  Clusters clusters{std::vector<Index>(mesh.num_cells(), -1), {}};
+  parallel_for(mesh.num_cells(), [&](Index c) {
+    double best = std::numeric_limits<double>::infinity();
+    for (int i = 0; i <= Dim; ++i) {
+      const Index v = mesh.cells()(i, c), K = nearest.source[v];
+      if (K < 0) continue;
+      const double detour = std::max(0.0, nearest.distance[v] - (mesh.vertex(v) - cloud.positions.col(K)).norm());
+      const double distance = (mesh.centroid(c) - cloud.positions.col(K)).norm() + detour;
+      if (distance < best || (distance == best && K < clusters.of_cell[c])) {
+        best = distance;
+        clusters.of_cell[c] = K;
+      }
+    }
+  });
+  std::vector<char> holds_cells(cloud.size(), 0);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    if (clusters.of_cell[c] < 0)
+      throw NumericalError(
+          fmt::format("quadrature: the body around ({:.6g}) holds no quadrature node; use a smaller spacing",
+                      fmt::join(mesh.centroid(c), ", ")));
+    holds_cells[clusters.of_cell[c]] = 1;
+  }
+  std::vector<Index> renumbered(cloud.size(), -1);
+  for (Index K = 0; K < cloud.size(); ++K)
+    if (holds_cells[K]) {
+      renumbered[K] = static_cast<Index>(clusters.vertices.size());
+      clusters.vertices.push_back(cloud.vertices[K]);
+    }
+  for (Index& K : clusters.of_cell) K = renumbered[K];
+  return clusters;
+}
+
+template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters) {
+  const Index cells = mesh.num_cells(), count = static_cast<Index>(clusters.vertices.size());
+  Vector volumes = Vector::Zero(count);
+  Points<Dim> moments = Points<Dim>::Zero(Dim, count), centres(Dim, count);
+  const auto add = [&](Index c, Index K, double sign) {
+    volumes[K] += sign * mesh.volume(c);
+    moments.col(K) += sign * mesh.volume(c) * mesh.centroid(c);
+  };
+  for (Index c = 0; c < cells; ++c) add(c, clusters.of_cell[c], 1.0);
+  const int layers = static_cast<int>(std::ceil(2.0 * std::pow(static_cast<double>(cells) / count, 1.0 / Dim)));
+  std::vector<Index> next(cells);
+  for (int layer = 0; layer < layers; ++layer) {
+    for (Index K = 0; K < count; ++K) centres.col(K) = moments.col(K) / volumes[K];
+    parallel_for(cells, [&](Index c) {
+      const Index own = next[c] = clusters.of_cell[c];
+      double least = -1.0;  // distance, once it is needed
+      for (int i = 0; i <= Dim; ++i) {
+        const Index other = mesh.neighbour(i, c);
+        if (other < 0 || clusters.of_cell[other] == own) continue;
+        const Vec<Dim> x = mesh.centroid(c);
+        if (least < 0.0) least = (x - centres.col(own)).squaredNorm();
+        const Index K = clusters.of_cell[other];
+        if (const double distance = (x - centres.col(K)).squaredNorm(); distance < least) least = distance, next[c] = K;
+      }
+    });
+    for (Index c = 0; c < cells; ++c)
+      if (next[c] != clusters.of_cell[c]) add(c, clusters.of_cell[c], -1.0), add(c, next[c], 1.0);
+    std::swap(clusters.of_cell, next);
+  }
+
+  // Those that lost all of their cells are left out; the others have a vertex in their middle.
+  std::vector<double> least(count, std::numeric_limits<double>::infinity());
+  for (Index c = 0; c < cells; ++c)
+    for (const Index v : mesh.cells().col(c)) {
+      const Index K = clusters.of_cell[c];
+      if (const double distance = (mesh.vertex(v) - centres.col(K)).squaredNorm(); distance < least[K])
+        least[K] = distance, clusters.vertices[K] = v;
+    }
+  std::vector<Index> number(count, -1);
+  Index kept = 0;
+  for (Index K = 0; K < count; ++K)
+    if (std::isfinite(least[K])) {
+      clusters.vertices[kept] = clusters.vertices[K];
+      number[K] = kept++;
+    }
+  clusters.vertices.resize(kept);
+  for (Index& K : clusters.of_cell) K = number[K];
+  return clusters;
+}
+
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud) {
-  return indicators_of(space, cluster(space.mesh(), cloud));
+  return indicators_of(space, nearest_clusters(space.mesh(), cloud));
 }
 
-template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const Clusters& clusters,
                                                      const ShapeTable<Dim>& shape, double fewest) {
-  return indicators_of(space, take_apart(cluster(space.mesh(), cloud), space, shape, fewest));
+  return indicators_of(space, take_apart(clusters, space, shape, fewest));
 }
 
-template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const Clusters& clusters,
                                                        const ShapeTable<Dim>& shape, double fewest) {
   const Index small = space.degree() == 1 ? Dim + 1 : 0;
-  return linear_functions_of(
-      space, take_apart(levelled(space.mesh(), cluster(space.mesh(), cloud)), space, shape, fewest, small));
+  return linear_functions_of(space, take_apart(clusters, space, shape, fewest, small));
 }
 
 template <int Dim> SecondaryBasis<Dim> secondary_from_table(const FineSpace<Dim>& space, const ShapeTable<Dim>& table,
@@ -693,9 +681,11 @@ template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const std:
 }
 
 template struct Quadrature<2>;
+template Clusters nearest_clusters<2>(const FineMesh<2>&, const NodeCloud<2>&);
+template Clusters levelled<2>(const FineMesh<2>&, Clusters);
 template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&);
-template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
-template SecondaryBasis<2> linear_clusters<2>(const FineSpace<2>&, const NodeCloud<2>&, const ShapeTable<2>&, double);
+template SecondaryBasis<2> cell_clusters<2>(const FineSpace<2>&, const Clusters&, const ShapeTable<2>&, double);
+template SecondaryBasis<2> linear_clusters<2>(const FineSpace<2>&, const Clusters&, const ShapeTable<2>&, double);
 template SecondaryBasis<2> secondary_from_table<2>(const FineSpace<2>&, const ShapeTable<2>&, const NodeCloud<2>&);
 template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
 template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
@@ -703,9 +693,11 @@ template Quadrature<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, con
 template Quadrature<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
 template Quadrature<2> merge<2>(const Quadrature<2>&, const std::vector<Index>&, Index);
 template struct Quadrature<3>;
+template Clusters nearest_clusters<3>(const FineMesh<3>&, const NodeCloud<3>&);
+template Clusters levelled<3>(const FineMesh<3>&, Clusters);
 template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&);
-template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
-template SecondaryBasis<3> linear_clusters<3>(const FineSpace<3>&, const NodeCloud<3>&, const ShapeTable<3>&, double);
+template SecondaryBasis<3> cell_clusters<3>(const FineSpace<3>&, const Clusters&, const ShapeTable<3>&, double);
+template SecondaryBasis<3> linear_clusters<3>(const FineSpace<3>&, const Clusters&, const ShapeTable<3>&, double);
 template SecondaryBasis<3> secondary_from_table<3>(const FineSpace<3>&, const ShapeTable<3>&, const NodeCloud<3>&);
 template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
 template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);

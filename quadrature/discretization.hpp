@@ -46,16 +46,29 @@ template <int Dim> struct Quadrature : Discretization<Dim> {
   SparseRows on_facets;  ///< Phi_K on the boundary, see SecondaryBasis
 };
 
-/// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells geodesically nearest to
-/// node K, x_K their centre of mass. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Nodes
-/// that get no cell are left out. Throws InputError if a cluster would span two regions (see cut_regions).
+/// The cells of a mesh in clusters, each around one fine vertex.
+struct Clusters {
+  std::vector<Index> of_cell;   ///< cluster of each cell
+  std::vector<Index> vertices;  ///< of each cluster
+};
+/// Every cell in the cluster of the node of `cloud` that is geodesically nearest to its centroid: straight to the node,
+/// plus the detour that the vertices of the cell have to make. Nodes that get no cell are left out. Throws
+/// NumericalError if a body holds no node.
+template <int Dim> Clusters nearest_clusters(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& cloud);
+/// Clusters alike in size, at walls too, where nodes of a cloud own but half of one: cells go over to the cluster next
+/// to them whose centroid is nearer, one layer of cells at a time (Lloyd 1982), which takes no distances in the body.
+template <int Dim> Clusters levelled(const FineMesh<Dim>& mesh, Clusters clusters);
+
+/// Clusters of fine cells around the vertices of `cloud`: Phi_K is the indicator of the cells nearest to node K, x_K
+/// their centre of mass. The Gram matrix is diagonal, so the projection is the L2 one, and w_K > 0. Throws as
+/// nearest_clusters, and InputError if a cluster would span two regions (see cut_regions).
 template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud);
 
 /// The same with clusters taken apart where nodes lie nearly as dense as fine vertices. There are too few of these then
 /// for clusters, and the projection would be too soft. Where nodes have fewer than `fewest` clusters to themselves (in
 /// the mean around a cluster; `shape` has their values at the fine vertices), small clusters are replaced by their
 /// cells, and those of one cell by the points of the cell rule, whose functions are linear on the boundary.
-template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space, const Clusters& clusters,
                                                      const ShapeTable<Dim>& shape, double fewest);
 
 /// Linear functions on clusters: on each of them the Dim + 1 functions (1 + xi_i . L^-1 (x - c)) / (Dim + 1), with its
@@ -65,7 +78,7 @@ template <int Dim> SecondaryBasis<Dim> cell_clusters(const FineSpace<Dim>& space
 /// Axisymmetric: all of it with the measure 2 pi r. Clusters are taken apart into their cells where nodes have fewer
 /// than `fewest` (see above), and where that takes no more points: gradients of linear functions are constant in a
 /// cell, which then has one point, its centre of mass.
-template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const NodeCloud<Dim>& cloud,
+template <int Dim> SecondaryBasis<Dim> linear_clusters(const FineSpace<Dim>& space, const Clusters& clusters,
                                                        const ShapeTable<Dim>& shape, double fewest);
 
 /// Phi_K = rows of a table on the fine vertices (MLS on the quadrature cloud).

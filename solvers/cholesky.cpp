@@ -179,11 +179,7 @@ struct Cholesky::Impl {
 Cholesky::Cholesky() : impl_(std::make_unique<Impl>()) {}
 Cholesky::Cholesky(const SymmetricMatrix& lower, const std::vector<Index>& node_of) : Cholesky() {
   analyse(lower, node_of);
-  if (!impl_->is_factored(lower))
-    throw NumericalError(
-        fmt::format("the matrix is not positive definite (at unknown {} of {})", impl_->ended_at(), lower.rows()));
-  impl_->require_regular();
-  impl_->is_current = true;
+  factorize_definite(lower);
 }
 Cholesky::~Cholesky() = default;
 Cholesky::Cholesky(Cholesky&&) noexcept = default;
@@ -214,6 +210,12 @@ void Cholesky::begin(const SymmetricMatrix& lower) {
   impl_->is_current = false;
   impl_->negative = 0;
   if (!impl_->factor->is_super) impl_->prepare(lower, true);
+}
+
+void Cholesky::factorize_definite(const SymmetricMatrix& lower) {
+  if (!factorize_if_definite(lower))
+    throw NumericalError(
+        fmt::format("the matrix is not positive definite (at unknown {} of {})", impl_->ended_at(), lower.rows()));
 }
 
 bool Cholesky::factorize_if_definite(const SymmetricMatrix& lower) {

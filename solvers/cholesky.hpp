@@ -27,6 +27,8 @@ class Cholesky final : public LinearSolver {
   void analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of = {}) override;
   /// Throws InputError for a matrix of another size or pattern than was analysed.
   void factorize(const SymmetricMatrix& lower) override;
+  /// Factors a matrix that is positive definite. Throws NumericalError naming the first unknown at which it is not.
+  void factorize_definite(const SymmetricMatrix& lower);
   /// Factors a matrix that is positive definite. Whether it is: there is no factor else, and no L D L^T, which takes
   /// several times as long.
   bool factorize_if_definite(const SymmetricMatrix& lower);

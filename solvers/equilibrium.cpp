@@ -378,6 +378,10 @@ template <int Dim> void Equilibrium<Dim>::tangent(const State& state, SymmetricM
     data_->tangent(state, K);
 }
 
+template <int Dim> SymmetricMatrix Equilibrium<Dim>::tangent_pattern() const {
+  return data_->pattern.layout(data_->unknowns);
+}
+
 template <int Dim> State Equilibrium<Dim>::commit(State state) const {
   Vector history = state.history;
   data_->for_each_answer(state, false, [&](const WorkTerm<Dim>&, const auto& answer, Index first) {

@@ -65,6 +65,8 @@ template <int Dim> class Equilibrium final : public Equations {
   Vector residual(const State& state) const override;
   Vector force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
+  /// The tangent's pattern, values not set: to be analysed while `tangent` sets them.
+  SymmetricMatrix tangent_pattern() const;
   State commit(State state) const override;
   bool linear() const override;
   const std::vector<Index>& node_of_unknowns() const override;

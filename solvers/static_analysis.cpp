@@ -2,6 +2,7 @@
 #include "efree/solvers/static_analysis.hpp"
 
 #include "efree/assembly/loads.hpp"
+#include "efree/core/concurrently.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
@@ -107,7 +108,7 @@ template <int Dim> Solution<Dim> derived(const Approximation<Dim>& approximation
 
 template <int Dim> struct ElasticSolver<Dim>::Impl {
   Equilibrium<Dim> equations;
-  std::optional<Cholesky> factor;  ///< of the tangent
+  Cholesky factor;  ///< of the tangent
 };
 
 template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& approximation, const ElasticModel& model,
@@ -117,13 +118,15 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
   {
     Stage stage("assembly", monitor);
     impl_.reset(new Impl{Equilibrium<Dim>(approximation, model, conditions), {}});
-    impl_->equations.tangent(impl_->equations.rest(), K);
+    K = impl_->equations.tangent_pattern();
+    concurrently([&] { impl_->factor.analyse(K, impl_->equations.node_of_unknowns()); },
+                 [&] { impl_->equations.tangent(impl_->equations.rest(), K); });
   }
   if (!K.coeffs().allFinite())
     throw NumericalError("the stiffness is not finite: moduli or springs are too large for floating-point numbers");
   Stage stage("solve", monitor);
   try {
-    impl_->factor.emplace(K, impl_->equations.node_of_unknowns());
+    impl_->factor.factorize_definite(K);
   } catch (const NumericalError& error) {
     throw NumericalError(fmt::format(
         "{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
@@ -158,7 +161,7 @@ std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads
   for (const auto& one : equations) all.push_back(&one);
   const auto& approximation = impl_->equations.approximation();
   std::vector<Solution<Dim>> solutions;
-  for (const State& state : linear_steps(all, *impl_->factor, impl_->equations.rest())) {
+  for (const State& state : linear_steps(all, impl_->factor, impl_->equations.rest())) {
     solutions.push_back(derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(),
                                 Points<Dim>(state.u.reshaped(Dim, approximation.shape.num_nodes()))));
     require_stable<Dim>(approximation, solutions.back().coefficients, solutions.back().strain);
@@ -195,7 +198,7 @@ template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Di
     z.u = held.reshaped();
     value += held.cwiseProduct(load - problem.initial_tangent_times(u.coefficients)).sum();
   }
-  z = dual.moved(z, impl_->factor->solve(-dual.residual(z)));
+  z = dual.moved(z, impl_->factor.solve(-dual.residual(z)));
   return {.displacement = z.u.reshaped(Dim, approximation.shape.num_nodes()), .value = value};
 }
 

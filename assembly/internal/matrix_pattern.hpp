@@ -47,6 +47,9 @@ template <int Dim> class MatrixPattern {
   /// Throws InputError for more entries than SymmetricMatrix can number.
   MatrixPattern(Index nodes, const std::vector<const ShapeTable<Dim>*>& tables, const SymmetricMatrix& other);
 
+  /// A matrix of the unknowns with this pattern, its values not set.
+  SymmetricMatrix layout(const Unknowns<Dim>& unknowns) const;
+
   /// Makes K the sum of what visit(a, column) adds to the blocks of the column of each node a, and `other`, on the
   /// unknowns. K is empty, or was made with the same unknowns: then only its values are written. One thread owns one
   /// column, so the sums do not depend on the threads.
@@ -73,27 +76,31 @@ template <int Dim> class MatrixPattern {
   std::vector<Index> nodes_;     ///< that it meets, itself and those after it, ascending
 };
 
+template <int Dim> SymmetricMatrix MatrixPattern<Dim>::layout(const Unknowns<Dim>& unknowns) const {
+  const Index n = unknowns.num_nodes();
+  SymmetricMatrix K(unknowns.size(), unknowns.size());
+  std::vector<Index> first(n + 1, 0);
+  parallel_for(n, [&](Index a) { for_each_entry(unknowns, a, [&](std::size_t, int, int) { ++first[a + 1]; }); });
+  for (Index a = 0; a < n; ++a) first[a + 1] += first[a];
+  K.resizeNonZeros(first[n]);
+  parallel_for(n, [&](Index a) {
+    Index at = first[a];
+    int before = -1;
+    for_each_entry(unknowns, a, [&](std::size_t k, int i, int j) {
+      if (j != before) K.outerIndexPtr()[unknowns(a, j)] = at, before = j;
+      K.innerIndexPtr()[at++] = unknowns(column(a)[k], i);
+    });
+  });
+  K.outerIndexPtr()[K.cols()] = first[n];
+  return K;
+}
+
 template <int Dim> template <class Visit> void MatrixPattern<Dim>::sum(const Unknowns<Dim>& unknowns,
                                                                        const Visit& visit, const SymmetricMatrix& other,
                                                                        SymmetricMatrix& K) const {
   const Index n = unknowns.num_nodes();
   const auto& node_of = unknowns.node_of();
-  if (K.size() == 0) {
-    K.resize(unknowns.size(), unknowns.size());
-    std::vector<Index> first(n + 1, 0);
-    parallel_for(n, [&](Index a) { for_each_entry(unknowns, a, [&](std::size_t, int, int) { ++first[a + 1]; }); });
-    for (Index a = 0; a < n; ++a) first[a + 1] += first[a];
-    K.resizeNonZeros(first[n]);
-    for (Index a = 0, c = 0; a < n; ++a) {
-      Index at = first[a];
-      int before = -1;
-      for_each_entry(unknowns, a, [&](std::size_t k, int i, int j) {
-        if (j != before) K.outerIndexPtr()[c++] = at, before = j;
-        K.innerIndexPtr()[at++] = unknowns(column(a)[k], i);
-      });
-    }
-    K.outerIndexPtr()[K.cols()] = first[n];
-  }
+  if (K.size() == 0) K = layout(unknowns);
   const Index chunk = std::max<Index>(64, (n + 15) / 16);
   parallel_chunks(n, chunk, [&](Index begin, Index end) {
     BlockColumn<Dim> sums(n);

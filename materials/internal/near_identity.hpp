@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Logarithms and exponentials of symmetric tensors by their series, where these are short: no axes are needed.
+/// Logarithms of symmetric tensors by their series, where these are short: no axes are needed.
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -44,11 +44,6 @@ inline bool log_near_identity(const Mat<3>& A, Mat<3>& log) {
   log = D.sum(1.0, [](int k) { return k == 0 ? 1.0 : -k / (k + 1.0); });
   log.diagonal().array() += std::log1p(mean) - 1.0;
   return true;
-}
-
-/// exp(A) of a symmetric A without trace.
-inline Mat<3> exp_of_deviator(const Mat<3>& A) {
-  return DeviatorSeries(A).sum(1.0, [](int k) { return 1.0 / (k + 1.0); });
 }
 
 }  // namespace efree::internal

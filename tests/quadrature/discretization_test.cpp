@@ -194,9 +194,10 @@ TEST(Quadrature, ClustersAreTakenApartWhereFineVerticesRunOut) {
     const auto nodes = sample_cloud(body.mesh, CloudOptions{.spacing = body.spacing}),
                points = sample_cloud(body.mesh, CloudOptions{.spacing = 0.5 * body.spacing, .seed = 2});
     const auto shape = moving_least_squares(space, nodes, {}).shape;
-    const auto whole = cell_clusters(space, points), some = cell_clusters(space, points, shape, 2.0),
-               all = cell_clusters(space, points, shape, 1e9);
-    EXPECT_EQ(whole.points, cell_clusters(space, points, shape, 0.0).points);
+    const Clusters clusters = nearest_clusters(body.mesh, points);
+    const auto whole = cell_clusters(space, points), some = cell_clusters(space, clusters, shape, 2.0),
+               all = cell_clusters(space, clusters, shape, 1e9);
+    EXPECT_EQ(whole.points, cell_clusters(space, clusters, shape, 0.0).points);
     if (name == "square")
       EXPECT_EQ(whole.points, some.points) << "nodes have some four points each, everywhere";
     else
@@ -261,8 +262,9 @@ TEST(LinearFunctionsOfClusters, AreOrthogonalAndIntegrateQuadraticsExactly) {
       const FineSpace<2> space(body.mesh, 2, axisymmetric);
       const auto shape = moving_least_squares(space, sample_cloud(body.mesh, CloudOptions{body.spacing}), {}).shape;
       const auto points = sample_cloud(body.mesh, CloudOptions{1.1 * body.spacing, 2});
+      const Clusters clusters = levelled(body.mesh, nearest_clusters(body.mesh, points));
       for (const double fewest : {0.0, 1e9})  // whole clusters, and all of the small ones taken apart
-        expect_linear_functions(space, linear_clusters(space, points, shape, fewest));
+        expect_linear_functions(space, linear_clusters(space, clusters, shape, fewest));
     }
 }
 
@@ -273,8 +275,10 @@ TEST(LinearFunctionsOfClusters, AreOrthogonalAndIntegrateQuadraticsExactlyInSpac
     const FineSpace<3> space(mesh, 2);
     const auto cloud = sample_cloud(mesh, CloudOptions{.spacing = 0.4});
     const auto shape = moving_least_squares(space, cloud, {}).shape;
-    for (const double spacing : {0.4, 0.1})
-      expect_linear_functions(space, linear_clusters(space, sample_cloud(mesh, CloudOptions{spacing, 2}), shape, 1e9));
+    for (const double spacing : {0.4, 0.1}) {
+      const auto clusters = levelled(mesh, nearest_clusters(mesh, sample_cloud(mesh, CloudOptions{spacing, 2})));
+      expect_linear_functions(space, linear_clusters(space, clusters, shape, 1e9));
+    }
   }
 }
 
