@@ -25,6 +25,7 @@
 #include "efree/basis/lme.hpp"
 #include "efree/basis/mls.hpp"
 #include "efree/basis/shape_table.hpp"
+#include "efree/core/concurrently.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/monitor.hpp"

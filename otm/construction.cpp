@@ -51,6 +51,14 @@ MaterialResponse::Tangent turns() {
   return skew;
 }
 
+/// As otm_stiffness takes it.
+std::array<double, 108> padded(const MaterialResponse::Tangent& tangent) {
+  std::array<double, 108> columns{};
+  for (int column = 0; column < 9; ++column)
+    for (int row = 0; row < 9; ++row) columns[12 * column + row / 3 * 4 + row % 3] = tangent(row, column);
+  return columns;
+}
+
 /// Inverse of the tangent, which knows no turns and may know no shear, made stiff against both.
 MaterialResponse::Tangent compliance_of(const MaterialResponse::Tangent& tangent, double shear, double modulus) {
   const double least = std::max(shear, 1e-3 * modulus);
@@ -169,7 +177,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       if (!(fracture.strain->reference > 0.0) || !(fracture.strain->melting >= 0.0))
         fail("plastic strain at failure: expected a positive rate of reference, and a rise to melting of 0 or more");
     }
-    bodies.push_back({body.material, tangent, compliance_of(tangent, shear, modulus), shear, modulus,
+    bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
                       !body.shape.has_value(), material.finite_strain(), body.surface.has_value(), body.mass_terms,
                       fracture, plastic_strain, row_of(material, "temperature_rise"),
                       release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});

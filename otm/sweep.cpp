@@ -19,7 +19,7 @@ constexpr double small_strains = 0.05;
 
 }  // namespace
 
-/// What values at the nodes come to at the points, in their columns: gradients, and the values there.
+/// What values at the nodes come to at the points: gradients, and the values there, a row for each component.
 template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]);
@@ -29,9 +29,9 @@ template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<D
 
 /// Where a point is and how it is deformed, after `deform` by where the nodes are.
 template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
-  const double* column = chunk.columns.data() + 16 * p;
-  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = column[12 + i];
-  if (!chunk.is_eroded(p)) chunk.since[p] = gradient(column, 1.0);
+  const double* rows = chunk.columns.data() + 16 * p;
+  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = rows[4 * i + 3];
+  if (!chunk.is_eroded(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
 /// Deformations, stresses and forces where the nodes are now.
@@ -69,14 +69,15 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   thread_local std::vector<Mat<3>> before;
   if (viscous_shocks) before = chunk.since;
+  for (Index p = 0; p < n; ++p) place(chunk, p);
+  otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {
-    place(chunk, p);
     if (chunk.is_eroded(p)) continue;
-    const Mat<3>& since = chunk.since[p];
+    const double* column = chunk.columns.data() + 16 * p;
     // In no time nothing moves, not even by rounding: what flows asks how fast.
-    const Mat<3> made = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
-    const Mat<3> now = dt > 0.0 ? Mat<3>(since * made) : made;
-    const double J = now.determinant();
+    Mat<3> now = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+    if (dt > 0.0) now = Eigen::Map<const Mat<3>, 0, Eigen::OuterStride<4>>(column);
+    const double J = dt > 0.0 ? column[3] : now.determinant();
     if (J <= 0.0 && body.fracture.on()) {
       // It breaks at the end of the step, and until then is as it was.
       chunk.damage[p] = 1.0;
@@ -95,8 +96,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
                       "strains: take one for finite strains",
                       time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
-    // Green's strain: turning is no wear.
-    const double wear = 0.5 * (since.transpose() * since - Mat<3>::Identity()).norm();
+    const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
   }
@@ -136,14 +136,8 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
-  const Tensors& F = chunk.now.F;
-  for (Index p = 0; p < chunk.size(); ++p)
-    Eigen::Map<Mat<3>>(chunk.columns.data() + 16 * p) =
-        chunk.response.stress(p) * Eigen::Map<const Mat<3>>(F.col(p).data()).transpose() -
-        chunk.shock[p] * Mat<3>::Identity();
-  push(
-      chunk, [&](Index p) { return Vec<Dim>(chunk.at.col(p)); },
-      [&](Index p) { return Mat<Dim>(chunk.since[p].template topLeftCorner<Dim, Dim>()); });
+  otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
+  push(chunk, chunk.since, chunk.at);
 }
 
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
@@ -167,43 +161,42 @@ template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const 
   chunk.shock[p] = pressure;
 }
 
-/// Deformation by the columns of otm_deform; across the plane there is none but `across`, or that around the axis.
-template <int Dim> Mat<3> Motion<Dim>::gradient(const double* column, double across) const {
+/// Deformation by the rows of otm_deform; across the plane there is none but `across`, or that around the axis.
+template <int Dim> Mat<3> Motion<Dim>::gradient(const double* rows, double across) const {
   Mat<3> result = Mat<3>::Zero();
   result(2, 2) = across;
   for (int j = 0; j < Dim; ++j)
-    for (int i = 0; i < Dim; ++i) result(i, j) = column[4 * j + i];
-  if (axisymmetric()) result(2, 2) = column[8];
+    for (int i = 0; i < Dim; ++i) result(i, j) = rows[4 * i + j];
+  if (axisymmetric()) result(2, 2) = rows[2];
   return result;
 }
 
-/// Forces of Kirchhoff stresses, which are the first nine numbers of each point's columns, and of motions that points
-/// do not see. Points of a union share the work of its dilatation (growth: each one's J over the union's).
-template <int Dim> template <class At, class Since>
-void Motion<Dim>::push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const {
-  const bool shared = chunk.shares_dilatation();
-  for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
-    const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
-    double volume = 0.0, pressure = 0.0;
-    for (Index p = begin; p < end; ++p) {
-      const double* tau = chunk.columns.data() + 16 * p;
-      volume += chunk.volume[p];
-      pressure += chunk.volume[p] * (tau[0] + tau[4] + tau[8]) / 3.0;
+/// Forces of Kirchhoff stresses, which are the columns of each point, and of motions that points do not see. Points of
+/// a union share the work of its dilatation (growth: each one's J over the union's).
+template <int Dim>
+void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const {
+  if (chunk.shares_dilatation())
+    for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+      const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
+      const auto trace = [&](Index p) {
+        const double* tau = chunk.columns.data() + 16 * p;
+        return tau[0] + tau[5] + tau[10];
+      };
+      double volume = 0.0, pressure = 0.0;
+      for (Index p = begin; p < end; ++p) {
+        volume += chunk.volume[p];
+        pressure += chunk.volume[p] * trace(p) / 3.0;
+      }
+      if (!(volume > 0.0)) continue;
+      for (Index p = begin; p < end; ++p) {
+        const double shift = pressure / volume * chunk.growth[p] - trace(p) / 3.0;
+        for (const int d : {0, 5, 10}) chunk.columns[16 * p + d] += shift;
+      }
     }
-    for (Index p = begin; p < end; ++p) {
-      double* column = chunk.columns.data() + 16 * p;
-      Mat<3> tau = Eigen::Map<const Mat<3>>(column);
-      if (shared && volume > 0.0) tau.diagonal().array() += pressure / volume * chunk.growth[p] - tau.trace() / 3.0;
-      Mat<3> columns = -chunk.volume[p] * tau * chunk.since[p].inverse().transpose();
-      columns.template topLeftCorner<Dim, Dim>() += chunk.penalty[p] * since(p) * chunk.moment[p];
-      std::fill_n(column, 16, 0.0);
-      for (int j = 0; j < Dim; ++j)
-        for (int i = 0; i < Dim; ++i) column[4 * j + i] = columns(i, j);
-      if (axisymmetric()) column[8] = columns(2, 2);
-      const Vec<Dim> where = at(p);
-      for (int i = 0; i < Dim; ++i) column[12 + i] = chunk.penalty[p] * where[i];
-    }
-  }
+  otm_tractions(chunk.size(), chunk.volume.data(), chunk.since.data(), since.data(), chunk.moment.data(),
+                reinterpret_cast<const Vec<Dim>*>(at.data()), chunk.penalty.data(), chunk.columns.data());
+  if (Dim == 2 && !axisymmetric())
+    for (Index p = 0; p < chunk.size(); ++p) chunk.columns[16 * p + 8] = 0.0;
   std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
   otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
            chunk.columns.data(), chunk.penalty.data(), chunk.force.data());
@@ -258,34 +251,34 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
       deform(chunk, shaken);
       const bool shared = chunk.shares_dilatation();
       thread_local std::vector<Mat<3>> since;
-      thread_local std::vector<Vec<Dim>> at;
+      thread_local Points<Dim> at;
       since.resize(chunk.size());
-      at.resize(chunk.size());
-      for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
-        double volume = 0.0, dilatation = 0.0;
-        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
-          double* column = chunk.columns.data() + 16 * p;
-          since[p] = gradient(column, 0.0);
-          for (int i = 0; i < Dim; ++i) at[p][i] = column[12 + i];
-          const Mat<3> now = since[p] * chunk.since[p].inverse();
-          std::copy_n(now.data(), 9, column);
-          volume += chunk.volume[p];
-          dilatation += chunk.volume[p] * chunk.growth[p] * now.trace();
-        }
-        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
-          double* column = chunk.columns.data() + 16 * p;
-          Vec<9> H = Eigen::Map<const Vec<9>>(column);
-          if (shared && volume > 0.0) {
-            const double shift = (dilatation / volume - H[0] - H[4] - H[8]) / 3.0;
-            for (const int d : {0, 4, 8}) H[d] += shift;
-          }
-          const Vec<9> stress = chunk.stiffening[p] * (body.tangent * H);
-          std::copy_n(stress.data(), 9, column);
-        }
+      at.resize(Dim, chunk.size());
+      for (Index p = 0; p < chunk.size(); ++p) {
+        const double* rows = chunk.columns.data() + 16 * p;
+        since[p] = gradient(rows, 0.0);
+        for (int i = 0; i < Dim; ++i) at(i, p) = rows[4 * i + 3];
       }
-      push(
-          chunk, [&](Index p) { return at[p]; },
-          [&](Index p) { return Mat<Dim>(since[p].template topLeftCorner<Dim, Dim>()); });
+      otm_rates(chunk.size(), since.data(), chunk.since.data(), chunk.columns.data());
+      if (shared)
+        for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+          double volume = 0.0, dilatation = 0.0;
+          const auto trace = [&](Index p) {
+            const double* H = chunk.columns.data() + 16 * p;
+            return H[0] + H[5] + H[10];
+          };
+          for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+            volume += chunk.volume[p];
+            dilatation += chunk.volume[p] * chunk.growth[p] * trace(p);
+          }
+          if (!(volume > 0.0)) continue;
+          for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+            const double shift = (dilatation / volume - trace(p)) / 3.0;
+            for (const int d : {0, 5, 10}) chunk.columns[16 * p + d] += shift;
+          }
+        }
+      otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), chunk.columns.data());
+      push(chunk, since, at);
     });
     Points<Dim> next = -collected();
     resist(shaken, next);

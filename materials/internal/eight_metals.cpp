@@ -31,8 +31,7 @@ EFREE_INLINE void congruent(const Eight* A, const Eight* S, Eight* result) {
 }
 
 EFREE_INLINE void determinant(const Eight* S, Eight& result) {
-  result = S[0] * (S[1] * S[2] - S[3] * S[3]) - S[5] * (S[5] * S[2] - S[3] * S[4]) +
-           S[4] * (S[5] * S[3] - S[1] * S[4]);
+  result = S[0] * (S[1] * S[2] - S[3] * S[3]) - S[5] * (S[5] * S[2] - S[3] * S[4]) + S[4] * (S[5] * S[3] - S[1] * S[4]);
 }
 
 /// The sum of c[k] D^k, of a symmetric D without trace, is c[0] I + c[1] D + c[2] D^2, as D^3 = |D|^2 / 2 D + det(D) I
@@ -129,8 +128,8 @@ EFREE_FOR_EACH_MACHINE void flow_back(EightMetals& points, bool flows) {
   const Eight* inverse = points.inverse;
   for (int J = 0; J < 3; ++J)
     for (int i = 0; i < 3; ++i)
-      points.P[i + 3 * J] = tau[place[i][0]] * inverse[J] + tau[place[i][1]] * inverse[J + 3] +
-                            tau[place[i][2]] * inverse[J + 6];
+      points.P[i + 3 * J] =
+          tau[place[i][0]] * inverse[J] + tau[place[i][1]] * inverse[J + 3] + tau[place[i][2]] * inverse[J + 6];
 
   if (!flows) return;
   Eight flow[6], squared[6], lost[6], left[6], sum[3];

@@ -14,15 +14,15 @@ struct alignas(64) EightMetals {
   Eight F[9];       ///< deformation gradients
   Eight metric[6];  ///< C_p^-1 - I, of the plastic deformation so far
   // What it finds were nothing to flow.
-  Eight near;        ///< 1: J > 0, the mean of b_e - I within a fifth, and its deviator (over what is left) within a tenth
-  Eight theta;       ///< trace of the elastic strains
-  Eight e;           ///< length of their deviator
+  Eight near;   ///< 1: J > 0, the mean of b_e - I within a fifth, and its deviator (over what is left) within a tenth
+  Eight theta;  ///< trace of the elastic strains
+  Eight e;      ///< length of their deviator
   Eight inverse[9];  ///< of F
   Eight left[6];     ///< b_e
   Eight deviator[6];
   // What `flow_back` takes.
-  Eight length;            ///< of the flow, along the deviator
-  Eight pressure, shear;   ///< stress: pressure I + shear times the deviator of trial strains
+  Eight length;           ///< of the flow, along the deviator
+  Eight pressure, shear;  ///< stress: pressure I + shear times the deviator of trial strains
   // What it finds.
   Eight P[9];
 };

@@ -82,9 +82,24 @@ template <int Dim> struct OtmChunk {
   bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };
 
-/// Sums over a row of x_a dN_a (three columns of four numbers) and x_a N_a, for every point.
+/// Sums over the nodes of every point of each component of x_a (three rows of four numbers) times dN_a and N_a.
 void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
-                const double* x, double* columns);
+                const double* x, double* rows);
+/// What kernels below write for a point are three columns of four numbers (in the first twelve of sixteen).
+/// F = since made, in the fourth row J and the norm of Green's strain of `since`.
+void otm_kinematics(Index points, const Mat<3>* since, const double* made, double* columns);
+/// Kirchhoff stresses P F^T, less a pressure.
+void otm_kirchhoff(Index points, const double* P, const double* F, const double* shock, double* columns);
+/// moved since^-1.
+void otm_rates(Index points, const Mat<3>* moved, const Mat<3>* since, double* columns);
+/// A factor for each point times a tangent, nine columns of three times three numbers and a zero, times what stands
+/// there.
+void otm_stiffness(Index points, const double* tangent, const double* factor, double* columns);
+/// From Kirchhoff stresses what otm_push takes: -volume tau since^-T + penalty moved moment, and penalty at.
+void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<2>* moment,
+                   const Vec<2>* at, const double* penalty, double* columns);
+void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<3>* moment,
+                   const Vec<3>* at, const double* penalty, double* columns);
 /// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before.
 void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,
               const double* columns, const double* penalty, double* force);

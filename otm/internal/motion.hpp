@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -35,12 +36,13 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
 template <int Dim> struct Motion {
   struct BodyOf {
     SharedMaterial material;
-    MaterialResponse::Tangent tangent, compliance;  ///< at rest; of turns as of shear
-    double shear, modulus;                          ///< against shear, and of pressure waves
-    bool renewed;                                   ///< whether functions are
-    bool finite;                                    ///< whether the material is for finite strains
-    bool has_surface;                               ///< that walls act on; else they act on the nodes
-    Index mass_terms;                               ///< 1: lumped masses
+    std::array<double, 108> tangent;       ///< at rest, as otm_stiffness takes it
+    MaterialResponse::Tangent compliance;  ///< at rest; of turns as of shear
+    double shear, modulus;                 ///< against shear, and of pressure waves
+    bool renewed;                          ///< whether functions are
+    bool finite;                           ///< whether the material is for finite strains
+    bool has_surface;                      ///< that walls act on; else they act on the nodes
+    Index mass_terms;                      ///< 1: lumped masses
     OtmFracture fracture;
     Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
     double release;                     ///< C of its energy release rates
@@ -99,8 +101,8 @@ template <int Dim> struct Motion {
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
   Points<Dim> collected() const;
-  Mat<3> gradient(const double* column, double across) const;
-  template <class At, class Since> void push(OtmChunk<Dim>& chunk, const At& at, const Since& since) const;
+  Mat<3> gradient(const double* rows, double across) const;
+  void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const;
   void sweep(double dt);
   void sweep(Index number, double dt);
   void press(OtmChunk<Dim>& chunk) const;
