@@ -122,12 +122,14 @@ void J2::respond_near_identity(Index begin, int count, const Deformation& given,
   try_elastic(points);
   std::array<Flow, 8> flows;
   std::array<ElasticConstants, 8> elastic;
+  const bool alike = moduli_.is_constant();
+  if (alike) elastic.fill(moduli_.at(given.X.col(begin)));
   points.length = points.pressure = points.shear = Eight{};
   bool plastic = false;
   for (int l = 0; l < count; ++l) {
     if (points.near[l] != 1.0) continue;
     const Vec<3> X = given.X.col(begin + l);
-    elastic[l] = moduli_.at(X);
+    if (!alike) elastic[l] = moduli_.at(X);
     const double e = points.e[l];
     try {
       flows[l] = flow_of(begin + l, given, e, elastic[l]);

@@ -65,7 +65,7 @@ struct OtmOptions {
   double anisotropy = 3.0;
   /// When the stable step gets shorter than this, over the first one, nodes that squeeze functions to less than this,
   /// over their first width, become one with the next. 0: never.
-  double merging = 0.25;
+  double merging = 0.4;
   /// Where bodies with cells stretch, edges between nodes get a node into their middle when they are longer than this,
   /// over the spacing at the start, with no other node near; cells and points around them become two. 0: never.
   double injection = 0.0;

@@ -219,9 +219,9 @@ template <int Dim> void Motion<Dim>::stiffen() {
       for (int k = 0; k < 6; ++k) {
         // A change of F by H F does the work of P : H F.
         Mat<3> change = Eigen::Map<const Mat<3>>(h.data()) * F;
-        const Vec<9> stress = response.tangent_at(p) * Eigen::Map<const Vec<9>>(change.data());
+        const Vec<9> stress = response.tangent_at(p).lazyProduct(Eigen::Map<const Vec<9>>(change.data()));
         const Mat<3> pushed = Eigen::Map<const Mat<3>>(stress.data()) * F.transpose();
-        const Vec<9> next = body.compliance * Eigen::Map<const Vec<9>>(pushed.data());
+        const Vec<9> next = body.compliance.lazyProduct(Eigen::Map<const Vec<9>>(pushed.data()));
         most = next.norm() / h.norm();
         h = next / next.norm();
       }
@@ -230,7 +230,7 @@ template <int Dim> void Motion<Dim>::stiffen() {
       for (int i = 0; i < 3; ++i) {
         Mat<3> change = Mat<3>::Zero();
         change.row(i) = F.row(i);
-        const Vec<9> stress = response.tangent_at(p) * Eigen::Map<const Vec<9>>(change.data());
+        const Vec<9> stress = response.tangent_at(p).lazyProduct(Eigen::Map<const Vec<9>>(change.data()));
         modulus = std::max(modulus, Eigen::Map<const Mat<3>>(stress.data()).row(i).dot(F.row(i)));
       }
       if (std::isfinite(modulus) && modulus > 0.0) chunk.modulus[p] = modulus;
