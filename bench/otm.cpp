@@ -2,7 +2,7 @@
 // bench_otm taylor 2|3 SIZE [key=value ...]: Taylor's bar, with what it costs. Keys: speed, until, gamma, cutoff,
 // renewal, anisotropy, courant, stabilisation, merging, injection, linear, quadratic (shock viscosity), momentum (0
 // affine, 1 nodes, 2 points), shared (0, 1), metal (0 linear hardening, 1 Johnson and Cook's, 2 with the pressure of
-// shocks), threads.
+// shocks), threads, quarter (1: a quarter of the bar, between planes of symmetry).
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -34,13 +34,19 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   options.momentum = static_cast<OtmMomentum>(static_cast<int>(value("momentum", 0)));
   set_num_threads(static_cast<int>(value("threads", 1)));
   const double until = value("until", 80e-6);
-  const auto mesh = bench::TaylorBar::mesh<Dim>(size);
+  const bool quarter = Dim == 3 && value("quarter", 0.0) != 0.0;
+  const auto mesh = [&]() -> FineMesh<Dim> {
+    if constexpr (Dim == 3)
+      if (quarter) return bench::TaylorBar::quarter(size);
+    return bench::TaylorBar::mesh<Dim>(size);
+  }();
   const double start = bench::cpu_seconds();
   const auto metal = static_cast<int>(value("metal", 0));
   auto otm = bench::TaylorBar::bar<Dim>(mesh, value("speed", 227.0), options, value("shared", 1.0) != 0.0,
                                         metal == 0   ? bench::TaylorBar::copper()
                                         : metal == 1 ? bench::TaylorBar::johnson_cook()
-                                                     : bench::TaylorBar::shocked());
+                                                     : bench::TaylorBar::shocked(),
+                                        quarter);
   const double begin = bench::cpu_seconds();
   const auto before = otm.balance();
   std::printf("%d nodes, %d points, set up in %.2f s, first step %.3g ns, kinetic energy %.4g J\n", otm.num_nodes(),

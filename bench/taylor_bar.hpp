@@ -9,6 +9,9 @@
 #include "efree/otm/otm.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
 
 namespace efree::bench {
 
@@ -39,8 +42,46 @@ struct TaylorBar {
     else
       return FineMesh<3>(solids::cylinder(radius, length, size));
   }
+  /// The quarter of the bar between x = 0 and y = 0: a lattice, squares in the section bent to the quarter of a disc,
+  /// cubes in six tetrahedra each (Kuhn 1960).
+  static FineMesh<3> quarter(double size) {
+    const auto n = static_cast<Index>(std::ceil(radius / size)), layers = static_cast<Index>(std::ceil(length / size));
+    const auto vertex = [n](Index i, Index j, Index k) { return i + (n + 1) * (j + (n + 1) * k); };
+    MeshData<3> mesh;
+    mesh.vertices.resize(3, vertex(0, 0, layers + 1));
+    for (Index k = 0; k <= layers; ++k)
+      for (Index j = 0; j <= n; ++j)
+        for (Index i = 0; i <= n; ++i) {
+          const double u = static_cast<double>(i) / n, w = static_cast<double>(j) / n;
+          mesh.vertices.col(vertex(i, j, k)) =
+              Vec<3>(radius * u * std::sqrt(1.0 - 0.5 * w * w), radius * w * std::sqrt(1.0 - 0.5 * u * u),
+                     length * static_cast<double>(k) / layers);
+        }
+    mesh.cells.resize(4, 6 * n * n * layers);
+    Index cell = 0;
+    for (Index k = 0; k < layers; ++k)
+      for (Index j = 0; j < n; ++j)
+        for (Index i = 0; i < n; ++i) {
+          std::array<int, 3> axes{0, 1, 2};
+          do {
+            std::array<Index, 3> at{i, j, k};
+            std::array<Index, 4> corners{vertex(i, j, k)};
+            for (int step = 0; step < 3; ++step) {
+              ++at[axes[step]];
+              corners[step + 1] = vertex(at[0], at[1], at[2]);
+            }
+            // Every other path winds the other way.
+            const bool even = (axes[1] - axes[0] + 3) % 3 == 1;
+            if (!even) std::swap(corners[2], corners[3]);
+            for (int corner = 0; corner < 4; ++corner) mesh.cells(corner, cell) = corners[corner];
+            ++cell;
+          } while (std::ranges::next_permutation(axes).found);
+        }
+    return FineMesh<3>(mesh);
+  }
   template <int Dim> static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, OtmOptions options,
-                                         bool shared_dilatation = true, const SharedMaterial& material = copper()) {
+                                         bool shared_dilatation = true, const SharedMaterial& material = copper(),
+                                         bool is_quarter = false) {
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;
     OtmBody<Dim> body = otm_body(mesh, material, density, Dim == 2);
     body.velocity.setZero(Dim, body.nodes.cols());
@@ -48,9 +89,9 @@ struct TaylorBar {
     if (!shared_dilatation) body.unions.clear();
     Otm<Dim> otm({body}, options);
     otm.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
-    if (Dim == 2)
+    for (int axis = 0; axis < (Dim == 2 ? 1 : is_quarter ? 2 : 0); ++axis)
       for (Index a = 0; a < body.nodes.cols(); ++a)
-        if (body.nodes(0, a) < 1e-9) otm.prescribe(a, 0, 0.0);
+        if (body.nodes(axis, a) < 1e-9) otm.prescribe(a, axis, 0.0);
     return otm;
   }
 

@@ -44,6 +44,19 @@ TEST(TaylorBar, AtThreeTimesTheSpeedNodesBecomeOneAndTheEnergyIsAccounted) {
   }
 }
 
+TEST(TaylorBar, AQuarterBetweenPlanesOfSymmetryEndsAsTheMeridianSectionDoes) {
+  auto section = TaylorBar::bar<2>(TaylorBar::mesh<2>(0.9e-3), 227.0, {});
+  auto quarter = TaylorBar::bar<3>(TaylorBar::quarter(0.8e-3), 227.0, {}, true, TaylorBar::copper(), true);
+  const auto before = quarter.balance();
+  section.run(80e-6);
+  quarter.run(80e-6);
+  const auto two = TaylorBar::shape(section), three = TaylorBar::shape(quarter);
+  EXPECT_NEAR(three.length, two.length, 0.005 * two.length);
+  EXPECT_NEAR(three.foot, two.foot, 0.01 * two.foot);
+  EXPECT_GT(three.foot, 6.9e-3);
+  EXPECT_NEAR(quarter.balance().total(), before.total(), 0.003 * before.total());
+}
+
 /// The bar becomes a disk half a millimetre thin: nodes come in along it and become one across it.
 TEST(TaylorBar, AtThreeTimesTheSpeedNodesThatComeInCarryItToTheEnd) {
   for (const double size : {1e-3, 0.8e-3}) {
