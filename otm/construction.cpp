@@ -292,6 +292,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();
+  if (!fixed) find_free();
   find_masses();
   find_momenta();
   take_surfaces(given);

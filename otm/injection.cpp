@@ -234,6 +234,7 @@ template <int Dim> void Motion<Dim>::inject() {
     }
     find_points();
     find_places();
+    find_free();
     ball_offsets.clear();
   }
 }
