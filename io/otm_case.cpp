@@ -320,9 +320,15 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   read_options(root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "merging", "injection", "momentum",
                                     "courant", "stabilisation", "shock"}),
                motion.cloud, motion.options);
-  const Section contact = root.section("contact", {"stiffness", "friction"});
+  const Section contact = root.section("contact", {"stiffness", "friction", "seizing"});
   motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);
   motion.options.contact.friction = contact.number("friction", not_negative, motion.options.contact.friction);
+  motion.options.contact.seizing = contact.boolean("seizing", false);
+  for (const char* key : {"stiffness", "friction"})
+    if (motion.options.contact.seizing && contact.has(key))
+      contact.fail(key, fmt::format("{} means nothing for bodies that seize", key));
+  if (motion.options.contact.seizing && motion.cloud)
+    contact.fail("seizing", "seizing is for functions that are made anew, and those of a [cloud] are not");
   for (const Section& entry : gases)
     motion.gases.push_back({.on = places.name(entry),
                             .pressure = entry.number("pressure", any_number),

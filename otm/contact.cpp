@@ -23,6 +23,8 @@ namespace {
 constexpr double skin = 0.25;
 /// How far nodes get into a body before they count as on its other side, over the spacing.
 constexpr double deepest = 0.8;
+/// How near bodies that seize have to come, over the spacing.
+constexpr double seizes = 0.3;
 
 /// Facets of a cell that is positively oriented, outwards.
 constexpr int facets_of_cell[2][4][3] = {{{0, 1, -1}, {1, 2, -1}, {2, 0, -1}, {-1, -1, -1}},
@@ -133,6 +135,60 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   return true;
 }
 
+/// Bodies whose nodes a point may see: its own, those it sees already, and those that nodes it sees have seized.
+template <int Dim>
+void Motion<Dim>::partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const {
+  partners.assign(1, chunk.body);
+  if (seized.empty()) return;
+  const auto add = [&](Index body) {
+    const auto place = std::lower_bound(partners.begin(), partners.end(), body);
+    if (place == partners.end() || *place != body) partners.insert(place, body);
+  };
+  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+    const Index a = chunk.nodes[chunk.local[e]];
+    add(body_of_node[a]);
+    for (auto by = std::lower_bound(seized.begin(), seized.end(), std::pair(a, Index(0)));
+         by != seized.end() && by->first == a; ++by)
+      add(by->second);
+  }
+}
+
+/// Where bodies come near each other their points are worn: renewal gives them nodes of both.
+template <int Dim> void Motion<Dim>::seize() {
+  std::vector<std::pair<Index, Index>> found;
+  const auto is_seized = [&](Index a, Index body) {
+    return std::binary_search(seized.begin(), seized.end(), std::pair(a, body));
+  };
+  for (const Near& of : near) {
+    if (merged[of.node] >= 0 || is_seized(of.node, of.body)) continue;
+    const Facets<Dim>& facets = surfaces[of.body].facets;
+    NearestFacet<Dim> nearest(1e-9 * spacing[of.node]);
+    for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - x.col(of.node));
+    const Index f = nearest.facet(), body = body_of_node[of.node];
+    if (f < 0 || nearest.distance() > seizes * 0.5 * (spacing[of.node] + spacing[facets(0, f)])) continue;
+    found.push_back({of.node, of.body});
+    for (const Index b : facets.col(f))
+      if (!is_seized(b, body)) found.push_back({b, body});
+  }
+  if (found.empty()) return;
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  for (const auto& [a, body] : found)
+    for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+      const auto [c, l] = node_places[k];
+      OtmChunk<Dim>& chunk = chunks[c];
+      for (Index p = 0; p < chunk.size(); ++p)
+        if (!chunk.is_eroded(p) &&
+            std::any_of(chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1],
+                        [l = l](std::uint16_t local) { return local == l; }))
+          chunk.wear(p);
+    }
+  const auto before = static_cast<std::ptrdiff_t>(seized.size());
+  seized.insert(seized.end(), found.begin(), found.end());
+  std::inplace_merge(seized.begin(), seized.begin() + before, seized.end());
+  changed_nodes = true;
+}
+
 /// Forces between bodies that are in each other's way.
 template <int Dim> void Motion<Dim>::touch() {
   if (!has_contact()) return;
@@ -142,6 +198,11 @@ template <int Dim> void Motion<Dim>::touch() {
   for (Index a = 0; a < x.cols() && !look; ++a)
     look = (x.col(a) - seen.col(a)).squaredNorm() > skin * skin * spacing[a] * spacing[a];
   if (look) find_near();
+  if (options.contact.seizing) {
+    seize();
+    times.contact += lap(start);
+    return;
+  }
   std::vector<Touch> found(near.size());
   parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)

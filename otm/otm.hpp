@@ -51,6 +51,10 @@ struct ShockViscosity {
 struct OtmContact {
   double stiffness = 1.0;  ///< of the surfaces against each other, over that of a layer of nodes; 0: bodies pass freely
   double friction = 0.0;   ///< Coulomb's coefficient
+  /// No springs: where bodies come within three tenths of a spacing of each other, points next to both get functions of
+  /// the nodes of both, and the bodies move as one from there on (Li, Habbal & Ortiz 2010). Momenta are conserved to
+  /// rounding; what a sudden common motion takes is counted with renewals.
+  bool seizing = false;
 };
 
 /// How bodies move.

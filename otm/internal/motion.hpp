@@ -185,6 +185,12 @@ template <int Dim> struct Motion {
   std::vector<Near> near;
   Points<Dim> seen;  ///< where nodes were when these were found
   std::vector<Touch> touches;
+  std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
+  void seize();
+  void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
+  void build_tree(Index body) {
+    trees[body]->build(x.middleCols(bodies[body].first_node, bodies[body + 1].first_node - bodies[body].first_node));
+  }
   struct Cavity {
     OtmCavity<Dim> of;
     double volume;  ///< at the start; negative by orientation
@@ -251,7 +257,7 @@ template <int Dim> struct Motion {
   Vec<Dim> at_surface_point(Index s, const Points<Dim>& of) const;
   void find_near_tools();
   void stop_surfaces(Tool& tool, double dt);
-  bool has_contact() const { return options.contact.stiffness > 0.0 && bodies.size() > 2; }
+  bool has_contact() const { return (options.contact.seizing || options.contact.stiffness > 0.0) && bodies.size() > 2; }
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
