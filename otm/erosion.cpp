@@ -61,7 +61,7 @@ template <int Dim> void Motion<Dim>::keep_connected(Index of_body, Index point, 
   }
   std::size_t kept = 0;
   for (std::size_t k = 0; k < nodes.size(); ++k)
-    if (reached[k] != 0) nodes[kept++] = nodes[k];
+    if (reached[k] != 0 || body_of_node[nodes[k]] != of_body) nodes[kept++] = nodes[k];
   nodes.resize(kept);
 }
 
