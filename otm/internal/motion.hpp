@@ -158,12 +158,15 @@ template <int Dim> struct Motion {
     double weight;   ///< of it in the point below the touching node
     Vec<Dim> lever;  ///< forces along the normal of this times s sum up to nothing, and to the moment s x normal
   };
+  /// A spring between them. It is compressed as far as the work it has taken allows: it gives back no more.
   struct Touch {
     Index node;
     double stiffness;
     Vec<Dim> normal;  ///< out of the other body
     std::vector<Held> patch;
-    double gap = 0.0;  ///< negative
+    double gap = 0.0;     ///< negative
+    double depth = 0.0;   ///< how far it is compressed, at most -gap
+    double energy = 0.0;  ///< work it has taken and not given back
   };
   struct Surface {
     Facets<Dim> facets;        ///< outwards; none on an axis
@@ -177,6 +180,7 @@ template <int Dim> struct Motion {
   Vector surface_area;            ///< by node; axisymmetric of the full turn
   std::vector<Near> near;
   Points<Dim> seen;  ///< where nodes were when these were found
+  Points<Dim> met;   ///< where nodes were when touches were found
   std::vector<Touch> touches;
   struct Cavity {
     OtmCavity<Dim> of;
@@ -220,6 +224,7 @@ template <int Dim> struct Motion {
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
   bool find_touch(const Near& of, Touch& touch) const;
+  void soften(std::vector<Touch>& found) const;
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;
   void inflate();
