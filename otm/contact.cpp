@@ -158,10 +158,11 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   Vec<Dim> best_weights, to;
   for (const Index f : of.facets) {
     const Mat<Dim> corner = corners(facets, f).colwise() - at;
+    const Vec<Dim> area = area_of<Dim>(corner);
+    if (!(area.norm() > 1e-9 * std::pow(spacing[of.node], Dim - 1))) continue;  // collapsed: its sides are others'
     const Vec<Dim> weights = nearest_in<Dim>(corner), point = corner * weights;
     const double distance = point.norm();
     // Of facets that share the nearest point the one that faces the node most says on which side it is.
-    const Vec<Dim> area = area_of<Dim>(corner);
     const double faces = distance > 0.0 ? point.dot(area) / (area.norm() * distance) : 0.0;
     const double slack = 1e-9 * spacing[of.node];
     if (distance > nearest + slack || (distance > nearest - slack && std::abs(faces) <= std::abs(facing))) continue;
@@ -173,8 +174,8 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   }
   if (best < 0 || !(facing > 0.0) || nearest > deepest * spacing[facets(0, best)]) return false;
   touch.node = of.node;
-  touch.normal = to / nearest;
-  touch.gap = -nearest;
+  touch.gap = -to.norm();  // as good as the nearest, which may be none of those that say so
+  touch.normal = to / -touch.gap;
   const Mat<Dim> corner = corners(facets, best).colwise() - at;
   const Vec<Dim> middle = corner.rowwise().mean();
   const Mat<Dim> along = Mat<Dim>::Identity() - touch.normal * touch.normal.transpose();
@@ -193,6 +194,7 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
 template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& found) const {
   Vector sum = Vector::Zero(x.cols());
   for (const Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
     sum[one.node] += one.stiffness;
     for (const auto& held : one.patch) sum[held.node] += held.weight * one.stiffness;
   }
@@ -201,6 +203,7 @@ template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& found) const {
     return sum[a] > most ? most / sum[a] : 1.0;
   };
   for (Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
     double least = borne(one.node);
     for (const auto& held : one.patch)
       if (held.weight > 0.0) least = std::min(least, borne(held.node));
@@ -225,8 +228,8 @@ template <int Dim> void Motion<Dim>::touch() {
     for (Index k = begin; k < end; ++k)
       if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
   });
-  std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
   soften(found);
+  std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
   if (met.size() == 0) met = x;
   const auto way = [&](const Touch& one) {
     Vec<Dim> result = x.col(one.node) - met.col(one.node);

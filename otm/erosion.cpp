@@ -243,10 +243,6 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   inflate();
   // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.
   fracture_loss -= 0.5 * last_step * v.cwiseProduct(force - pulled).sum();
-  // The fastest vibration may have been theirs: any shape of the others may be the next.
-  const double size = 0.1 / std::sqrt(mass.sum());
-  for (Index a = 0; a < x.cols(); ++a)
-    for (int i = 0; i < Dim; ++i) shaken(i, a) += (a * 7 + i * 3) % 5 < 2 ? size : -size;
 }
 
 template struct Motion<2>;
