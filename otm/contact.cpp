@@ -15,6 +15,7 @@
 #include <map>
 #include <numbers>
 #include <set>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -25,6 +26,8 @@ constexpr double skin = 0.25;
 constexpr double deepest = 0.8;
 /// How near bodies that seize have to come, over the spacing.
 constexpr double seizes = 0.3;
+/// Square of the highest frequency of springs between bodies alone, times that of the step: leapfrog bears 4.
+constexpr double softest_step = 2.0;
 
 /// Facets of a cell that is positively oriented, outwards.
 constexpr int facets_of_cell[2][4][3] = {{{0, 1, -1}, {1, 2, -1}, {2, 0, -1}, {-1, -1, -1}},
@@ -114,13 +117,13 @@ template <int Dim> void Motion<Dim>::find_near() {
 template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) const {
   const Facets<Dim>& facets = surfaces[of.body].facets;
   const Vec<Dim> at = x.col(of.node);
-  NearestFacet<Dim> nearest(1e-9 * spacing[of.node]);
+  NearestFacet<Dim> nearest(1e-9 * spacing[of.node], 1e-9 * std::pow(spacing[of.node], Dim - 1));
   for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - at);
   const Index best = nearest.facet();
   if (best < 0 || !nearest.is_inside() || nearest.distance() > deepest * spacing[facets(0, best)]) return false;
   touch.node = of.node;
-  touch.normal = nearest.to() / nearest.distance();
-  touch.gap = -nearest.distance();
+  touch.gap = -nearest.to().norm();  // as good as the nearest, which may be none of those that say so
+  touch.normal = nearest.to() / -touch.gap;
   const Mat<Dim> corner = corners(facets, best).colwise() - at;
   const Vec<Dim> middle = corner.rowwise().mean();
   const Mat<Dim> along = Mat<Dim>::Identity() - touch.normal * touch.normal.transpose();
@@ -189,7 +192,31 @@ template <int Dim> void Motion<Dim>::seize() {
   changed_nodes = true;
 }
 
-/// Forces between bodies that are in each other's way.
+/// Springs no stiffer than the masses between them bear in the step, together (by Gershgorin's circles).
+template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& found) const {
+  Vector sum = Vector::Zero(x.cols());
+  for (const Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
+    sum[one.node] += one.stiffness;
+    for (const auto& held : one.patch) sum[held.node] += held.weight * one.stiffness;
+  }
+  const auto borne = [&](Index a) {
+    const double most = softest_step * mass[a] / (2.0 * stable * stable);
+    return sum[a] > most ? most / sum[a] : 1.0;
+  };
+  for (Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
+    double least = borne(one.node);
+    for (const auto& held : one.patch)
+      if (held.weight > 0.0) least = std::min(least, borne(held.node));
+    one.stiffness *= least;
+  }
+}
+
+/// Forces between bodies that are in each other's way. Their work since the last step is that of leapfrog, the mean of
+/// both ends' forces times the way, so that what springs have taken is what bodies have lost, to rounding. Where the
+/// nearest point jumps, or points broke and a node is inside a surface that is new, the spring is compressed no further
+/// than that pays for, and by what the node goes deeper.
 template <int Dim> void Motion<Dim>::touch() {
   if (!has_contact()) return;
   auto start = Clock::now();
@@ -208,25 +235,33 @@ template <int Dim> void Motion<Dim>::touch() {
     for (Index k = begin; k < end; ++k)
       if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
   });
-  // Where points broke, nodes may be inside a surface that is new: they touch it when they have come to it.
-  std::set<std::pair<Index, Index>> touched;
-  for (const Touch& one : touches) touched.insert({one.node, body_of_node[one.patch.front().node]});
-  const auto may_begin = [&](const Touch& one) {
-    if (counts.eroded == 0 || touched.contains({one.node, body_of_node[one.patch.front().node]})) return true;
-    Vec<Dim> speed = v.col(one.node);
-    for (const auto& held : one.patch) speed -= held.weight * v.col(held.node);
-    return -one.gap <= 1.5 * last_step * speed.norm();
+  soften(found);
+  std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
+  if (met.size() == 0) met = x;
+  const auto way = [&](const Touch& one) {
+    Vec<Dim> result = x.col(one.node) - met.col(one.node);
+    for (const auto& held : one.patch) result -= held.weight * (x.col(held.node) - met.col(held.node));
+    return one.normal.dot(result);
   };
-  touches.clear();
-  contact_stored = 0.0;
+  std::map<std::pair<Index, Index>, double> taken;  // by node and other body
+  const auto pair_of = [&](const Touch& one) { return std::pair(one.node, body_of_node[one.patch.front().node]); };
+  for (const Touch& one : touches) taken[pair_of(one)] += one.energy - 0.5 * one.stiffness * one.depth * way(one);
   for (Touch& one : found) {
-    if (!(one.stiffness > 0.0) || !may_begin(one)) continue;
-    const Vec<Dim> push = -one.stiffness * one.gap * one.normal;
+    const auto last = taken.find(pair_of(one));
+    if (last != taken.end()) one.energy = std::exchange(last->second, 0.0);
+    // What is stored afterwards, k depth^2 / 2, is at most that and the second half of the work, -k depth out / 2.
+    const double out = way(one), square = out * out + 8.0 * one.energy / one.stiffness;
+    one.depth = std::min(-one.gap, square > 0.0 ? std::max(0.0, 0.5 * (std::sqrt(square) - out)) : 0.0);
+    one.energy -= 0.5 * one.stiffness * one.depth * out;
+    const Vec<Dim> push = one.stiffness * one.depth * one.normal;
     force.col(one.node) += push;
     for (const auto& [b, weight, lever] : one.patch) force.col(b) -= weight * push;
-    contact_stored += 0.5 * one.stiffness * one.gap * one.gap;
-    touches.push_back(std::move(one));
   }
+  for (const auto& [pair, energy] : taken) contact_loss += energy;
+  touches = std::move(found);
+  contact_stored = 0.0;
+  for (const Touch& one : touches) contact_stored += one.energy;
+  met = x;
   times.contact += lap(start);
 }
 
@@ -291,7 +326,7 @@ template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
     slide -= one.normal.dot(slide) * one.normal;
     const double speed = slide.norm();
     if (!(speed > 0.0) || !std::isfinite(mobility)) continue;
-    const double impulse = std::min(-options.contact.friction * one.stiffness * one.gap * kick, speed / mobility);
+    const double impulse = std::min(options.contact.friction * one.stiffness * one.depth * kick, speed / mobility);
     const Vec<Dim> stop = impulse / speed * slide;
     const auto give = [&](Index a, const Vec<Dim>& what) {
       v.col(a) += what / mass[a];

@@ -469,7 +469,7 @@ template <int Dim> void Motion<Dim>::renew() {
   }
   // Nodes that lost others around them, or got them, may have become light.
   const bool changed = std::exchange(changed_nodes, false);
-  if (narrowed || changed) shake(changed ? 30 : 3);
+  if (narrowed || changed) shake(changed ? 10 : 3);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.

@@ -73,8 +73,8 @@ concept IsTouch = requires(T of) {
   of.gap;
 };
 auto fields(IsTouch auto& of) {
-  auto& [node, stiffness, normal, patch, gap] = of;
-  return std::tie(node, stiffness, normal, patch, gap);
+  auto& [node, stiffness, normal, patch, gap, depth, energy] = of;
+  return std::tie(node, stiffness, normal, patch, gap, depth, energy);
 }
 template <class T>
 concept IsCavity = requires(T cavity) {
@@ -127,7 +127,7 @@ template <int Dim> auto fields(Motion<Dim>& of) {
                   of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable, of.first_stable,
                   of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work, of.dissipated, of.viscous,
                   of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
-                  of.surface_area, of.near, of.seen, of.touches, of.seized, of.cavities, of.contact_stored,
+                  of.surface_area, of.near, of.seen, of.met, of.touches, of.seized, of.cavities, of.contact_stored,
                   of.nodal_momentum, of.looked);
 }
 

@@ -54,14 +54,15 @@ template <int Dim> Vec<Dim> area_of(const Mat<Dim>& corner) {
 /// most says on which side it is.
 template <int Dim> class NearestFacet {
  public:
-  /// Distances that differ by less than this are the same.
-  explicit NearestFacet(double slack) : slack_(slack) {}
+  /// Distances that differ by less than `slack` are the same; facets no larger than `collapsed` have no sides.
+  explicit NearestFacet(double slack, double collapsed = 0.0) : slack_(slack), collapsed_(collapsed) {}
 
   /// Corners of the next one, seen from the origin.
   void look(Index facet, const Mat<Dim>& corner) {
+    const Vec<Dim> area = area_of<Dim>(corner);
+    if (!(area.norm() > collapsed_)) return;
     const Vec<Dim> weights = nearest_in<Dim>(corner), point = corner * weights;
     const double distance = point.norm();
-    const Vec<Dim> area = area_of<Dim>(corner);
     const double faces = distance > 0.0 ? point.dot(area) / (area.norm() * distance) : 0.0;
     if (distance > distance_ + slack_ || (distance > distance_ - slack_ && std::abs(faces) <= std::abs(facing_)))
       return;
@@ -79,7 +80,7 @@ template <int Dim> class NearestFacet {
   bool is_inside() const { return facing_ > 0.0; }
 
  private:
-  double slack_, distance_ = std::numeric_limits<double>::infinity(), facing_ = 0.0;
+  double slack_, collapsed_, distance_ = std::numeric_limits<double>::infinity(), facing_ = 0.0;
   Index facet_ = -1;
   Vec<Dim> weights_ = Vec<Dim>::Zero(), to_ = Vec<Dim>::Zero();
 };

@@ -156,7 +156,7 @@ template <int Dim> struct Motion {
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
-  void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
+  void shock(OtmChunk<Dim>& chunk, Index p, double dt) const;
 
   // Contact of bodies.
   /// A node and its patch of another body's surface.
@@ -165,12 +165,15 @@ template <int Dim> struct Motion {
     double weight;   ///< of it in the point below the touching node
     Vec<Dim> lever;  ///< forces along the normal of this times s sum up to nothing, and to the moment s x normal
   };
+  /// A spring between them. It is compressed as far as the work it has taken allows: it gives back no more.
   struct Touch {
     Index node;
     double stiffness;
     Vec<Dim> normal;  ///< out of the other body
     std::vector<Held> patch;
-    double gap = 0.0;  ///< negative
+    double gap = 0.0;     ///< negative
+    double depth = 0.0;   ///< how far it is compressed, at most -gap
+    double energy = 0.0;  ///< work it has taken and not given back
   };
   struct Surface {
     Facets<Dim> facets;        ///< outwards; none on an axis
@@ -184,6 +187,7 @@ template <int Dim> struct Motion {
   Vector surface_area;            ///< by node; axisymmetric of the full turn
   std::vector<Near> near;
   Points<Dim> seen;  ///< where nodes were when these were found
+  Points<Dim> met;   ///< where nodes were when touches were found
   std::vector<Touch> touches;
   std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
   void seize();
@@ -262,6 +266,7 @@ template <int Dim> struct Motion {
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
   bool find_touch(const Near& of, Touch& touch) const;
+  void soften(std::vector<Touch>& found) const;
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;
   void inflate();
