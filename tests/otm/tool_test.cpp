@@ -244,10 +244,11 @@ TEST(OtmTool, ABlockOnAnAcceleratedPlateSlidesWithMuTimesItsAcceleration) {
   const Vec<2> speed = otm.balance().momentum / otm.masses().sum();
   EXPECT_NEAR(speed[1], g * otm.time(), g);
   EXPECT_NEAR(speed[0], 0.3 - mu * g * otm.time(), mu * g);
-  EXPECT_NEAR(otm.balance().contact, 0.3 * mu * 2.0 * g * 20.0 - 0.5 * 2.0 * std::pow(mu * g * 20.0, 2), 2e-3);
+  EXPECT_NEAR(otm.balance().contact, 0.3 * mu * 2.0 * g * 20.0 - 0.5 * 2.0 * std::pow(mu * g * 20.0, 2), 3e-3);
 }
 
-/// And it goes with a plate that slides away with less than mu g, or sticks.
+/// And it goes with a plate that slides away with less than mu g, or sticks. While it bounces on the plate it slips now
+/// and then.
 TEST(OtmTool, ABlockGoesWithAPlateThatAcceleratesByLessThanFrictionBears) {
   const double g = 0.02, along = 0.002;
   for (const double friction : {0.25, std::numeric_limits<double>::infinity()}) {
@@ -258,7 +259,7 @@ TEST(OtmTool, ABlockGoesWithAPlateThatAcceleratesByLessThanFrictionBears) {
     const double start = otm.nodes().row(0).mean();
     otm.run(20.0);
     EXPECT_NEAR(otm.balance().momentum[0] / otm.masses().sum(), along * 20.0, 2.0 * along) << friction;
-    EXPECT_NEAR(otm.nodes().row(0).mean() - start, 0.5 * along * 400.0, 4.0 * along) << friction;
+    EXPECT_NEAR(otm.nodes().row(0).mean() - start, 0.5 * along * 400.0, 8.0 * along) << friction;
   }
 }
 
@@ -302,7 +303,8 @@ TEST(OtmTool, ABallThatIsPressedIntoAHalfSpaceFeelsTheForceOfHertz) {
   EXPECT_LT(coarse / fine, 4.0) << coarse << " " << fine;
 }
 
-/// A cylinder of metal between plates: the mean pressure over the yield stress.
+/// A cylinder of metal between plates, pressed by a tenth so slowly that inertia takes 0.3 %: the mean pressure over
+/// the yield stress.
 double upsetting_pressure(double friction, double size) {
   const double R = 2.0, h = 1.0, yield = 1.0;
   const J2 metal({.moduli = {.E = 500.0, .nu = 0.3}, .yield = Hardening::linear(yield, 0.0), .strain = Strain::finite});
@@ -314,12 +316,12 @@ double upsetting_pressure(double friction, double size) {
   for (const double side : {-1.0, 1.0})
     otm.add_tool({.shape = tools::half_space<2>(-side * Vec<2>::Unit(1), side > 0.0 ? -h : 0.0),
                   .friction = friction,
-                  .velocity = [=](double t) { return Vec<2>(0.0, -side * 0.05 * std::min(1.0, t)); }});
-  otm.run(1.5);
+                  .velocity = [=](double t) { return Vec<2>(0.0, -side * 0.025 * std::min(1.0, t)); }});
+  otm.run(2.5);
   const Vec<2> before = otm.tools()[1].impulse;
   const double start = otm.time(), height = otm.tools()[1].centre[1] - otm.tools()[0].centre[1] + h;
   EXPECT_NEAR(height, 0.9, 1e-6);
-  otm.run(1.7);
+  otm.run(2.9);
   const double force = (otm.tools()[1].impulse - before)[1] / (otm.time() - start);
   const double radius2 = R * R * h / (height - 0.01);
   const auto now = otm.balance();
