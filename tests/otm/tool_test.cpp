@@ -290,17 +290,18 @@ TEST(OtmTool, ARigidMassThatHitsABarIsSlowedDownAsSaintVenantSaysAndBounces) {
   EXPECT_GT(coarse / fine, 1.4) << coarse << " " << fine;
 }
 
-/// Contact radii of 4 and 8 spacings. The end of the half-space alone makes it stiffer by 4 / (3 pi 30) or so.
+/// Contact radii of 4 and 8 spacings. Where the half-space ends a point load would push it by 0.0058 of the depth, in
+/// the mean over axis and surface (Boussinesq 1885), so the force is larger by 1.5 times that.
 TEST(OtmTool, ABallThatIsPressedIntoAHalfSpaceFeelsTheForceOfHertz) {
   const auto off = [](Index cells) {
     const bench::Indentation::Answer answer = bench::Indentation::press(cells);
-    EXPECT_LT(std::abs(answer.energy), 0.01);
-    return answer.force - 1.0;
+    EXPECT_LT(std::abs(answer.energy), 1e-4);
+    return answer.force - 1.0087;
   };
   const double coarse = off(12), fine = off(24);
-  EXPECT_LT(std::abs(fine), 0.04) << coarse;
-  EXPECT_GT(coarse / fine, 1.5) << coarse << " " << fine;
-  EXPECT_LT(coarse / fine, 4.0) << coarse << " " << fine;
+  EXPECT_LT(std::abs(coarse), 0.02);
+  EXPECT_LT(std::abs(fine), 0.008);
+  EXPECT_LT(std::abs(fine), 0.7 * std::abs(coarse)) << coarse << " " << fine;
 }
 
 /// A cylinder of metal between plates, pressed by a tenth so slowly that inertia takes 0.3 %: the mean pressure over
