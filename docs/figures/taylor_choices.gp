@@ -11,7 +11,7 @@ array titles[3] = ['{/Symbol g}', 'cutoff', 'renewal']
 array values[3] = ['1 1.8 2.5 3 4', '0.01 0.0001 1e-06', '0.02 0.05 0.1 0.2 0.4']
 array defaults[3] = ['2.5', '0.0001', '0.2']
 array names[2] = ['length', 'foot']
-array low[2] = [0.01, 0.3]
+array low[2] = [0.05, 0.4]
 array high[2] = [1, 15]
 off(row) = 100 * abs((row == 1 ? $6 / length_mean : $7 / foot_mean) - 1)
 colour(k, i) = word(values[k], i) eq defaults[k] ? blue : word(colours, i)
