@@ -238,8 +238,7 @@ template <int Dim> void Motion<Dim>::touch() {
   };
   std::map<std::pair<Index, Index>, double> taken;  // by node and other body
   const auto pair_of = [&](const Touch& one) { return std::pair(one.node, body_of_node[one.patch.front().node]); };
-  for (const Touch& one : touches)
-    taken[pair_of(one)] += one.energy - 0.5 * one.stiffness * one.depth * way(one);
+  for (const Touch& one : touches) taken[pair_of(one)] += one.energy - 0.5 * one.stiffness * one.depth * way(one);
   for (Touch& one : found) {
     const auto last = taken.find(pair_of(one));
     if (last != taken.end()) one.energy = std::exchange(last->second, 0.0);
