@@ -68,6 +68,12 @@ template <int Dim> void expect_bounce(Otm<Dim>& otm, double until, double speed)
   EXPECT_NEAR(after.total(), before.total(), 0.01 * before.total());
 }
 
+/// Without friction springs give back what they took, but for what steps of finite length make of their ends.
+template <int Dim> void expect_given_back(const Otm<Dim>& otm) {
+  EXPECT_GE(otm.balance().contact, 0.0);
+  EXPECT_LT(otm.balance().contact, 3e-4 * otm.balance().total());
+}
+
 TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
   const FineMesh<2> disk = triangulate(shapes::annulus(0.05, 1.0, 0.15), {.size = 0.15});
   {
@@ -76,7 +82,7 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
     // Some of it goes on as vibration.
     EXPECT_NEAR(speed_of(otm, 0), -0.094, 0.002);
     EXPECT_NEAR(speed_of(otm, 1), 0.094, 0.002);
-    EXPECT_NEAR(otm.balance().contact, 0.0, 1e-12);
+    expect_given_back(otm);
   }
   double spin = 0.0;
   for (const double friction : {0.0, 0.3}) {
@@ -90,7 +96,7 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
     }
     if (friction == 0.0) {
       spin = moment;
-      EXPECT_NEAR(otm.balance().contact, 0.0, 1e-12);
+      expect_given_back(otm);
     } else {
       EXPECT_GT(std::abs(moment), 5.0 * std::abs(spin));
       EXPECT_GT(otm.balance().contact, 1e-4);
