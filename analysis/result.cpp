@@ -51,7 +51,7 @@ struct Range {
   }
 };
 
-/// Of some numbers at each of `count` places: ranges(place, add) calls add(number, value).
+/// Of some numbers at each of `count` places: values(place, add) calls add(number, value).
 template <class Values> std::vector<Range> ranges_of(Index count, std::size_t numbers, const Values& values) {
   constexpr Index chunk = 4096;
   std::vector<std::vector<Range>> parts((count + chunk - 1) / chunk, std::vector<Range>(numbers));

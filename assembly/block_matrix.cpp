@@ -63,10 +63,10 @@ template <int Dim>
 void BlockMatrix<Dim>::multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const {
   if (x.size() >= worth_packing) {
     const std::size_t count = std::min<std::size_t>(x.size(), 8);
-    const Eightfold<Dim> from(std::span(x).first(count));
+    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(x.data(), count));
     Eightfold<Dim> to(size());
     multiply(from, to);
-    to.unpack(std::span(y).first(count));
+    to.unpack(std::span<Points<Dim>* const>(y.data(), count));
     if (count < x.size())
       multiply(std::vector(x.begin() + static_cast<std::ptrdiff_t>(count), x.end()),
                std::vector(y.begin() + static_cast<std::ptrdiff_t>(count), y.end()));

@@ -6,6 +6,7 @@
 ///   bench_load_cases [runs = 3] [size = 1: factor on the mesh sizes] [only: part of a name] [threads = 1]
 #include "clock.hpp"
 #include "efree/analysis/analyse.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
@@ -132,6 +133,7 @@ int main(int argc, char** argv) {
   const int runs = argc > 1 ? std::atoi(argv[1]) : 3;
   const double size = argc > 2 ? std::atof(argv[2]) : 1.0;
   const std::string only = argc > 3 ? argv[3] : "";
+  keep_freed_memory();  // as the program does
   set_num_threads(argc > 4 ? std::atoi(argv[4]) : 1);
   std::printf(
       "| body | one | ten | ratio | one, files | ten, files | ratio | a further one, by stage [s] |\n"

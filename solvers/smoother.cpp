@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 namespace efree {
 namespace {
@@ -177,10 +178,10 @@ template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degr
                                              const std::vector<Points<Dim>*>& z) const {
   if (r.size() >= worth_packing) {
     const std::size_t count = std::min<std::size_t>(r.size(), 8);
-    const Eightfold<Dim> from(std::span(r).first(count));
+    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(r.data(), count));
     Eightfold<Dim> to(K.size());
     apply(K, degree, from, to);
-    to.unpack(std::span(z).first(count));
+    to.unpack(std::span<Points<Dim>* const>(z.data(), count));
     if (count < r.size())
       apply(K, degree, std::vector(r.begin() + static_cast<std::ptrdiff_t>(count), r.end()),
             std::vector(z.begin() + static_cast<std::ptrdiff_t>(count), z.end()));
