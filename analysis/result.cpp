@@ -57,7 +57,8 @@ template <class Values> std::vector<Range> ranges_of(Index count, std::size_t nu
   std::vector<std::vector<Range>> parts((count + chunk - 1) / chunk, std::vector<Range>(numbers));
   parallel_chunks(count, chunk, [&](Index begin, Index end) {
     auto& part = parts[begin / chunk];
-    for (Index p = begin; p < end; ++p) values(p, [&](std::size_t number, double value) { part[number].add(value, p); });
+    for (Index p = begin; p < end; ++p)
+      values(p, [&](std::size_t number, double value) { part[number].add(value, p); });
   });
   std::vector<Range> all(numbers);
   for (const auto& part : parts)
@@ -73,22 +74,22 @@ template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim
   constexpr std::array axes{"x", "y", "z"};
   for (int d = 0; d < Dim; ++d) names.push_back(std::string("displacement_") + axes[d]);
   for (const char* what : {"strain_", "stress_"})
-    for (const char* component : component_names<Dim>(space.axisymmetric())) names.push_back(what + std::string(component));
+    for (const char* component : component_names<Dim>(space.axisymmetric()))
+      names.push_back(what + std::string(component));
   names.emplace_back("principal_stress");
 
   auto found = ranges_of(static_cast<Index>(fields.displacement.cols()), Dim, [&](Index p, const auto& add) {
     for (std::size_t d = 0; d < Dim; ++d) add(d, fields.displacement(static_cast<Index>(d), p));
   });
-  auto of_stresses =
-      ranges_of(static_cast<Index>(fields.stress.cols()), 2 * size + 2, [&](Index p, const auto& add) {
-        for (std::size_t i = 0; i < size; ++i) {
-          add(i, fields.strain(static_cast<Index>(i), p));
-          add(size + i, fields.stress(static_cast<Index>(i), p));
-        }
-        const auto [first, third] = principal<Dim>(fields.stress.col(p));
-        add(2 * size, first);
-        add(2 * size + 1, third);
-      });
+  auto of_stresses = ranges_of(static_cast<Index>(fields.stress.cols()), 2 * size + 2, [&](Index p, const auto& add) {
+    for (std::size_t i = 0; i < size; ++i) {
+      add(i, fields.strain(static_cast<Index>(i), p));
+      add(size + i, fields.stress(static_cast<Index>(i), p));
+    }
+    const auto [first, third] = principal<Dim>(fields.stress.col(p));
+    add(2 * size, first);
+    add(2 * size + 1, third);
+  });
   Range& first = of_stresses[2 * size];  // the most of the first principal stress, the least of the third
   first.least = of_stresses.back().least;
   first.least_at = of_stresses.back().least_at;

@@ -158,15 +158,22 @@ template <int Dim> struct NitscheReactions<Dim>::Impl {
   std::vector<Few> points;  ///< by term: whose stress one sees
 };
 
-template <int Dim>
-NitscheReactions<Dim>::NitscheReactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                        const std::vector<StiffnessTerm<Dim>>& terms,
-                                        const std::vector<Restraint<Dim>>& restraints,
-                                        const std::vector<TiedFacets>& ties) {
+template <int Dim> NitscheReactions<Dim>::NitscheReactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                           const std::vector<StiffnessTerm<Dim>>& terms,
+                                                           const std::vector<Restraint<Dim>>& restraints,
+                                                           const std::vector<TiedFacets>& ties) {
   auto [rigid, elastic] = by_kind(restraints);
   const Constraints<Dim> constraints(space, rigid, ties);
-  auto impl = std::make_unique<Impl>(Impl{space, shape, terms, std::move(rigid), std::move(elastic), constraints,
-                                          {}, {}, typename Impl::Few(space.size()), {}});
+  auto impl = std::make_unique<Impl>(Impl{space,
+                                          shape,
+                                          terms,
+                                          std::move(rigid),
+                                          std::move(elastic),
+                                          constraints,
+                                          {},
+                                          {},
+                                          typename Impl::Few(space.size()),
+                                          {}});
   const auto add_dofs = [&](const Constraint<Dim>& constraint) {
     for (const auto& [point, sign] : constraint.sides)
       for (const Index dof : point.dofs) impl->dofs.add(dof);

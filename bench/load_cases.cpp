@@ -120,7 +120,8 @@ void measure(const std::string& body, const MeshSource<Dim>& source, const Metho
               method.corrected && degree == 2 ? ", P2" : "", first, all, all / first, median(one.all), median(ten.all),
               median(ten.all) / median(one.all));
   for (const auto& [stage, spent] : ten.stages)
-    if (const double more = (median(spent) - (one.stages.contains(stage) ? median(one.stages[stage]) : 0.0)) / (many - 1);
+    if (const double more =
+            (median(spent) - (one.stages.contains(stage) ? median(one.stages[stage]) : 0.0)) / (many - 1);
         more > 0.002)
       std::printf(" %s %.3f", stage.c_str(), more);
   std::printf(" |\n");

@@ -470,9 +470,9 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
     }
     ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
     const auto turning = thin_nodes(shape, places, K.size(), nodes_apart);
-    return {std::make_unique<CoarseSpace<Dim>>(K, std::move(shape), std::move(places), approximation.nodes, turning,
-                                               free),
-            smoothing_degree(nodes_apart)};
+    return {
+        std::make_unique<CoarseSpace<Dim>>(K, std::move(shape), std::move(places), approximation.nodes, turning, free),
+        smoothing_degree(nodes_apart)};
   };
   Level<Dim> level = first();
   Smoother<Dim> smoother(K, free, level.is_of_elements ? 1 : highest_degree);
@@ -716,7 +716,8 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
   from.push_back({forces, start, start});
   const Correction<Dim> dual = std::move(problem.iterate(std::move(from), options, stage).front());
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
-  value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads, problem.identity())) - problem.work(z, at_nodes);
+  value +=
+      dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads, problem.identity())) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};
 }
 

@@ -131,9 +131,7 @@ template <int Dim> double mean_dilatation(const FineSpace<Dim>& space, Index c, 
 template <int Dim> class CellStrains {
  public:
   CellStrains(const Approximation<Dim>& approximation, const Points<Dim>& u)
-      : space_(approximation.space),
-        u_(u),
-        averaged_(averages_in_cells(approximation)) {}
+      : space_(approximation.space), u_(u), averaged_(averages_in_cells(approximation)) {}
   /// Strain at any barycentric point of cell c, with the stiffness there.
   auto in(Index c) const {
     double mean = 0.0, volume = 0.0;
@@ -253,10 +251,9 @@ template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approx
   return std::move(recovery_errors<Dim>(approximation, {&fields}, materials).front());
 }
 
-template <int Dim>
-std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximation,
-                                           const std::vector<const Fields<Dim>*>& fields,
-                                           const Materials<Dim>& materials) {
+template <int Dim> std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximation,
+                                                              const std::vector<const Fields<Dim>*>& fields,
+                                                              const Materials<Dim>& materials) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
   const Index cells = space.mesh().num_cells(), points = static_cast<Index>(rule.weights.size());
@@ -287,8 +284,7 @@ std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximati
       for (std::size_t k = 0; k < fields.size(); ++k) {
         const Points<Dim>& u = fields[k]->displacement;
         const auto sigma = gather<Dim>(fields[k]->stress, space.places(c));
-        const double smallest =
-            1e-24 * steepness * gather<Dim>(u, space.cell(c)).colwise().squaredNorm().maxCoeff();
+        const double smallest = 1e-24 * steepness * gather<Dim>(u, space.cell(c)).colwise().squaredNorm().maxCoeff();
         const double mean = averaged ? mean_dilatation(space, c, own, u) : 0.0;
         Sums& sum = parts[begin / chunk][k];
         double square = 0.0;
@@ -535,7 +531,7 @@ ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, c
 
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&, const Materials<2>&);
 template std::vector<RecoveryError> recovery_errors<2>(const Approximation<2>&, const std::vector<const Fields<2>*>&,
-                                                        const Materials<2>&);
+                                                       const Materials<2>&);
 template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&);
 template RecoveryError recovery_error_of_points<2>(const Approximation<2>&, const VoigtPoints<2>&, const Fields<2>&,
                                                    const Materials<2>&);
@@ -551,7 +547,7 @@ template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, con
                                   const ExactSolution<2>&);
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&, const Materials<3>&);
 template std::vector<RecoveryError> recovery_errors<3>(const Approximation<3>&, const std::vector<const Fields<3>*>&,
-                                                        const Materials<3>&);
+                                                       const Materials<3>&);
 template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&);
 template RecoveryError recovery_error_of_points<3>(const Approximation<3>&, const VoigtPoints<3>&, const Fields<3>&,
                                                    const Materials<3>&);

@@ -136,14 +136,13 @@ template <int Dim> struct NodalReactions<Dim>::Impl {
   std::array<Along, Dim> along;
 };
 
-template <int Dim>
-NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
-                                    const std::vector<Restraint<Dim>>& nodal,
-                                    const std::vector<Restraint<Dim>>& weak) {
+template <int Dim> NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
+                                                       const std::vector<Restraint<Dim>>& nodal,
+                                                       const std::vector<Restraint<Dim>>& weak) {
   const FineMesh<Dim>& mesh = space.mesh();
   const Index nodes = node_at.empty() ? 0 : *std::ranges::max_element(node_at) + 1;
-  auto impl = std::make_unique<Impl>(Impl{space, std::vector<Index>(nodes, -1), {}, std::vector<Index>(nodes, -1),
-                                          {}, {}, {}});
+  auto impl =
+      std::make_unique<Impl>(Impl{space, std::vector<Index>(nodes, -1), {}, std::vector<Index>(nodes, -1), {}, {}, {}});
   for (Index dof = space.size() - 1; dof >= 0; --dof)
     if (node_at[dof] >= 0) impl->dof_of[node_at[dof]] = dof;
   impl->parts = holding_parts(space, node_at, impl->dof_of, nodal, weak);
@@ -171,8 +170,8 @@ NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& space, const std::vect
       for (Index node = 0; node < nodes; ++node) {
         const Index dof = impl->dof_of[node], beyond = dof - mesh.num_vertices();
         if (dof < 0) continue;
-        shares[node] = beyond < 0 ? of_vertices[dof]
-                                  : 0.5 * (of_vertices[edges[beyond][0]] + of_vertices[edges[beyond][1]]);
+        shares[node] =
+            beyond < 0 ? of_vertices[dof] : 0.5 * (of_vertices[edges[beyond][0]] + of_vertices[edges[beyond][1]]);
       }
     }
   }
@@ -181,8 +180,8 @@ NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& space, const std::vect
 
 template <int Dim> NodalReactions<Dim>::~NodalReactions() = default;
 
-template <int Dim> Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces,
-                                                                   const Points<Dim>* moved_by) const {
+template <int Dim>
+Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const Points<Dim>* moved_by) const {
   const auto& [space, dof_of, parts, place_of, inverse, free, along] = *impl_;
   const auto place = [&, &space = space, &dof_of = dof_of](Index node) {
     Vec<Dim> x = space.points().col(dof_of[node]);
@@ -224,8 +223,8 @@ ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, cons
     (can_be_nodal(space, restraint) ? nodal : weak).push_back(restraint);
   if (!weak.empty()) {
     system_ = nitsche(space, elements.shape, terms_, weak);
-    weakly_ = std::make_unique<const NitscheReactions<Dim>>(space, elements.shape, terms_, weak,
-                                                            std::vector<TiedFacets>{});
+    weakly_ =
+        std::make_unique<const NitscheReactions<Dim>>(space, elements.shape, terms_, weak, std::vector<TiedFacets>{});
   }
   node_at_ = element_nodes(space, tied_facets(space.mesh(), model.open_interface)).at;
   nodes_ = node_at_.empty() ? 0 : *std::ranges::max_element(node_at_) + 1;

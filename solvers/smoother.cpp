@@ -135,8 +135,8 @@ void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Eightfold<Dim>& r, Ei
   });
 }
 
-template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r,
-                                             Eightfold<Dim>& z) const {
+template <int Dim>
+void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r, Eightfold<Dim>& z) const {
   const double lower = lower_share(degree);
   const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
   const Index n = K.size();

@@ -64,8 +64,8 @@ void require_stable(const Approximation<Dim>& approximation, const std::vector<S
       for (std::size_t k = 0; k < count; ++k) {
         double of_cell = 0.0;
         for (Index q = 0; q < rule.weights.size(); ++q)
-          of_cell += space.weight(c, q) *
-                     deviator_squared<Dim>(strain_of<Dim>(gradients.of(q, u[k])), space.axisymmetric());
+          of_cell +=
+              space.weight(c, q) * deviator_squared<Dim>(strain_of<Dim>(gradients.of(q, u[k])), space.axisymmetric());
         part[k].all += of_cell;
         if (of_cell > part[k].largest) part[k].largest = of_cell, part[k].cell = c;
       }
@@ -106,9 +106,10 @@ template <int Dim> double energy_of(const std::vector<StiffnessTerm<Dim>>& terms
 
 /// Strains, stresses and energies of the fields with these coefficients. All of them at a point before the next, so
 /// that what is stored of the points is read once.
-template <int Dim>
-std::vector<Solution<Dim>> derived(const Approximation<Dim>& approximation, const Materials<Dim>& materials,
-                                   const std::vector<StiffnessTerm<Dim>>& terms, std::vector<Points<Dim>> coefficients) {
+template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& approximation,
+                                                      const Materials<Dim>& materials,
+                                                      const std::vector<StiffnessTerm<Dim>>& terms,
+                                                      std::vector<Points<Dim>> coefficients) {
   const auto& quadrature = approximation.quadrature;
   const bool unions = approximation.dilatation.size() > 0;
   const bool by_points = terms.size() == 1;  // the stiffness is that of the points, and so is the energy
@@ -227,8 +228,8 @@ std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads
   std::vector<Points<Dim>> coefficients;
   for (const State& state : linear_steps(all, impl_->factor, impl_->equations.rest()))
     coefficients.emplace_back(state.u.reshaped(Dim, approximation.shape.num_nodes()));
-  auto solutions = derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(),
-                           std::move(coefficients));
+  auto solutions =
+      derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(), std::move(coefficients));
   require_stable(approximation, solutions);
   return solutions;
 }

@@ -67,8 +67,8 @@ template <int Dim> struct BlockMatrix {
   /// Those of a chunk as kernels see them.
   BlockRows rows_of(Index chunk) const {
     const Chunk& of = chunks[chunk];
-    return {chunk * chunk_rows, of.rows(),          of.offsets.data(),       of.own.data(), of.diagonal.data(),
-            of.columns.data(),  of.blocks.data()->data()};
+    return {chunk * chunk_rows, of.rows(),         of.offsets.data(),       of.own.data(),
+            of.diagonal.data(), of.columns.data(), of.blocks.data()->data()};
   }
 };
 

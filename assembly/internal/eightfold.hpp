@@ -43,8 +43,8 @@ struct BlockRows {
 /// y = A x in these rows, for blocks of 2 x 2 and 3 x 3. x, y: of node 0.
 void multiply_eightfold_2(const BlockRows& rows, const double* x, double* y);
 void multiply_eightfold_3(const BlockRows& rows, const double* x, double* y);
-/// z = B r, B a symmetric Gauss-Seidel sweep within these rows; `inverse`: of the diagonal blocks, by row of the matrix;
-/// `ahead`: room for the rows.
+/// z = B r, B a symmetric Gauss-Seidel sweep within these rows; `inverse`: of the diagonal blocks, by row of the
+/// matrix; `ahead`: room for the rows.
 void sweep_eightfold_2(const BlockRows& rows, const double* inverse, const double* r, double* z, double* ahead);
 void sweep_eightfold_3(const BlockRows& rows, const double* inverse, const double* r, double* z, double* ahead);
 

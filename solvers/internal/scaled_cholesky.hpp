@@ -30,9 +30,7 @@ class ScaledCholesky {
     }
   }
   /// For each column.
-  Matrix solve_all(const Matrix& B) const {
-    return scale_.asDiagonal() * factor_->solve(scale_.asDiagonal() * B);
-  }
+  Matrix solve_all(const Matrix& B) const { return scale_.asDiagonal() * factor_->solve(scale_.asDiagonal() * B); }
   Vector solve(const Vector& b) const { return scale_.cwiseProduct(factor_->solve(scale_.cwiseProduct(b)).col(0)); }
 
  private:
