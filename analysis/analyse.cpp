@@ -50,7 +50,7 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
   } else if (!result.history.empty()) {
     balance.loads = answer.balance.loads;
   } else {
-    if (of_elements) balance.reactions = (*of_elements)(loads, answer.solution.coefficients);
+    if (of_elements) balance.reactions = (*of_elements)(loads, answer.solution);
     balance.loads = applied_loads(space, loads);
   }
   std::vector<Resultant<Dim>> all;

@@ -21,27 +21,31 @@ template <int Dim> void correct_more(const Settings<Dim>& settings, const Correc
                                      const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
   const Approximation<Dim>& elements = result.basis();
   const auto materials = materials_of(result.model, *result.mesh);
-  constexpr std::size_t together = 5;  // as many as share a product; more only take memory
-  std::vector<Correction<Dim>> corrections;
-  for (std::size_t k = 0; k < result.more.size(); ++k) {
-    if (k % together == 0) {
-      std::vector<Points<Dim>> starts;
-      std::vector<Loads<Dim>> cases;
-      for (std::size_t i = k; i < std::min(k + together, result.more.size()); ++i) {
-        starts.push_back(interpolate(result.approximation.shape, result.more[i].solution.coefficients));
-        cases.push_back(settings.cases[i + 1].loads);
-      }
-      corrections = best.corrector->correct_all(starts, cases, options, monitor);
+  constexpr std::size_t together = 8;  // as many as share a product; more only take memory
+  for (std::size_t first = 0; first < result.more.size(); first += together) {
+    const std::size_t count = std::min(together, result.more.size() - first);
+    std::vector<Points<Dim>> starts, displacements;
+    std::vector<Loads<Dim>> cases;
+    for (std::size_t k = first; k < first + count; ++k) {
+      starts.push_back(interpolate(result.approximation.shape, result.more[k].solution.coefficients));
+      cases.push_back(settings.cases[k + 1].loads);
     }
-    Answer<Dim>& answer = result.more[k];
-    Correction<Dim>& correction = corrections[k % together];
-    answer.solution = evaluate(elements, result.model, std::move(correction.displacement));
-    answer.fields = recover_fields(elements, answer.solution, *best.fits);
-    const auto mesh = recovery_error(elements, answer.fields, materials);
-    answer.estimates = {.cloud = correction.error,
-                        .uncorrected = correction.start_error,
-                        .mesh = mesh.relative,
-                        .corrections = correction.iterations};
+    auto corrections = best.corrector->correct_all(starts, cases, options, monitor);
+    for (auto& one : corrections) displacements.push_back(std::move(one.displacement));
+    auto solutions = evaluate_all(elements, result.model, std::move(displacements));
+    std::vector<const Fields<Dim>*> fields;
+    for (std::size_t k = 0; k < count; ++k) {
+      Answer<Dim>& answer = result.more[first + k];
+      answer.solution = std::move(solutions[k]);
+      answer.fields = recover_fields(elements, answer.solution, *best.fits);
+      fields.push_back(&answer.fields);
+    }
+    const auto mesh = recovery_errors(elements, fields, materials);
+    for (std::size_t k = 0; k < count; ++k)
+      result.more[first + k].estimates = {.cloud = corrections[k].error,
+                                          .uncorrected = corrections[k].start_error,
+                                          .mesh = mesh[k].relative,
+                                          .corrections = corrections[k].iterations};
   }
 }
 

@@ -4,50 +4,101 @@
 #include "efree/core/parallel.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
 
 namespace efree {
 
 template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields) {
   const auto& stress = fields.stress;
   Vector mises(stress.cols());
-  for (Index p = 0; p < mises.size(); ++p) mises[p] = von_mises<Dim>(Voigt<Dim>(stress.col(p)));
+  parallel_for(static_cast<Index>(mises.size()),
+               [&](Index p) { mises[p] = von_mises<Dim>(Voigt<Dim>(stress.col(p))); });
   return mises;
 }
 
-template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields) {
-  std::vector<FieldRange<Dim>> ranges;
-  const auto add = [&](const std::string& of, const auto& most_values, const auto& least_values) {
-    Index most = 0, least = 0;
-    const double largest = most_values.maxCoeff(&most), smallest = least_values.minCoeff(&least);
-    ranges.push_back(
-        {of, largest, smallest, space.points().col(space.dof_at(most)), space.points().col(space.dof_at(least))});
-  };
-  constexpr std::array axes{"x", "y", "z"};
-  for (int d = 0; d < Dim; ++d) {
-    const Vector u = fields.displacement.row(d);
-    add(std::string("displacement_") + axes[d], u, u);
-  }
-  const auto names = component_names<Dim>(space.axisymmetric());
-  for (const auto& [what, values] : {std::pair("strain_", &fields.strain), std::pair("stress_", &fields.stress)})
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      const Vector component = values->row(static_cast<Index>(i));
-      add(std::string(what) + names[i], component, component);
-    }
-  Vector first(fields.stress.cols()), third(fields.stress.cols());
-  parallel_for(static_cast<Index>(fields.stress.cols()), [&](Index p) {
-    const auto s = fields.stress.col(p);
+namespace {
+
+/// The largest and the smallest principal stress.
+template <int Dim> std::pair<double, double> principal(const Voigt<Dim>& s) {
+  if constexpr (Dim == 2) {
+    const double middle = 0.5 * (s[0] + s[1]), radius = std::hypot(0.5 * (s[0] - s[1]), s[3]);
+    return {std::max(middle + radius, s[2]), std::min(middle - radius, s[2])};
+  } else {
     Mat<3> sigma;
-    if constexpr (Dim == 2)
-      sigma << s[0], s[3], 0.0, s[3], s[1], 0.0, 0.0, 0.0, s[2];
-    else
-      sigma << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
-    const Vec<3> principal =
+    sigma << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
+    const Vec<3> values =
         Eigen::SelfAdjointEigenSolver<Mat<3>>().computeDirect(sigma, Eigen::EigenvaluesOnly).eigenvalues();
-    first[p] = principal[2];
-    third[p] = principal[0];
+    return {values[2], values[0]};
+  }
+}
+
+/// The largest and the smallest of some numbers, and which ones they are: of like ones the first.
+struct Range {
+  double most = -std::numeric_limits<double>::infinity(), least = std::numeric_limits<double>::infinity();
+  Index most_at = 0, least_at = 0;
+
+  void add(double value, Index at) {
+    if (value > most) most = value, most_at = at;
+    if (value < least) least = value, least_at = at;
+  }
+  void add(const Range& later) {
+    if (later.most > most) most = later.most, most_at = later.most_at;
+    if (later.least < least) least = later.least, least_at = later.least_at;
+  }
+};
+
+/// Of some numbers at each of `count` places: values(place, add) calls add(number, value).
+template <class Values> std::vector<Range> ranges_of(Index count, std::size_t numbers, const Values& values) {
+  constexpr Index chunk = 4096;
+  std::vector<std::vector<Range>> parts((count + chunk - 1) / chunk, std::vector<Range>(numbers));
+  parallel_chunks(count, chunk, [&](Index begin, Index end) {
+    auto& part = parts[begin / chunk];
+    for (Index p = begin; p < end; ++p)
+      values(p, [&](std::size_t number, double value) { part[number].add(value, p); });
   });
-  add("principal_stress", first, third);
+  std::vector<Range> all(numbers);
+  for (const auto& part : parts)
+    for (std::size_t k = 0; k < numbers; ++k) all[k].add(part[k]);
+  return all;
+}
+
+}  // namespace
+
+template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields) {
+  constexpr std::size_t size = voigt_size<Dim>;
+  std::vector<std::string> names;
+  constexpr std::array axes{"x", "y", "z"};
+  for (int d = 0; d < Dim; ++d) names.push_back(std::string("displacement_") + axes[d]);
+  for (const char* what : {"strain_", "stress_"})
+    for (const char* component : component_names<Dim>(space.axisymmetric()))
+      names.push_back(what + std::string(component));
+  names.emplace_back("principal_stress");
+
+  auto found = ranges_of(static_cast<Index>(fields.displacement.cols()), Dim, [&](Index p, const auto& add) {
+    for (std::size_t d = 0; d < Dim; ++d) add(d, fields.displacement(static_cast<Index>(d), p));
+  });
+  auto of_stresses = ranges_of(static_cast<Index>(fields.stress.cols()), 2 * size + 2, [&](Index p, const auto& add) {
+    for (std::size_t i = 0; i < size; ++i) {
+      add(i, fields.strain(static_cast<Index>(i), p));
+      add(size + i, fields.stress(static_cast<Index>(i), p));
+    }
+    const auto [first, third] = principal<Dim>(fields.stress.col(p));
+    add(2 * size, first);
+    add(2 * size + 1, third);
+  });
+  Range& first = of_stresses[2 * size];  // the most of the first principal stress, the least of the third
+  first.least = of_stresses.back().least;
+  first.least_at = of_stresses.back().least_at;
+  of_stresses.pop_back();
+  found.insert(found.end(), of_stresses.begin(), of_stresses.end());
+  std::vector<FieldRange<Dim>> ranges;
+  for (std::size_t k = 0; k < names.size(); ++k)
+    ranges.push_back({names[k], found[k].most, found[k].least, space.points().col(space.dof_at(found[k].most_at)),
+                      space.points().col(space.dof_at(found[k].least_at))});
   return ranges;
 }
 

@@ -3,6 +3,7 @@
 #include "blas_kernels.hpp"
 #include "display.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/case_file.hpp"
 #include "efree/io/convergence.hpp"
@@ -473,6 +474,7 @@ int run(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   if (!inspect_command.parsed()) restart_with_fast_blas(argv);
+  keep_freed_memory();
   if (options.study.compare && seeds->empty()) options.study.seeds = 5;
   // What libraries say aside (CGAL, OpenCASCADE, VTK): it comes back as an error, once. Ours goes through stdio.
   std::cout.rdbuf(nullptr);

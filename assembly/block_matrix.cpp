@@ -49,8 +49,29 @@ template <int Dim> Mat<Dim>& BlockMatrix<Dim>::block(Index i, Index j) {
   return chunk.blocks[found - chunk.columns.begin()];
 }
 
+template <int Dim> void BlockMatrix<Dim>::multiply(const Eightfold<Dim>& x, Eightfold<Dim>& y) const {
+  parallel_chunks(size(), chunk_rows, [&](Index begin, Index) {
+    const BlockRows rows = rows_of(begin / chunk_rows);
+    if constexpr (Dim == 2)
+      multiply_eightfold_2(rows, x.at(0), y.at(0));
+    else
+      multiply_eightfold_3(rows, x.at(0), y.at(0));
+  });
+}
+
 template <int Dim>
 void BlockMatrix<Dim>::multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const {
+  if (x.size() >= worth_packing) {
+    const std::size_t count = std::min<std::size_t>(x.size(), 8);
+    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(x.data(), count));
+    Eightfold<Dim> to(size());
+    multiply(from, to);
+    to.unpack(std::span<Points<Dim>* const>(y.data(), count));
+    if (count < x.size())
+      multiply(std::vector(x.begin() + static_cast<std::ptrdiff_t>(count), x.end()),
+               std::vector(y.begin() + static_cast<std::ptrdiff_t>(count), y.end()));
+    return;
+  }
   for (Points<Dim>* one : y) one->resize(Dim, size());
   for_few(x.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
     using Column = Eigen::Map<Vec<Dim>>;

@@ -159,57 +159,124 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
   return system;
 }
 
-template <int Dim> Resultants<Dim> nitsche_reactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                     const std::vector<StiffnessTerm<Dim>>& terms,
-                                                     const std::vector<Restraint<Dim>>& restraints,
-                                                     const std::vector<TiedFacets>& ties, const Points<Dim>& U,
-                                                     double factor) {
-  const auto [rigid, elastic] = by_kind(restraints);
-  const Constraints<Dim> constraints(space, rigid, ties);
+template <int Dim> struct NitscheReactions<Dim>::Impl {
+  const FineSpace<Dim>& space;
+  const ShapeTable<Dim>& shape;
+  const std::vector<StiffnessTerm<Dim>>& terms;
+  std::vector<Restraint<Dim>> rigid, elastic;
+  Constraints<Dim> constraints;
+  std::vector<Constraints<Dim>> springs;  ///< of each elastic restraint
   std::vector<std::vector<double>> penalty;
-  for (const auto& term : terms) penalty.push_back(penalties(term, constraints));
-  const Points<Dim> u = interpolate(shape, U);
+
+  /// Some of many, and which one each of the many is.
+  struct Few {
+    std::vector<Index> all, place;
+
+    explicit Few(Index many) : place(many, -1) {}
+    void add(Index one) {
+      if (place[one] < 0) place[one] = static_cast<Index>(all.size()), all.push_back(one);
+    }
+    Index size() const { return static_cast<Index>(all.size()); }
+  };
+  Few dofs;                 ///< of the space, whose displacement a constraint sees
+  std::vector<Few> points;  ///< by term: whose stress one sees
+};
+
+template <int Dim> NitscheReactions<Dim>::NitscheReactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                                                           const std::vector<StiffnessTerm<Dim>>& terms,
+                                                           const std::vector<Restraint<Dim>>& restraints,
+                                                           const std::vector<TiedFacets>& ties) {
+  auto [rigid, elastic] = by_kind(restraints);
+  const Constraints<Dim> constraints(space, rigid, ties);
+  auto impl = std::make_unique<Impl>(Impl{space,
+                                          shape,
+                                          terms,
+                                          std::move(rigid),
+                                          std::move(elastic),
+                                          constraints,
+                                          {},
+                                          {},
+                                          typename Impl::Few(space.size()),
+                                          {}});
+  const auto add_dofs = [&](const Constraint<Dim>& constraint) {
+    for (const auto& [point, sign] : constraint.sides)
+      for (const Index dof : point.dofs) impl->dofs.add(dof);
+  };
+  constraints.for_each(add_dofs);
+  for (const auto& spring : impl->elastic) {
+    impl->springs.emplace_back(space, std::vector{spring}, std::vector<TiedFacets>{});
+    impl->springs.back().for_each(add_dofs);
+  }
+  for (const auto& term : terms) {
+    impl->penalty.push_back(penalties(term, constraints));
+    auto& points = impl->points.emplace_back(term.discretization->size());
+    constraints.for_each([&](const Constraint<Dim>& constraint) {
+      for (const auto& [point, sign] : constraint.sides)
+        for (SparseRows::InnerIterator phi(term.discretization->on_facets, point.row); phi; ++phi)
+          points.add(static_cast<Index>(phi.col()));
+    });
+  }
+  impl_ = std::move(impl);
+}
+
+template <int Dim> NitscheReactions<Dim>::~NitscheReactions() = default;
+
+template <int Dim> Resultants<Dim> NitscheReactions<Dim>::operator()(const Points<Dim>& U, double factor) const {
+  const auto& [space, shape, terms, rigid, elastic, constraints, springs, penalty, dofs, points] = *impl_;
+  Points<Dim> u = Points<Dim>::Zero(Dim, dofs.size());
+  for (Index i = 0; i < dofs.size(); ++i) {
+    const auto row = shape.row(dofs.all[i]);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) u.col(i) += row.N[k] * U.col(row.nodes[k]);
+  }
   // What is held at a constraint, less what is prescribed.
-  const auto gap = [&](const Constraint<Dim>& constraint) {
+  const auto gap = [&, &dofs = dofs](const Constraint<Dim>& constraint) {
     Vec<Dim> jump = Vec<Dim>::Zero();
     for (const auto& [point, sign] : constraint.sides)
-      for (std::size_t i = 0; i < point.dofs.size(); ++i) jump += sign * point.N[i] * u.col(point.dofs[i]);
+      for (std::size_t i = 0; i < point.dofs.size(); ++i) jump += sign * point.N[i] * u.col(dofs.place[point.dofs[i]]);
     return Vec<Dim>(constraint.directions * jump - factor * constraint.value);
   };
   std::vector<Gradients<Dim>> fluxes;  // by term and point: stress, with what holds the volume that crosses
   const Gradient<Dim> trace = trace_direction<Dim>();
-  for (const auto& term : terms) {
-    const auto& points = *term.discretization;
-    Gradients<Dim>& flux = fluxes.emplace_back(gradient(points, U));
-    for (Index K = 0; K < points.size(); ++K) flux.col(K) = term.tangents[K] * Gradient<Dim>(flux.col(K));
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    const auto& term = terms[t];
+    const auto& table = *term.discretization;
+    const auto& seen = points[t];
+    Gradients<Dim>& flux = fluxes.emplace_back(gradient_size<Dim>, seen.size());
+    for (Index i = 0; i < seen.size(); ++i) {
+      const auto row = table.shape.row(seen.all[i]);
+      Gradient<Dim> H = Gradient<Dim>::Zero();
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) H += nodal_gradient(row, k).of(U.col(row.nodes[k]));
+      flux.col(i) = term.tangents[seen.all[i]] * H;
+    }
     if (!term.pressure) continue;
-    constraints.for_each([&](const Constraint<Dim>& constraint) {
+    constraints.for_each([&, &terms = terms, &penalty = penalty](const Constraint<Dim>& constraint) {
       const Shares share = shares(terms, penalty, constraint);
       const double crossing = constraint.weight() * gap(constraint).dot(constraint.n);
       for (std::size_t s = 0; s < constraint.sides.size(); ++s)
-        for (SparseRows::InnerIterator phi(points.on_facets, constraint.sides[s].point.row); phi; ++phi) {
+        for (SparseRows::InnerIterator phi(table.on_facets, constraint.sides[s].point.row); phi; ++phi) {
           const auto K = static_cast<Index>(phi.col());
-          flux.col(K) -=
-              4.0 * term.tangents[K](0, 0) / points.weights[K] * share.flux[s] * phi.value() * crossing * trace;
+          flux.col(seen.place[K]) -=
+              4.0 * term.tangents[K](0, 0) / table.weights[K] * share.flux[s] * phi.value() * crossing * trace;
         }
     });
   }
   internal::FacetShares<Dim> parts(space.mesh(), rigid);
   Resultants<Dim> reactions;
-  constraints.for_each([&](const Constraint<Dim>& constraint) {
+  constraints.for_each([&, &terms = terms, &penalty = penalty, &points = points](const Constraint<Dim>& constraint) {
     if (constraint.sides.size() > 1) return;  // ties are within the body
     const BoundaryPoint<Dim>& point = constraint.sides.front().point;
     Vec<Dim> traction = -penalty_at(terms, penalty, point) * gap(constraint);
     for (std::size_t t = 0; t < terms.size(); ++t)
       for (SparseRows::InnerIterator phi(terms[t].discretization->on_facets, point.row); phi; ++phi)
-        traction += phi.value() * (constraint.directions *
-                                   NodalGradient<Dim>{point.n}.force(fluxes[t].col(static_cast<Index>(phi.col()))));
+        traction += phi.value() * (constraint.directions * NodalGradient<Dim>{point.n}.force(fluxes[t].col(
+                                                               points[t].place[static_cast<Index>(phi.col())])));
     for (const auto& [part, share] : parts.at(point.facet, point.n))
       reactions[part].add(point.x, point.weight * (share * traction));
   });
-  for (const auto& spring : elastic) {
+  for (std::size_t k = 0; k < elastic.size(); ++k) {
+    const Restraint<Dim>& spring = elastic[k];
     Resultant<Dim>& reaction = reactions[spring.on];
-    Constraints<Dim>(space, {spring}, {}).for_each([&](const Constraint<Dim>& constraint) {
+    springs[k].for_each([&](const Constraint<Dim>& constraint) {
       const BoundaryPoint<Dim>& point = constraint.sides.front().point;
       reaction.add(point.x, -point.weight * stiffness_at<Dim>(spring, point.x) * gap(constraint));
     });
@@ -223,11 +290,7 @@ template NitscheSystem<2> nitsche<2>(const FineSpace<2>&, const ShapeTable<2>&, 
                                      const std::vector<Restraint<2>>&, const std::vector<TiedFacets>&);
 template NitscheSystem<3> nitsche<3>(const FineSpace<3>&, const ShapeTable<3>&, const std::vector<StiffnessTerm<3>>&,
                                      const std::vector<Restraint<3>>&, const std::vector<TiedFacets>&);
-template Resultants<2> nitsche_reactions<2>(const FineSpace<2>&, const ShapeTable<2>&,
-                                            const std::vector<StiffnessTerm<2>>&, const std::vector<Restraint<2>>&,
-                                            const std::vector<TiedFacets>&, const Points<2>&, double);
-template Resultants<3> nitsche_reactions<3>(const FineSpace<3>&, const ShapeTable<3>&,
-                                            const std::vector<StiffnessTerm<3>>&, const std::vector<Restraint<3>>&,
-                                            const std::vector<TiedFacets>&, const Points<3>&, double);
+template class NitscheReactions<2>;
+template class NitscheReactions<3>;
 
 }  // namespace efree

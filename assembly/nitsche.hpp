@@ -6,6 +6,7 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/assembly/resultants.hpp"
 
+#include <memory>
 #include <vector>
 
 namespace efree {
@@ -39,14 +40,23 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
                                               const std::vector<Restraint<Dim>>& restraints,
                                               const std::vector<TiedFacets>& ties = {});
 
-/// By part: what the system's terms of that part hold a body with whose coefficients are U (Dim x N), under `factor`
-/// times what is prescribed. The tractions are those that the terms do work with on rigid motions: sigma n as the terms
-/// see it, less what the penalties push back. So the sum over all parts balances the loads as far as U solves the
-/// equations. What several parts hold on a facet they share.
-template <int Dim> Resultants<Dim> nitsche_reactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                     const std::vector<StiffnessTerm<Dim>>& terms,
-                                                     const std::vector<Restraint<Dim>>& restraints,
-                                                     const std::vector<TiedFacets>& ties, const Points<Dim>& U,
-                                                     double factor = 1.0);
+/// What a system's terms hold a body with, for any number of fields.
+template <int Dim> class NitscheReactions {
+ public:
+  /// Keeps references to all but the restraints.
+  NitscheReactions(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
+                   const std::vector<StiffnessTerm<Dim>>& terms, const std::vector<Restraint<Dim>>& restraints,
+                   const std::vector<TiedFacets>& ties);
+  ~NitscheReactions();
+  /// By part: what the system's terms of that part hold a body with whose coefficients are U (Dim x N), under `factor`
+  /// times what is prescribed. The tractions are those that the terms do work with on rigid motions: sigma n as the
+  /// terms see it, less what the penalties push back. So the sum over all parts balances the loads as far as U solves
+  /// the equations. What several parts hold on a facet they share.
+  Resultants<Dim> operator()(const Points<Dim>& U, double factor = 1.0) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<const Impl> impl_;
+};
 
 }  // namespace efree

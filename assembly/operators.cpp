@@ -36,6 +36,23 @@ template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discret
 }
 
 template <int Dim>
+Points<Dim> forces_of_stress(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress) {
+  const NodePlaces& by_node = discretization.shape.by_node();
+  Points<Dim> force(Dim, discretization.shape.num_nodes());
+  parallel_for(discretization.shape.num_nodes(), [&](Index a) {
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    for (const auto& [K, k] : by_node[a]) {
+      const auto row = discretization.shape.row(K);
+      const Voigt<Dim> there = discretization.weights[K] * stress.col(K);
+      sum += traction<Dim>(there, row.dN[k]);
+      if (Dim == 2 && !row.hoop.empty()) sum[0] += row.hoop[k] * there[2];
+    }
+    force.col(a) = sum;
+  });
+  return force;
+}
+
+template <int Dim>
 SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, const PointTangents<Dim>& A) {
   const Index nodes = discretization.shape.num_nodes();
   const internal::MatrixPattern<Dim> pattern(nodes, {&discretization.shape}, {});
@@ -50,10 +67,12 @@ SymmetricMatrix stiffness_matrix(const Discretization<Dim>& discretization, cons
 template Gradients<2> gradient<2>(const Discretization<2>&, const Points<2>&);
 template VoigtPoints<2> strain<2>(const Discretization<2>&, const Points<2>&);
 template Points<2> internal_force<2>(const Discretization<2>&, const Gradients<2>&);
+template Points<2> forces_of_stress<2>(const Discretization<2>&, const VoigtPoints<2>&);
 template SymmetricMatrix stiffness_matrix<2>(const Discretization<2>&, const PointTangents<2>&);
 template Gradients<3> gradient<3>(const Discretization<3>&, const Points<3>&);
 template VoigtPoints<3> strain<3>(const Discretization<3>&, const Points<3>&);
 template Points<3> internal_force<3>(const Discretization<3>&, const Gradients<3>&);
+template Points<3> forces_of_stress<3>(const Discretization<3>&, const VoigtPoints<3>&);
 template SymmetricMatrix stiffness_matrix<3>(const Discretization<3>&, const PointTangents<3>&);
 
 }  // namespace efree

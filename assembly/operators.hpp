@@ -42,6 +42,10 @@ template <int Dim> VoigtPoints<Dim> strain(const Discretization<Dim>& discretiza
 /// Adjoint of `gradient`: f (Dim x N) with <f, U> = sum_K w_K P_K : gradient(U)_K.
 template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discretization, const Gradients<Dim>& P);
 
+/// Adjoint of `strain`: f (Dim x N) with <f, U> = sum_K w_K stress_K . strain(U)_K.
+template <int Dim>
+Points<Dim> forces_of_stress(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress);
+
 /// K = sum_K w_K G_K^T A_K G_K, (Dim N)^2, G the gradient and A symmetric. One thread owns one row, so the sums do not
 /// depend on the threads.
 template <int Dim>

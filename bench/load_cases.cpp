@@ -1,19 +1,26 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What further load cases cost: CPU seconds on one thread of an analysis under one case and under ten, meshes
-/// included, files not. Medians; runs of both alternate. Prints a Markdown table.
+/// What further load cases cost: `efree solve` under one case and under ten, meshes included, without files and with
+/// them (fields, pictures, result.json, in a folder for temporary files). CPU seconds on one thread, wall-clock seconds
+/// on several. Medians; runs of both alternate. Prints a Markdown table, then by stage what a further case takes.
 ///
-///   bench_load_cases [runs = 3] [size = 1: factor on the mesh sizes] [only: part of a name]
+///   bench_load_cases [runs = 3] [size = 1: factor on the mesh sizes] [only: part of a name] [threads = 1]
 #include "clock.hpp"
 #include "efree/analysis/analyse.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/io/picture.hpp"
+#include "efree/io/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <map>
 #include <string>
 
 using namespace efree;
@@ -51,6 +58,38 @@ constexpr Method methods[] = {{"P1", BasisKind::p1, false},
                               {"cloud", BasisKind::mls, false},
                               {"corrected cloud", BasisKind::mls, true}};
 
+double seconds() {
+  if (num_threads() == 1) return cpu_seconds();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// What `efree solve` writes.
+template <int Dim> void write(const Settings<Dim>& settings, const Result<Dim>& result) {
+  const auto folder = std::filesystem::temp_directory_path() / "efree_load_cases";
+  std::filesystem::create_directories(folder);
+  parallel_chunks(2, 1, [&](Index task, Index) {
+    if (task == 0) {
+      write_fields(folder / "fields.vtu", settings, result);
+      write_nodes(folder / "nodes.vtu", result);
+    } else {
+      draw_fields(folder / "fields.png", settings, result);
+      if (result.error_density.size() > 0) draw_error(folder / "error.png", settings, result);
+    }
+  });
+  write_result(folder / "result.json", settings, result);
+}
+
+double median(std::vector<double> of) {
+  std::ranges::sort(of);
+  return of[of.size() / 2];
+}
+
+/// Of one case and of ten.
+struct Times {
+  std::vector<double> solving, all;
+  std::map<std::string, std::vector<double>> stages;
+};
+
 template <int Dim>
 void measure(const std::string& body, const MeshSource<Dim>& source, const Method& method, int runs) {
   Settings<Dim> settings;
@@ -61,24 +100,31 @@ void measure(const std::string& body, const MeshSource<Dim>& source, const Metho
   settings.approximation.kind = method.kind;
   settings.estimated = settings.corrected = method.corrected;
   Index cells = 0, degree = 1;
-  std::vector<double> one, ten;
+  Times one, ten;
   for (int run = 0; run < runs; ++run)
     for (const int count : {1, many}) {
       settings.cases = load_cases<Dim>(count);
-      const double start = cpu_seconds();
+      Times& to = count == 1 ? one : ten;
+      const double start = seconds();
       const Result<Dim> result = analyse(source, settings);
-      (count == 1 ? one : ten).push_back(cpu_seconds() - start);
+      to.solving.push_back(seconds() - start);
+      write(settings, result);
+      to.all.push_back(seconds() - start);
+      to.stages["files"].push_back(to.all.back() - to.solving.back());
+      for (const auto& [stage, spent] : result.times.stages()) to.stages[stage].push_back(spent);
       cells = result.mesh->num_cells();
       degree = result.basis().space.degree();
     }
-  const auto median = [](std::vector<double>& of) {
-    std::ranges::sort(of);
-    return of[of.size() / 2];
-  };
-  const double first = median(one), all = median(ten);
-  std::printf("| %s, %d cells, %s%s | %.2f | %.2f | %.2f | %.3f |\n", body.c_str(), cells, method.name,
-              method.corrected && degree == 2 ? ", P2" : "", first, all, all / first,
-              (all - first) / (many - 1) / first);
+  const double first = median(one.solving), all = median(ten.solving);
+  std::printf("| %s, %d cells, %s%s | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |", body.c_str(), cells, method.name,
+              method.corrected && degree == 2 ? ", P2" : "", first, all, all / first, median(one.all), median(ten.all),
+              median(ten.all) / median(one.all));
+  for (const auto& [stage, spent] : ten.stages)
+    if (const double more =
+            (median(spent) - (one.stages.contains(stage) ? median(one.stages[stage]) : 0.0)) / (many - 1);
+        more > 0.002)
+      std::printf(" %s %.3f", stage.c_str(), more);
+  std::printf(" |\n");
   std::fflush(stdout);
 }
 
@@ -88,8 +134,11 @@ int main(int argc, char** argv) {
   const int runs = argc > 1 ? std::atoi(argv[1]) : 3;
   const double size = argc > 2 ? std::atof(argv[2]) : 1.0;
   const std::string only = argc > 3 ? argv[3] : "";
-  set_num_threads(1);
-  std::printf("| body | one | ten | ratio | a further one, of the first |\n|---|---|---|---|---|\n");
+  keep_freed_memory();  // as the program does
+  set_num_threads(argc > 4 ? std::atoi(argv[4]) : 1);
+  std::printf(
+      "| body | one | ten | ratio | one, files | ten, files | ratio | a further one, by stage [s] |\n"
+      "|---|---|---|---|---|---|---|---|\n");
   const MeshSource<2> plate{
       .mesh =
           [](const MeshSize& wanted, const Stage&) {

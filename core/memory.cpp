@@ -105,6 +105,13 @@ void require_blas_memory() {
   munmap(room, bytes);
 }
 
+void keep_freed_memory() {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  mallopt(M_TRIM_THRESHOLD, (1 << 30) + ((1 << 30) - 1));
+#endif
+}
+
 void return_freed_memory() {
 #ifdef __GLIBC__
   malloc_trim(0);

@@ -44,12 +44,15 @@ template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name,
   array->SetName(name);
   array->SetNumberOfComponents(static_cast<int>(components.size()));
   array->SetNumberOfTuples(values.cols());
-  int i = 0;
-  for (const char* component : components) {
-    if (components.size() > 1 && component) array->SetComponentName(i, component);
-    for (Index p = 0; p < values.cols(); ++p) array->SetComponent(p, i, i < values.rows() ? values(i, p) : 0.0);
-    ++i;
-  }
+  const auto count = static_cast<Index>(components.size());
+  for (Index i = 0; i < count; ++i)
+    if (count > 1 && components[i]) array->SetComponentName(static_cast<int>(i), components[i]);
+  auto* const to = array->GetPointer(0);
+  parallel_for(static_cast<Index>(values.cols()), [&](Index p) {
+    for (Index i = 0; i < count; ++i)
+      to[static_cast<std::ptrdiff_t>(count) * p + i] =
+          static_cast<typename Array::ValueType>(i < values.rows() ? values(i, p) : 0.0);
+  });
   return array;
 }
 void add_array(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,

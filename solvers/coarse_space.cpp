@@ -164,7 +164,18 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
   return result;
 }
 
-template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) const {
+template <int Dim>
+std::vector<Points<Dim>> CoarseSpace<Dim>::solve(const std::vector<const Points<Dim>*>& forces) const {
+  Matrix all(Dim * first_.back(), static_cast<Index>(forces.size()));
+  for (Index k = 0; k < all.cols(); ++k) all.col(k) = gathered(*forces[k]);
+  const Matrix solution = factor_->solve_all(all);
+  std::vector<Points<Dim>> displacements;
+  for (Index k = 0; k < all.cols(); ++k)
+    displacements.push_back(spread(solution.col(k), static_cast<Index>(forces[k]->cols())));
+  return displacements;
+}
+
+template <int Dim> Vector CoarseSpace<Dim>::gathered(const Points<Dim>& r) const {
   const Index count = static_cast<Index>(points().cols());
   Points<Dim> lifted, moments;  // on the points of the lift
   if (lift_) {
@@ -196,7 +207,11 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
     forces.col(first_[I]) = force;
     if (turns(I)) forces.col(first_[I] + 1) = moment;
   });
-  const Vector solution = factor_->solve(forces.reshaped());
+  return forces.reshaped();
+}
+
+template <int Dim> Points<Dim> CoarseSpace<Dim>::spread(const Eigen::Ref<const Vector>& solution, Index nodes) const {
+  const Index count = static_cast<Index>(points().cols());
   const Points<Dim> moved = solution.reshaped(Dim, first_.back());
   Points<Dim> z(Dim, count), turned;
   if (lift_ && turning_) turned.resize(Dim, count);
@@ -214,8 +229,8 @@ template <int Dim> Points<Dim> CoarseSpace<Dim>::solve(const Points<Dim>& r) con
     if (turned.size() > 0) turned.col(v) = turn;
   });
   if (lift_) {
-    Points<Dim> followed(Dim, r.cols());
-    parallel_for(static_cast<Index>(r.cols()), [&](Index node) {
+    Points<Dim> followed(Dim, nodes);
+    parallel_for(nodes, [&](Index node) {
       Vec<Dim> sum = Vec<Dim>::Zero();
       for (const auto& [point, share] : lift_->parents[node]) {
         sum += share * z.col(point);

@@ -22,11 +22,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <numeric>
 #include <optional>
 #include <span>
-#include <variant>
 
 namespace efree {
 namespace {
@@ -66,6 +66,20 @@ template <int Dim> double dot(const Points<Dim>& a, const Points<Dim>& b) {
 template <int Dim> void add(Points<Dim>& a, double factor, const Points<Dim>& b) {
   parallel_chunks(static_cast<Index>(a.cols()), 8192, [&](Index begin, Index end) {
     a.middleCols(begin, end - begin) += factor * b.middleCols(begin, end - begin);
+  });
+}
+
+/// b = a - b.
+template <int Dim> void subtract_from(const Points<Dim>& a, Points<Dim>& b) {
+  parallel_chunks(static_cast<Index>(a.cols()), 8192, [&](Index begin, Index end) {
+    b.middleCols(begin, end - begin) = a.middleCols(begin, end - begin) - b.middleCols(begin, end - begin);
+  });
+}
+
+/// b = a + factor * b.
+template <int Dim> void add_to_multiple(const Points<Dim>& a, double factor, Points<Dim>& b) {
+  parallel_chunks(static_cast<Index>(a.cols()), 8192, [&](Index begin, Index end) {
+    b.middleCols(begin, end - begin) = a.middleCols(begin, end - begin) + factor * b.middleCols(begin, end - begin);
   });
 }
 
@@ -287,10 +301,9 @@ AtVertices<Dim> shape_at_vertices(const Approximation<Dim>& approximation, const
 
 /// What takes off the smooth part of an error, and the degree of the smoother that takes the rest.
 template <int Dim> struct Level {
-  std::variant<CoarseSpace<Dim>, LinearElements<Dim>> space;
+  std::unique_ptr<const CoarseSolver<Dim>> space;
   int degree;
-
-  bool is_of_elements() const { return std::holds_alternative<LinearElements<Dim>>(space); }
+  bool is_of_elements = false;
 };
 
 }  // namespace
@@ -304,6 +317,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   WeakConditions<Dim> weak;
   BlockMatrix<Dim> K;  ///< of the nodes that the condensation leaves
   Condensation<Dim> condensation;
+  std::vector<Mat<Dim>> diagonal;  ///< of K
   Level<Dim> first;
   Smoother<Dim> smoother;
   mutable std::once_flag has_hats{};
@@ -338,15 +352,12 @@ template <int Dim> struct Corrector<Dim>::Impl {
       Hats<Dim> hats = make_hats(K, places);
       const int degree = smoothing_degree(approximation.space.degree() * hats.apart);
       const std::vector<char> all(hats.shape.num_nodes(), 1);
-      hats_.emplace(CoarseSpace<Dim>(K, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
-                                     [&](Index node) { return supports.free(node); }),
-                    degree);
+      hats_.emplace(Level<Dim>{
+          std::make_unique<CoarseSpace<Dim>>(K, std::move(hats.shape), std::move(places), std::move(hats.nodes), all,
+                                             [&](Index node) { return supports.free(node); }),
+          degree});
     });
     return *hats_;
-  }
-  /// The displacement that forces lead to in the coarse space of a level.
-  Points<Dim> solve_coarsely(const Level<Dim>& level, const Points<Dim>& r) const {
-    return std::visit([&](const auto& space) { return space.solve(r); }, level.space);
   }
   /// a^T K b with all nodes.
   double work(const Points<Dim>& a, const Points<Dim>& b) const {
@@ -357,15 +368,14 @@ template <int Dim> struct Corrector<Dim>::Impl {
   /// Twice the sum over the nodes of the energy if they alone had their displacement.
   double energy_one_by_one(const Points<Dim>& u) const {
     double sum = 0.0;
-    for (Index node = 0; node < nodes.count; ++node) sum += u.col(node).dot(K.diagonal(node) * u.col(node));
+    for (Index node = 0; node < nodes.count; ++node) sum += u.col(node).dot(diagonal[node] * u.col(node));
     return sum;
   }
   /// Loads at the element nodes.
-  Points<Dim> loads(const Loads<Dim>& given) const {
-    const Index dofs = approximation.space.size();
-    const Points<Dim> fine = load_vector(approximation.space, ShapeTable<Dim>::identity(dofs), given);
-    return weak.rhs + gathered(fine);
+  Points<Dim> loads(const Loads<Dim>& given, const ShapeTable<Dim>& identity) const {
+    return weak.rhs + gathered(load_vector(approximation.space, identity, given));
   }
+  ShapeTable<Dim> identity() const { return ShapeTable<Dim>::identity(approximation.space.size()); }
   /// Forces at the degrees of freedom of the space as forces at the element nodes.
   Points<Dim> gathered(const Points<Dim>& forces) const {
     Points<Dim> f = Points<Dim>::Zero(Dim, nodes.count);
@@ -449,24 +459,29 @@ template <int Dim> Corrector<Dim>::Corrector(const Approximation<Dim>& approxima
   const double nodes_apart = on_elements ? 0.0 : steps_apart(K, approximation.node_dofs, nodes, space.degree());
   Condensation<Dim> condensation(K, flat_groups(space, nodes, K, [&](Index node) { return supports.is_free(node); }));
   const auto first = [&]() -> Level<Dim> {
-    if (on_elements) return {LinearElements<Dim>(K, space, nodes, free), 1};
+    if (on_elements) return {std::make_unique<LinearElements<Dim>>(K, space, nodes, free), 1, true};
     Points<Dim> places = element_places(space, nodes);
     if (is_lifted(approximation)) {
       auto [shape, lift] = shape_at_vertices(approximation, dofs_of);
       const auto turning = thin_nodes(shape, lift.points, K.size(), nodes_apart);
-      return {
-          CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free, std::move(lift)),
-          smoothing_degree(nodes_apart)};
+      return {std::make_unique<CoarseSpace<Dim>>(K, std::move(shape), std::move(places), approximation.nodes, turning,
+                                                 free, std::move(lift)),
+              smoothing_degree(nodes_apart)};
     }
     ShapeTable<Dim> shape = shape_at_nodes(approximation.shape, dofs_of);
     const auto turning = thin_nodes(shape, places, K.size(), nodes_apart);
-    return {CoarseSpace<Dim>(K, std::move(shape), std::move(places), approximation.nodes, turning, free),
-            smoothing_degree(nodes_apart)};
+    return {
+        std::make_unique<CoarseSpace<Dim>>(K, std::move(shape), std::move(places), approximation.nodes, turning, free),
+        smoothing_degree(nodes_apart)};
   };
   Level<Dim> level = first();
-  Smoother<Dim> smoother(K, free, level.is_of_elements() ? 1 : highest_degree);
+  Smoother<Dim> smoother(K, free, level.is_of_elements ? 1 : highest_degree);
+  std::vector<Mat<Dim>> diagonal;
+  diagonal.reserve(nodes.count);
+  for (Index node = 0; node < nodes.count; ++node) diagonal.push_back(K.diagonal(node));
   impl_.reset(new Impl{approximation, mean_dilatation, std::move(nodes), std::move(dofs_of), supports, std::move(weak),
-                       std::move(K), std::move(condensation), std::move(level), std::move(smoother)});
+                       std::move(K), std::move(condensation), std::move(diagonal), std::move(level),
+                       std::move(smoother)});
 }
 
 template <int Dim> Corrector<Dim>::~Corrector() = default;
@@ -485,9 +500,10 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::correct_all(cons
   const Stage stage("correction", monitor);
   require(starts.size() == cases.size(), "correction: as many displacements to start from as load cases expected");
   std::vector<typename Impl::Beginning> from;
+  const ShapeTable<Dim> identity = impl_->identity();
   for (std::size_t k = 0; k < cases.size(); ++k) {
     const Points<Dim> start = impl_->at_nodes(starts[k]);
-    from.push_back({impl_->loads(cases[k]), start, start});
+    from.push_back({impl_->loads(cases[k], identity), start, start});
     impl_->supports.impose(from.back().u);
   }
   return impl_->iterate(std::move(from), options, stage);
@@ -519,15 +535,12 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   };
   // Linear elements do not hold the cloud's answer and are nearer than it: begun with what is held alone all iterates
   // are in the spaces they are the best of, so that their energy is off by the square of their error.
-  if (first.is_of_elements()) supports.keep_held(u);
-  Points<Dim> r, z, q, p;
-  const auto residual_of_product = [&] {  // r has K u
-    r = f - r;
-    problem.supports.release(r);
-  };
+  if (first.is_of_elements) supports.keep_held(u);
+  // g = K u goes along with u, r = f - g on what is free.
+  Points<Dim> g, r, z, q, p;
   const auto residual = [&] {
-    K.multiply(u, r);
-    residual_of_product();
+    r = f - g;
+    problem.supports.release(r);
   };
   // The answer that there was before a coarse space other than the cloud's, beside that space: all later iterates stay
   // the best ones with it, too, so that their energy is off by the square of their error only.
@@ -539,7 +552,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     K.multiply(own, q);
     problem.supports.release(q);
     const double energy = dot<Dim>(own, q);
-    own -= problem.solve_coarsely(level, q);
+    own -= level.space->solve(q);
     K.multiply(own, pull);
     problem.supports.release(pull);
     own_stiffness = dot<Dim>(own, pull);
@@ -548,29 +561,35 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   /// Makes u the best answer in the space of a level around it. Returns the squared error that takes off.
   const auto best_in = [&](const Level<Dim>& level) {
     residual();
-    z = problem.solve_coarsely(level, r);
+    z = level.space->solve(r);
     double square = dot<Dim>(r, z);
     u += z;
+    K.multiply(u, g);
     residual();
     if (own_stiffness > 0.0) {
       const double factor = dot<Dim>(own, r) / own_stiffness;
       add<Dim>(u, factor, own);
       square += factor * factor * own_stiffness;
+      K.multiply(u, g);
       residual();
     }
     return square;
   };
   // The best answer in the first space around it.
   const Level<Dim>* level = &problem.first;
-  co_await in_step.multiply(u, r);
-  residual_of_product();
-  z = problem.solve_coarsely(*level, r);
+  if (u.isZero(0.0))
+    g = Points<Dim>::Zero(Dim, u.cols());
+  else
+    co_await in_step.multiply(u, g);
+  residual();
+  co_await in_step.solve(*level->space, r, z);
   result.taken.push_back(dot<Dim>(r, z));
-  u += z;
-  co_await in_step.multiply(u, r);
+  add<Dim>(u, 1.0, z);
+  co_await in_step.multiply(z, q);
+  add<Dim>(g, 1.0, q);
   const double one_by_one = problem.energy_one_by_one(u);
-  double scale = std::max(dot<Dim>(u, r), no_energy * one_by_one);
-  residual_of_product();
+  double scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
+  residual();
 
   // The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
@@ -580,15 +599,18 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   double entering = 0.0;
   bool solved = false;  // exactly
   Points<Dim> answer;
-  if (wanted == 0) answer = u;
+  double answer_work = 0.0;  // u . K u of it
+  if (wanted == 0) answer = u, answer_work = dot<Dim>(u, g);
   double rz = 0.0;
+  Points<Dim> rest;
   for (int k = 1; k <= last; ++k) {
     stage.check();
     co_await in_step.smooth(level->degree, r, z);
     co_await in_step.multiply(z, q);
-    q = r - q;
+    subtract_from<Dim>(r, q);
     problem.supports.release(q);
-    z += problem.solve_coarsely(*level, q);
+    co_await in_step.solve(*level->space, q, rest);
+    add<Dim>(z, 1.0, rest);
     if (own_stiffness > 0.0) add<Dim>(z, -dot<Dim>(pull, z) / own_stiffness, own);
     const double next = dot<Dim>(r, z);
     // The first iterate that is exact up to rounding: nothing is left to be taken off.
@@ -600,44 +622,47 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     if (recent.empty())
       p = z;
     else
-      p = z + (next / rz) * p;
+      add_to_multiple<Dim>(z, next / rz, p);
     rz = next;
     co_await in_step.multiply(p, q);
-    problem.supports.release(q);
-    const double alpha = rz / dot<Dim>(p, q);
+    const double curvature = dot<Dim>(p, q), alpha = rz / curvature;
     if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
     add<Dim>(u, alpha, p);
+    add<Dim>(g, alpha, q);
+    problem.supports.release(q);
     add<Dim>(r, -alpha, q);
     recent.push_back(alpha * rz);
     taken.push_back(entering + recent.back());
     entering = 0.0;
-    if (k == wanted) answer = u;
+    if (k == wanted) answer = u, answer_work = dot<Dim>(u, g);
     if (k <= wanted) result.iterations = k;
     const auto is_good = [&] {  // the iterate before this one
       return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale;
     };
     if (open && std::ssize(recent) >= least && is_good()) {
-      co_await in_step.multiply(u, z);
-      scale = std::max(dot<Dim>(u, z), no_energy * one_by_one);  // what is prescribed makes it fall on the way
+      const double work = dot<Dim>(u, g);
+      scale = std::max(work, no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) {
         result.iterations = k - delay;
         answer = u;
         add<Dim>(answer, -alpha, p);
+        answer_work = work - 2.0 * alpha * dot<Dim>(p, g) + alpha * alpha * curvature;
         break;
       }
     }
     if (open && k == patience && static_cast<double>(K.num_entries()) < few_entries<Dim>) {
       if (!direct) direct.emplace(held_matrix(K, supports), Dim);
-      const Vector rest = direct->solve(r.reshaped());
-      z = rest.reshaped(Dim, K.size());
+      const Vector left = direct->solve(r.reshaped());
+      z = left.reshaped(Dim, K.size());
       taken.push_back(dot<Dim>(r, z));
       u += z;
+      co_await in_step.multiply(u, g);
       ++result.iterations;
       solved = true;
       break;
     }
     // Where dilatations are averaged hats lock as the cloud does.
-    if (open && k >= probation && level == &problem.first && !level->is_of_elements() && !problem.mean_dilatation &&
+    if (open && k >= probation && level == &problem.first && !level->is_of_elements && !problem.mean_dilatation &&
         hats_are_faster(recent, options.tolerance * options.tolerance * scale)) {
       level = &problem.hats();
       keep_own(*level);
@@ -646,22 +671,21 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     }
   }
   const double beyond = recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
-  if (answer.size() == 0) answer = u;
+  const double work = dot<Dim>(u, g);
+  if (answer.size() == 0) answer = u, answer_work = work;
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
 
   u = with_all(std::move(u));
   answer = with_all(std::move(answer));
-  co_await in_step.multiply(u, q);
-  const double best_energy = dot<Dim>(u, q) + condensation.work(u, u);
+  const double best_energy = work + condensation.work(u, u);
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
   const Points<Dim> off = start - u;
   co_await in_step.multiply(off, q);
   result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) + beyond);
   result.error = relative(after);
-  co_await in_step.multiply(answer, q);
-  result.strain_energy = 0.5 * (dot<Dim>(answer, q) + condensation.work(answer, answer));
+  result.strain_energy = 0.5 * (answer_work + condensation.work(answer, answer));
   for (const double one : taken) result.taken.push_back(one);
   for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
   result.displacement = answer(Eigen::all, problem.nodes.at);
@@ -692,7 +716,8 @@ template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& 
   from.push_back({forces, start, start});
   const Correction<Dim> dual = std::move(problem.iterate(std::move(from), options, stage).front());
   const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
-  value += dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads)) - problem.work(z, at_nodes);
+  value +=
+      dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads, problem.identity())) - problem.work(z, at_nodes);
   return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};
 }
 

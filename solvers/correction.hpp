@@ -60,8 +60,8 @@ template <int Dim> class Corrector {
   /// the iterations break down or end without reaching the tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads, const CorrectionOptions& options = {},
                           const Monitor& monitor = {}) const;
-  /// The same for several load cases, bitwise as one by one, in less time: a few vectors are multiplied by the matrix
-  /// while it is read once. Takes ten vectors of the elements for each.
+  /// The same for several load cases, as one by one but for rounding, in less time: eight vectors are multiplied by the
+  /// matrix, swept and solved for coarsely together. Takes ten vectors of the elements for each.
   std::vector<Correction<Dim>> correct_all(const std::vector<Points<Dim>>& starts, const std::vector<Loads<Dim>>& cases,
                                            const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
 

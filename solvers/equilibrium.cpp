@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <mutex>
 #include <tuple>
 
 namespace efree {
@@ -121,6 +122,13 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   Points<Dim> weak_prescribed;  ///< the forces by which it prescribes displacements
   Unknowns<Dim> unknowns;
   MatrixPattern<Dim> pattern;
+  /// What tells reactions; made when they are first asked for.
+  struct Holding {
+    std::once_flag once;
+    std::optional<NitscheReactions<Dim>> weakly;
+    std::optional<NodalReactions<Dim>> nodally;
+  };
+  std::unique_ptr<Holding> holding = std::make_unique<Holding>();
 
   Points<Dim> displacements(const State& state) const { return state.u.reshaped(Dim, state.u.size() / Dim); }
   Points<Dim> weak_forces(const Points<Dim>& U) const {
@@ -407,17 +415,27 @@ template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
   return energy;
 }
 
-template <int Dim> Resultants<Dim> Equilibrium<Dim>::reactions(const State& state) const {
+template <int Dim>
+Resultants<Dim> Equilibrium<Dim>::reactions(const State& state, const VoigtPoints<Dim>* stress) const {
   const auto& [space, shape, nodes] = std::tie(approximation().space, approximation().shape, approximation().node_dofs);
-  std::vector<Restraint<Dim>> weak = data_->elastic;
-  if (data_->weakly) weak.insert(weak.end(), data_->rigid.begin(), data_->rigid.end());
-  Resultants<Dim> reactions = nitsche_reactions<Dim>(space, shape, data_->initial, weak, data_->ties,
-                                                     data_->displacements(state), state.factor);
+  auto& [once, weakly, nodally] = *data_->holding;
+  std::call_once(once, [&, &weakly = weakly, &nodally = nodally] {
+    std::vector<Restraint<Dim>> weak = data_->elastic;
+    if (data_->weakly) weak.insert(weak.end(), data_->rigid.begin(), data_->rigid.end());
+    weakly.emplace(space, shape, data_->initial, weak, data_->ties);
+    if (data_->weakly) return;
+    std::vector<Index> node_at(space.size(), -1);
+    for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
+    nodally.emplace(space, node_at, data_->rigid, weak);
+  });
+  const Points<Dim> U = data_->displacements(state);
+  Resultants<Dim> reactions = (*weakly)(U, state.factor);
   if (data_->weakly) return reactions;
-  std::vector<Index> node_at(space.size(), -1);
-  for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
-  Points<Dim> forces = data_->internal_forces(state) - state.factor * (forces_ + data_->weak_prescribed);
-  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, data_->rigid, weak, forces)) reactions[part] += of;
+  Points<Dim> forces = stress && data_->linear && data_->initial.size() == 1
+                           ? Points<Dim>(data_->weak_forces(U) + forces_of_stress(approximation().quadrature, *stress))
+                           : data_->internal_forces(state);
+  forces -= state.factor * (forces_ + data_->weak_prescribed);
+  for (const auto& [part, of] : (*nodally)(forces)) reactions[part] += of;
   return reactions;
 }
 

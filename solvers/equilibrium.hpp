@@ -75,8 +75,9 @@ template <int Dim> class Equilibrium final : public Equations {
   double energy(const State& state) const;
 
   /// By part with displacement conditions: the force and moment by which it holds the body in a state, so that with the
-  /// loads they balance as far as the state solves the equations.
-  Resultants<Dim> reactions(const State& state) const;
+  /// loads they balance as far as the state solves the equations. `stress`: at the quadrature points, where it is known
+  /// already.
+  Resultants<Dim> reactions(const State& state, const VoigtPoints<Dim>* stress = nullptr) const;
 
   const Approximation<Dim>& approximation() const;
   const Materials<Dim>& materials() const;

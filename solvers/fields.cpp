@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/internal/cell_gradients.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <fmt/format.h>
@@ -108,14 +109,29 @@ template <int Dim, int Rows> auto gather(const Points<Rows>& values, std::span<c
   return local;
 }
 
+/// Whether finite elements take the mean of the dilatation in each cell.
+template <int Dim> bool averages_in_cells(const Approximation<Dim>& approximation) {
+  return approximation.averaged && approximation.dilatation.size() == approximation.space.mesh().num_cells();
+}
+
+/// The mean dilatation in cell c, which `at_points` of the space's rule has entered.
+template <int Dim> double mean_dilatation(const FineSpace<Dim>& space, Index c, const CellGradients<Dim>& at_points,
+                                          const Points<Dim>& u) {
+  double sum = 0.0, volume = 0.0;
+  for (Index q = 0; q < space.cell_rule().weights.size(); ++q) {
+    const double weight = space.weight(c, q);
+    sum += weight * strain_of<Dim>(at_points.of(q, u)).template head<3>().sum();
+    volume += weight;
+  }
+  return sum / volume;
+}
+
 /// Strains of a displacement at the fine degrees of freedom as the stiffness sees them: in finite elements with
 /// averaged dilatations its mean in the cell takes the dilatation's place.
 template <int Dim> class CellStrains {
  public:
   CellStrains(const Approximation<Dim>& approximation, const Points<Dim>& u)
-      : space_(approximation.space),
-        u_(u),
-        averaged_(approximation.averaged && approximation.dilatation.size() == space_.mesh().num_cells()) {}
+      : space_(approximation.space), u_(u), averaged_(averages_in_cells(approximation)) {}
   /// Strain at any barycentric point of cell c, with the stiffness there.
   auto in(Index c) const {
     double mean = 0.0, volume = 0.0;
@@ -232,27 +248,70 @@ template <int Dim, class Visit> void for_each_point(const FineSpace<Dim>& space,
 
 template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                                 const Materials<Dim>& materials) {
+  return std::move(recovery_errors<Dim>(approximation, {&fields}, materials).front());
+}
+
+template <int Dim> std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximation,
+                                                              const std::vector<const Fields<Dim>*>& fields,
+                                                              const Materials<Dim>& materials) {
   const auto& space = approximation.space;
   const auto rule = simplex_rule<Dim>(2 * space.degree());
-  const RecoveryDifference<Dim> differences(approximation, fields);
-  Vector squares(space.mesh().num_cells());
-  enum { error, norm, rounding, count };
-  const auto sums = sum_cells<count>(space.mesh().num_cells(), [&](Index c, auto& sum) {
-    const auto difference_at = differences.in(c);
-    const double moved = gather<Dim>(fields.displacement, space.cell(c)).colwise().squaredNorm().maxCoeff();
-    const double smallest = 1e-24 * moved * space.mesh().hat_gradients(c).squaredNorm();
-    double square = 0.0;
-    for_each_point(space, rule, c, materials, [&](const auto& at, double dV, const Stiffness<Dim>& stiffness) {
-      const auto [difference, eps] = difference_at(at, stiffness);
-      square += dV * difference.dot(stiffness.S * difference);
-      sum[norm] += dV * eps.dot(stiffness.C * eps);
-      sum[rounding] += dV * smallest * stiffness.C(0, 0);
-    });
-    squares[c] = square;
-    sum[error] += square;
+  const Index cells = space.mesh().num_cells(), points = static_cast<Index>(rule.weights.size());
+  std::vector<typename FineSpace<Dim>::CellValues> values;
+  for (Index q = 0; q < points; ++q) values.push_back(space.values(rule.points.col(q)));
+  const bool averaged = averages_in_cells(approximation);
+  struct Sums {
+    double error = 0.0, norm = 0.0, rounding = 0.0;
+  };
+  constexpr Index chunk = 1024;
+  std::vector<std::vector<Sums>> parts((cells + chunk - 1) / chunk, std::vector<Sums>(fields.size()));
+  std::vector<RecoveryError> errors(fields.size());
+  for (RecoveryError& one : errors) one.squares.resize(cells);
+  parallel_chunks(cells, chunk, [&](Index begin, Index end) {
+    CellGradients<Dim> gradients(space, rule), own(space, space.cell_rule());
+    std::vector<double> volumes(static_cast<std::size_t>(points));
+    std::vector<const Stiffness<Dim>*> stiffness(volumes.size());
+    std::vector<Stiffness<Dim>> rooms(volumes.size());
+    for (Index c = begin; c < end; ++c) {
+      gradients.enter(c);
+      if (averaged) own.enter(c);
+      for (Index q = 0; q < points; ++q) {
+        const Vec<Dim> x = space.position(c, rule.points.col(q));
+        volumes[q] = space.mesh().volume(c) * rule.weights[q] * space.measure(x);
+        stiffness[q] = &materials.stiffness(space.mesh().region(c), x, rooms[q]);
+      }
+      const double steepness = space.mesh().hat_gradients(c).squaredNorm();
+      for (std::size_t k = 0; k < fields.size(); ++k) {
+        const Points<Dim>& u = fields[k]->displacement;
+        const auto sigma = gather<Dim>(fields[k]->stress, space.places(c));
+        const double smallest = 1e-24 * steepness * gather<Dim>(u, space.cell(c)).colwise().squaredNorm().maxCoeff();
+        const double mean = averaged ? mean_dilatation(space, c, own, u) : 0.0;
+        Sums& sum = parts[begin / chunk][k];
+        double square = 0.0;
+        for (Index q = 0; q < points; ++q) {
+          Voigt<Dim> eps = strain_of<Dim>(gradients.of(q, u));
+          if (averaged) eps += (mean - eps.template head<3>().sum()) * stiffness[q]->swelling;
+          const Voigt<Dim> stress = stiffness[q]->C * eps, difference = sigma * values[q] - stress;
+          square += volumes[q] * difference.dot(stiffness[q]->S * difference);
+          sum.norm += volumes[q] * eps.dot(stress);
+          sum.rounding += volumes[q] * smallest * stiffness[q]->C(0, 0);
+        }
+        errors[k].squares[c] = square;
+        sum.error += square;
+      }
+    }
   });
-  // Bodies that move as a whole have strains of rounding.
-  return {sums[norm] > sums[rounding] ? std::sqrt(sums[error] / sums[norm]) : 0.0, std::move(squares)};
+  for (std::size_t k = 0; k < fields.size(); ++k) {
+    Sums all;
+    for (const auto& part : parts) {
+      all.error += part[k].error;
+      all.norm += part[k].norm;
+      all.rounding += part[k].rounding;
+    }
+    // Bodies that move as a whole have strains of rounding.
+    errors[k].relative = all.norm > all.rounding ? std::sqrt(all.error / all.norm) : 0.0;
+  }
+  return errors;
 }
 
 template <int Dim> RecoveryError recovery_error_of_points(const Approximation<Dim>& elements,
@@ -471,6 +530,8 @@ ProbeValues<Dim> probe(const FineSpace<Dim>& space, const Fields<Dim>& fields, c
 }
 
 template double mixed_distance<2>(const Approximation<2>&, const Points<2>&, const Fields<2>&, const Materials<2>&);
+template std::vector<RecoveryError> recovery_errors<2>(const Approximation<2>&, const std::vector<const Fields<2>*>&,
+                                                       const Materials<2>&);
 template RecoveryError recovery_error<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&);
 template RecoveryError recovery_error_of_points<2>(const Approximation<2>&, const VoigtPoints<2>&, const Fields<2>&,
                                                    const Materials<2>&);
@@ -485,6 +546,8 @@ template ProbeValues<2> probe<2>(const FineSpace<2>&, const Fields<2>&, const Lo
 template Errors errors_against<2>(const Approximation<2>&, const Fields<2>&, const Materials<2>&,
                                   const ExactSolution<2>&);
 template double mixed_distance<3>(const Approximation<3>&, const Points<3>&, const Fields<3>&, const Materials<3>&);
+template std::vector<RecoveryError> recovery_errors<3>(const Approximation<3>&, const std::vector<const Fields<3>*>&,
+                                                       const Materials<3>&);
 template RecoveryError recovery_error<3>(const Approximation<3>&, const Fields<3>&, const Materials<3>&);
 template RecoveryError recovery_error_of_points<3>(const Approximation<3>&, const VoigtPoints<3>&, const Fields<3>&,
                                                    const Materials<3>&);

@@ -58,22 +58,30 @@ template <int Dim> SymmetricMatrix LinearElements<Dim>::stiffness(const BlockMat
   return result;
 }
 
-template <int Dim> Points<Dim> LinearElements<Dim>::solve(const Points<Dim>& r) const {
-  Points<Dim> forces(Dim, around_.rows());
-  parallel_for(around_.rows(), [&](Index v) {
-    Vec<Dim> force = Vec<Dim>::Zero();
-    for (const Index node : around_[v]) force += share(node) * r.col(node);
-    forces.col(v) = force;
-  });
-  const Vector solution = factor_->solve(forces.reshaped());
-  const Eigen::Map<const Points<Dim>> moved(solution.data(), Dim, around_.rows());
-  Points<Dim> z(Dim, r.cols());
-  parallel_for(static_cast<Index>(r.cols()), [&](Index node) {
-    const auto& [a, b] = ends_[node];
-    z.col(node) = 0.5 * (moved.col(a) + moved.col(b));
-  });
-  held_.release(z);
-  return z;
+template <int Dim>
+std::vector<Points<Dim>> LinearElements<Dim>::solve(const std::vector<const Points<Dim>*>& forces) const {
+  Matrix at_vertices(Dim * around_.rows(), static_cast<Index>(forces.size()));
+  std::vector<Points<Dim>> displacements;
+  for (std::size_t k = 0; k < forces.size(); ++k) {
+    const Points<Dim>& r = *forces[k];
+    Eigen::Map<Points<Dim>> to(at_vertices.col(static_cast<Index>(k)).data(), Dim, around_.rows());
+    parallel_for(around_.rows(), [&](Index v) {
+      Vec<Dim> force = Vec<Dim>::Zero();
+      for (const Index node : around_[v]) force += share(node) * r.col(node);
+      to.col(v) = force;
+    });
+  }
+  const Matrix solution = factor_->solve_all(at_vertices);
+  for (std::size_t k = 0; k < forces.size(); ++k) {
+    const Eigen::Map<const Points<Dim>> moved(solution.col(static_cast<Index>(k)).data(), Dim, around_.rows());
+    Points<Dim>& z = displacements.emplace_back(Dim, forces[k]->cols());
+    parallel_for(static_cast<Index>(z.cols()), [&](Index node) {
+      const auto& [a, b] = ends_[node];
+      z.col(node) = 0.5 * (moved.col(a) + moved.col(b));
+    });
+    held_.release(z);
+  }
+  return displacements;
 }
 
 template class LinearElements<2>;

@@ -682,9 +682,8 @@ template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const St
   const Points<Dim> forces = data_->internal_forces(state) - data_->external_forces(state);
   Points<Dim> moved_by = interpolate(approximation().shape, U);
   moved_by(Eigen::all, nodes) = U;  // forces on coefficients have these as arms: functions reproduce x + u
-  for (const auto& [part, of] : nodal_reactions<Dim>(space, node_at, acting->rigid, acting->restraints, forces,
-                                                     finite_strain() ? &moved_by : nullptr))
-    reactions[part] += of;
+  const NodalReactions<Dim> nodal(space, node_at, acting->rigid, acting->restraints);
+  for (const auto& [part, of] : nodal(forces, finite_strain() ? &moved_by : nullptr)) reactions[part] += of;
   return reactions;
 }
 

@@ -122,61 +122,89 @@ std::vector<HoldingPart<Dim>> holding_parts(const FineSpace<Dim>& space, const s
 
 }  // namespace
 
-template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
-                                                   const std::vector<Restraint<Dim>>& nodal,
-                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces,
-                                                   const Points<Dim>* moved_by) {
+template <int Dim> struct NodalReactions<Dim>::Impl {
+  const FineSpace<Dim>& space;
+  std::vector<Index> dof_of;  ///< by node, -1 if there is none
+  std::vector<HoldingPart<Dim>> parts;
+  std::vector<Index> place_of;          ///< by node: into the next two, -1 where nothing is held
+  std::vector<Mat<Dim>> inverse, free;  ///< of what all parts hold together, and what is free
+  /// By axis: the parts that hold something along it, and their shares by node.
+  struct Along {
+    std::vector<std::size_t> parts;
+    std::vector<std::vector<double>> shares;
+  };
+  std::array<Along, Dim> along;
+};
+
+template <int Dim> NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
+                                                       const std::vector<Restraint<Dim>>& nodal,
+                                                       const std::vector<Restraint<Dim>>& weak) {
   const FineMesh<Dim>& mesh = space.mesh();
-  const auto nodes = static_cast<Index>(forces.cols());
-  std::vector<Index> dof_of(nodes, -1);
+  const Index nodes = node_at.empty() ? 0 : *std::ranges::max_element(node_at) + 1;
+  auto impl =
+      std::make_unique<Impl>(Impl{space, std::vector<Index>(nodes, -1), {}, std::vector<Index>(nodes, -1), {}, {}, {}});
   for (Index dof = space.size() - 1; dof >= 0; --dof)
-    if (node_at[dof] >= 0) dof_of[node_at[dof]] = dof;
-  const auto place = [&](Index node) {
+    if (node_at[dof] >= 0) impl->dof_of[node_at[dof]] = dof;
+  impl->parts = holding_parts(space, node_at, impl->dof_of, nodal, weak);
+  for (const auto& part : impl->parts)
+    for (const auto& [node, own] : part.held) {
+      Index& place = impl->place_of[node];
+      if (place < 0) place = static_cast<Index>(impl->inverse.size()), impl->inverse.push_back(Mat<Dim>::Zero());
+      impl->inverse[place] += own;
+    }
+  for (Mat<Dim>& all : impl->inverse) {
+    const Mat<Dim> inverse = Eigen::CompleteOrthogonalDecomposition<Mat<Dim>>(all).pseudoInverse();
+    impl->free.push_back(Mat<Dim>::Identity() - inverse * all);
+    all = inverse;
+  }
+  const Twins twins(node_at, mesh.num_vertices());
+  const auto edges = space.edges();
+  for (int d = 0; d < Dim; ++d) {
+    auto& along = impl->along[d];
+    std::vector<const std::vector<Index>*> from;
+    for (std::size_t p = 0; p < impl->parts.size(); ++p)
+      if (!impl->parts[p].from[d].empty()) from.push_back(&impl->parts[p].from[d]), along.parts.push_back(p);
+    if (from.empty()) continue;
+    for (const auto& of_vertices : shares_along(mesh, twins, from)) {
+      auto& shares = along.shares.emplace_back(nodes, 0.0);
+      for (Index node = 0; node < nodes; ++node) {
+        const Index dof = impl->dof_of[node], beyond = dof - mesh.num_vertices();
+        if (dof < 0) continue;
+        shares[node] =
+            beyond < 0 ? of_vertices[dof] : 0.5 * (of_vertices[edges[beyond][0]] + of_vertices[edges[beyond][1]]);
+      }
+    }
+  }
+  impl_ = std::move(impl);
+}
+
+template <int Dim> NodalReactions<Dim>::~NodalReactions() = default;
+
+template <int Dim>
+Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const Points<Dim>* moved_by) const {
+  const auto& [space, dof_of, parts, place_of, inverse, free, along] = *impl_;
+  const auto place = [&, &space = space, &dof_of = dof_of](Index node) {
     Vec<Dim> x = space.points().col(dof_of[node]);
     if (moved_by) x += moved_by->col(dof_of[node]);
     return x;
   };
-  const auto parts = holding_parts(space, node_at, dof_of, nodal, weak);
   Resultants<Dim> reactions;
-
   // At nodes that are held: along what is held each part has its own, the rest is free.
-  std::vector<Index> place_of(nodes, -1);
-  std::vector<Mat<Dim>> held, free;
-  for (const auto& part : parts)
-    for (const auto& [node, own] : part.held) {
-      if (place_of[node] < 0) place_of[node] = static_cast<Index>(held.size()), held.push_back(Mat<Dim>::Zero());
-      held[place_of[node]] += own;
-    }
-  for (Mat<Dim>& all : held) {
-    const Mat<Dim> inverse = Eigen::CompleteOrthogonalDecomposition<Mat<Dim>>(all).pseudoInverse();
-    free.push_back(Mat<Dim>::Identity() - inverse * all);
-    all = inverse;
-  }
   for (const auto& part : parts) {
     Resultant<Dim>& reaction = reactions[part.name];
     for (const auto& [node, own] : part.held)
-      reaction.add(place(node), own * (held[place_of[node]] * Vec<Dim>(forces.col(node))));
+      reaction.add(place(node), own * (inverse[place_of[node]] * Vec<Dim>(forces.col(node))));
   }
-
-  const Twins twins(node_at, mesh.num_vertices());
-  const auto edges = space.edges();
   for (int d = 0; d < Dim; ++d) {
-    std::vector<const std::vector<Index>*> from;
+    if (along[d].parts.empty()) continue;
     std::vector<Resultant<Dim>*> to;
-    for (const auto& part : parts)
-      if (!part.from[d].empty()) from.push_back(&part.from[d]), to.push_back(&reactions[part.name]);
-    if (from.empty()) continue;
-    const auto shares = shares_along(mesh, twins, from);
-    for (Index node = 0; node < nodes; ++node) {
+    for (const std::size_t p : along[d].parts) to.push_back(&reactions[parts[p].name]);
+    for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
       Vec<Dim> force = forces(d, node) * Vec<Dim>::Unit(d);
       if (place_of[node] >= 0) force = free[place_of[node]] * force;
       if (force.isZero(0.0)) continue;
-      const Index dof = dof_of[node], beyond = dof - mesh.num_vertices();
-      for (std::size_t p = 0; p < to.size(); ++p) {
-        const double share =
-            beyond < 0 ? shares[p][dof] : 0.5 * (shares[p][edges[beyond][0]] + shares[p][edges[beyond][1]]);
-        to[p]->add(place(node), share * force);
-      }
+      const Vec<Dim> x = place(node);
+      for (std::size_t p = 0; p < to.size(); ++p) to[p]->add(x, along[d].shares[p][node] * force);
     }
   }
   if (space.axisymmetric())
@@ -190,35 +218,42 @@ ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, cons
     : elements_(elements) {
   const FineSpace<Dim>& space = elements.space;
   terms_ = stiffness_terms(elements, materials_of(model, space.mesh()));
+  std::vector<Restraint<Dim>> nodal, weak;
   for (const auto& restraint : restraints(conditions))
-    (can_be_nodal(space, restraint) ? nodal_ : weak_).push_back(restraint);
-  if (!weak_.empty()) system_ = nitsche(space, elements.shape, terms_, weak_);
+    (can_be_nodal(space, restraint) ? nodal : weak).push_back(restraint);
+  if (!weak.empty()) {
+    system_ = nitsche(space, elements.shape, terms_, weak);
+    weakly_ =
+        std::make_unique<const NitscheReactions<Dim>>(space, elements.shape, terms_, weak, std::vector<TiedFacets>{});
+  }
   node_at_ = element_nodes(space, tied_facets(space.mesh(), model.open_interface)).at;
+  nodes_ = node_at_.empty() ? 0 : *std::ranges::max_element(node_at_) + 1;
+  nodally_ = std::make_unique<const NodalReactions<Dim>>(space, node_at_, nodal, weak);
 }
 
 template <int Dim>
-Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const Points<Dim>& u) const {
+Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const {
   const FineSpace<Dim>& space = elements_.space;
-  Points<Dim> forces = forces_of(terms_, u) - load_vector(space, elements_.shape, loads);
+  const Points<Dim>& u = solution.coefficients;
+  Points<Dim> forces = -load_vector(space, elements_.shape, loads);
+  if (terms_.size() == 1)  // the stiffness is that of the points, and their stress is known
+    forces += forces_of_stress(elements_.quadrature, solution.stress);
+  else
+    forces += forces_of(terms_, u);
   Resultants<Dim> reactions;
-  if (!weak_.empty()) {
+  if (weakly_) {
     const Vector held = system_.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped() - system_.rhs;
     forces += held.reshaped(Dim, space.size());
-    reactions = nitsche_reactions<Dim>(space, elements_.shape, terms_, weak_, {}, u);
+    reactions = (*weakly_)(u);
   }
-  const Index nodes = node_at_.empty() ? 0 : *std::ranges::max_element(node_at_) + 1;
-  Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes);
+  Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes_);
   for (Index dof = 0; dof < space.size(); ++dof) at_nodes.col(node_at_[dof]) += forces.col(dof);
-  for (const auto& [part, of] : nodal_reactions(space, node_at_, nodal_, weak_, at_nodes)) reactions[part] += of;
+  for (const auto& [part, of] : (*nodally_)(at_nodes)) reactions[part] += of;
   return reactions;
 }
 
-template Resultants<2> nodal_reactions<2>(const FineSpace<2>&, const std::vector<Index>&,
-                                          const std::vector<Restraint<2>>&, const std::vector<Restraint<2>>&,
-                                          const Points<2>&, const Points<2>*);
-template Resultants<3> nodal_reactions<3>(const FineSpace<3>&, const std::vector<Index>&,
-                                          const std::vector<Restraint<3>>&, const std::vector<Restraint<3>>&,
-                                          const Points<3>&, const Points<3>*);
+template class NodalReactions<2>;
+template class NodalReactions<3>;
 template class ElementReactions<2>;
 template class ElementReactions<3>;
 

@@ -4,20 +4,33 @@
 
 #include "efree/assembly/resultants.hpp"
 #include "efree/solvers/equilibrium.hpp"
+#include "efree/solvers/static_analysis.hpp"
+
+#include <memory>
+#include <vector>
 
 namespace efree {
 
-/// By part on which nodal values hold displacements (all, or those of the restraints that are not `weak`), from forces
-/// at nodes that are internal less external (Dim x nodes). `node_at`: by degree of freedom of the space, -1 where there
-/// is none; several may share one. Where parts meet each has what its own directions hold, of what several hold a like
+/// By part on which nodal values hold displacements (all, or those of the restraints that are not `weak`), what holds
+/// the body, from forces at nodes. Where parts meet each has what its own directions hold, of what several hold a like
 /// share. What iterations left out of balance at free nodes goes to the parts that hold its direction, the nearer (in
 /// steps through the mesh) the more: so reactions and loads balance to rounding, and where one part alone holds a
-/// direction its reaction is exact. That of weak restraints is in the result as far as it comes from there. Moments are
-/// those of forces at rest, or with `moved_by` (Dim x space.size()) where the body has moved since.
-template <int Dim> Resultants<Dim> nodal_reactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
-                                                   const std::vector<Restraint<Dim>>& nodal,
-                                                   const std::vector<Restraint<Dim>>& weak, const Points<Dim>& forces,
-                                                   const Points<Dim>* moved_by = nullptr);
+/// direction its reaction is exact. That of weak restraints is in the result as far as it comes from there.
+template <int Dim> class NodalReactions {
+ public:
+  /// `node_at`: by degree of freedom of the space, -1 where there is none; several may share one. Keeps a reference to
+  /// the space.
+  NodalReactions(const FineSpace<Dim>& space, const std::vector<Index>& node_at,
+                 const std::vector<Restraint<Dim>>& nodal, const std::vector<Restraint<Dim>>& weak);
+  ~NodalReactions();
+  /// Of forces that are internal less external (Dim x nodes). Moments are those of forces at rest, or with `moved_by`
+  /// (Dim x space.size()) where the body has moved since.
+  Resultants<Dim> operator()(const Points<Dim>& forces, const Points<Dim>* moved_by = nullptr) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<const Impl> impl_;
+};
 
 /// Reactions of the finite elements that a Corrector leads to; conditions set as it sets them.
 template <int Dim> class ElementReactions {
@@ -25,16 +38,18 @@ template <int Dim> class ElementReactions {
   /// Keeps a reference to the elements.
   ElementReactions(const Approximation<Dim>& elements, const ElasticModel& model,
                    const std::vector<DisplacementCondition<Dim>>& conditions);
-  /// By part with displacement conditions: what holds the body at a displacement u (Dim x space.size()) under these
-  /// loads.
-  Resultants<Dim> operator()(const Loads<Dim>& loads, const Points<Dim>& u) const;
+  /// By part with displacement conditions: what holds the body with these displacements (coefficients) and stresses
+  /// under these loads.
+  Resultants<Dim> operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const;
 
  private:
   const Approximation<Dim>& elements_;
   std::vector<StiffnessTerm<Dim>> terms_;
-  std::vector<Restraint<Dim>> nodal_, weak_;
-  NitscheSystem<Dim> system_;   ///< of the weak restraints, if there are any
-  std::vector<Index> node_at_;  ///< by degree of freedom
+  NitscheSystem<Dim> system_;                            ///< of the weak restraints, if there are any
+  std::unique_ptr<const NitscheReactions<Dim>> weakly_;  ///< likewise
+  std::vector<Index> node_at_;                           ///< by degree of freedom
+  Index nodes_ = 0;
+  std::unique_ptr<const NodalReactions<Dim>> nodally_;
 };
 
 }  // namespace efree

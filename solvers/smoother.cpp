@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 namespace efree {
 namespace {
@@ -121,9 +122,71 @@ template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const st
   });
 }
 
+template <int Dim>
+void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Eightfold<Dim>& r, Eightfold<Dim>& z) const {
+  parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+    const BlockRows rows = K.rows_of(begin / BlockMatrix<Dim>::chunk_rows);
+    Eightfold<Dim> ahead(end - begin);  // forces by the nodes that are done
+    const double* inverse = inverse_diagonal_.front().data();
+    if constexpr (Dim == 2)
+      sweep_eightfold_2(rows, inverse, r.at(0), z.at(0), ahead.at(0));
+    else
+      sweep_eightfold_3(rows, inverse, r.at(0), z.at(0), ahead.at(0));
+  });
+}
+
+template <int Dim>
+void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r, Eightfold<Dim>& z) const {
+  const double lower = lower_share(degree);
+  const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
+  const Index n = K.size();
+  const auto for_each_number = [&](const auto& work) {
+    parallel_chunks(n, BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+      const std::ptrdiff_t first = 8 * Dim * static_cast<std::ptrdiff_t>(begin);
+      const std::ptrdiff_t last = 8 * Dim * static_cast<std::ptrdiff_t>(end);
+      work(first, last);
+    });
+  };
+  Eightfold<Dim> step(degree > 1 ? n : 0), rest(degree > 1 ? n : 0), swept(degree > 1 ? n : 0);
+  sweep(K, r, z);
+  for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
+    for (std::ptrdiff_t i = first; i < last; ++i) z.at(0)[i] /= middle;
+    if (degree > 1) std::copy(z.at(0) + first, z.at(0) + last, step.at(0) + first);
+  });
+  double rho = half / middle;
+  for (int k = 1; k < degree; ++k) {
+    K.multiply(z, rest);
+    for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
+      double* const of = rest.at(0);
+      for (std::ptrdiff_t i = first; i < last; ++i) of[i] = r.at(0)[i] - of[i];
+    });
+    // Held directions of `rest` do not matter: the inverse diagonal knows nothing of them.
+    sweep(K, rest, swept);
+    const double next = 1.0 / (2.0 * middle / half - rho), keep = next * rho, take = 2.0 * next / half;
+    for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
+      for (std::ptrdiff_t i = first; i < last; ++i) {
+        step.at(0)[i] = keep * step.at(0)[i] + take * swept.at(0)[i];
+        z.at(0)[i] += step.at(0)[i];
+      }
+    });
+    rho = next;
+  }
+}
+
 template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree,
                                              const std::vector<const Points<Dim>*>& r,
                                              const std::vector<Points<Dim>*>& z) const {
+  if (r.size() >= worth_packing) {
+    const std::size_t count = std::min<std::size_t>(r.size(), 8);
+    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(r.data(), count));
+    Eightfold<Dim> to(K.size());
+    apply(K, degree, from, to);
+    to.unpack(std::span<Points<Dim>* const>(z.data(), count));
+    if (count < r.size())
+      apply(K, degree, std::vector(r.begin() + static_cast<std::ptrdiff_t>(count), r.end()),
+            std::vector(z.begin() + static_cast<std::ptrdiff_t>(count), z.end()));
+    return;
+  }
   const double lower = lower_share(degree);
   const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
   const std::size_t count = r.size();

@@ -7,6 +7,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/internal/cell_gradients.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/linear_step.hpp"
 
@@ -34,74 +35,130 @@ template <int Dim> bool is_sliver(const FineMesh<Dim>& mesh, Index c) {
   return internal::flatness<Dim>(mesh.vertices(), mesh.cells(), c) < 1e-3 * regular;
 }
 
-/// A quadrature with too few points leaves deformations without stiffness; a solution that holds such ones is refused.
+/// A quadrature with too few points leaves deformations without stiffness; solutions that hold such ones are refused.
 /// Compares the distortion the quadrature sees with that of the field itself on the fine mesh, slivers left out.
 template <int Dim>
-void require_stable(const Approximation<Dim>& approximation, const Points<Dim>& U, const VoigtPoints<Dim>& strain) {
+void require_stable(const Approximation<Dim>& approximation, const std::vector<Solution<Dim>>& solutions) {
   constexpr double smallest_share = 0.05;
   const auto& space = approximation.space;
   const auto& mesh = space.mesh();
-  double seen = 0.0;
-  for (Index K = 0; K < approximation.quadrature.size(); ++K)
-    seen += approximation.quadrature.weights[K] * deviator_squared<Dim>(strain.col(K), space.axisymmetric());
-  const Points<Dim> u = interpolate(approximation.shape, U);
   const auto& rule = space.cell_rule();
-  double there = 0.0, worst = 0.0;
-  Vec<Dim> where = Vec<Dim>::Zero();
-  for (Index c = 0; c < mesh.num_cells(); ++c) {
-    if (is_sliver(mesh, c)) continue;
-    double of_cell = 0.0;
-    for (Index q = 0; q < rule.weights.size(); ++q)
-      of_cell += space.weight(c, q) *
-                 deviator_squared<Dim>(strain_at<Dim>(space, c, rule.points.col(q), u), space.axisymmetric());
-    there += of_cell;
-    if (of_cell > worst) {
-      worst = of_cell;
-      where = mesh.vertices()(Eigen::all, mesh.cells().col(c)).rowwise().mean();
+  const auto& quadrature = approximation.quadrature;
+  if (quadrature.size() >= mesh.num_cells() * static_cast<Index>(rule.weights.size())) return;  // sees everything
+  const std::size_t count = solutions.size();
+  std::vector<Points<Dim>> u;
+  for (const auto& solution : solutions) u.push_back(interpolate(approximation.shape, solution.coefficients));
+
+  struct Distortion {
+    double all = 0.0, largest = 0.0;
+    Index cell = 0;  ///< where it is largest
+  };
+  constexpr Index chunk = 1024;
+  std::vector<std::vector<Distortion>> parts((mesh.num_cells() + chunk - 1) / chunk, std::vector<Distortion>(count));
+  parallel_chunks(mesh.num_cells(), chunk, [&](Index begin, Index end) {
+    auto& part = parts[begin / chunk];
+    CellGradients<Dim> gradients(space, rule);
+    for (Index c = begin; c < end; ++c) {
+      if (is_sliver(mesh, c)) continue;
+      gradients.enter(c);
+      for (std::size_t k = 0; k < count; ++k) {
+        double of_cell = 0.0;
+        for (Index q = 0; q < rule.weights.size(); ++q)
+          of_cell +=
+              space.weight(c, q) * deviator_squared<Dim>(strain_of<Dim>(gradients.of(q, u[k])), space.axisymmetric());
+        part[k].all += of_cell;
+        if (of_cell > part[k].largest) part[k].largest = of_cell, part[k].cell = c;
+      }
     }
-  }
+  });
   const double diameter = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
-  const double rounding = 1e-20 * approximation.quadrature.weights.sum() * u.squaredNorm() /
-                          (static_cast<double>(u.cols()) * diameter * diameter);
-  if (there > rounding && seen < smallest_share * there)
-    throw NumericalError(
-        fmt::format("unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest "
-                    "around ({:.5g}); "
-                    "raise the ratio M/N, or put more nodes there",
-                    approximation.quadrature.size(), 100.0 * seen / there, approximation.shape.num_nodes(),
-                    fmt::join(where, ", ")));
+  for (std::size_t k = 0; k < count; ++k) {
+    double seen = 0.0;
+    for (Index K = 0; K < quadrature.size(); ++K)
+      seen += quadrature.weights[K] * deviator_squared<Dim>(solutions[k].strain.col(K), space.axisymmetric());
+    Distortion there;
+    for (const auto& part : parts) {
+      there.all += part[k].all;
+      if (part[k].largest > there.largest) there.largest = part[k].largest, there.cell = part[k].cell;
+    }
+    const double rounding = 1e-20 * quadrature.weights.sum() * u[k].squaredNorm() /
+                            (static_cast<double>(u[k].cols()) * diameter * diameter);
+    if (there.all > rounding && seen < smallest_share * there.all)
+      throw NumericalError(
+          fmt::format("unstable: the {} quadrature points see {:.1g} % of the distortion of {} nodes, which is largest "
+                      "around ({:.5g}); "
+                      "raise the ratio M/N, or put more nodes there",
+                      quadrature.size(), 100.0 * seen / there.all, approximation.shape.num_nodes(),
+                      fmt::join(mesh.centroid(there.cell), ", ")));
+  }
 }
 
-/// Strains, stresses and energy of the field with these coefficients.
-template <int Dim> Solution<Dim> derived(const Approximation<Dim>& approximation, const Materials<Dim>& materials,
-                                         const std::vector<StiffnessTerm<Dim>>& terms, Points<Dim> coefficients) {
-  Solution<Dim> solution;
-  solution.coefficients = std::move(coefficients);
+/// The energy of the field with coefficients U in some terms of the stiffness.
+template <int Dim> double energy_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U) {
+  double energy = 0.0;
   for (const auto& term : terms) {
-    const Gradients<Dim> H = gradient(*term.discretization, solution.coefficients);
+    const Gradients<Dim> H = gradient(*term.discretization, U);
     for (Index K = 0; K < term.discretization->size(); ++K)
-      solution.strain_energy += 0.5 * term.discretization->weights[K] * H.col(K).dot(term.tangents[K] * H.col(K));
+      energy += 0.5 * term.discretization->weights[K] * H.col(K).dot(term.tangents[K] * H.col(K));
   }
+  return energy;
+}
+
+/// Strains, stresses and energies of the fields with these coefficients. All of them at a point before the next, so
+/// that what is stored of the points is read once.
+template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& approximation,
+                                                      const Materials<Dim>& materials,
+                                                      const std::vector<StiffnessTerm<Dim>>& terms,
+                                                      std::vector<Points<Dim>> coefficients) {
   const auto& quadrature = approximation.quadrature;
-  solution.strain = strain(quadrature, solution.coefficients);
-  solution.stress.resizeLike(solution.strain);
-  VoigtPoints<Dim> mean;
-  if (approximation.dilatation.size() > 0) mean = strain(approximation.dilatation, solution.coefficients);
-  parallel_for(quadrature.size(), [&](Index K) {
+  const bool unions = approximation.dilatation.size() > 0;
+  const bool by_points = terms.size() == 1;  // the stiffness is that of the points, and so is the energy
+  const std::size_t count = coefficients.size();
+  std::vector<Solution<Dim>> solutions(count);
+  std::vector<VoigtPoints<Dim>> mean(unions ? count : 0);
+  for (std::size_t k = 0; k < count; ++k) {
+    solutions[k].coefficients = std::move(coefficients[k]);
+    solutions[k].strain.resize(voigt_size<Dim>, quadrature.size());
+    solutions[k].stress.resize(voigt_size<Dim>, quadrature.size());
+    if (unions) mean[k] = strain(approximation.dilatation, solutions[k].coefficients);
+  }
+  constexpr Index chunk = 1024;
+  std::vector<std::vector<double>> energies((quadrature.size() + chunk - 1) / chunk, std::vector<double>(count));
+  parallel_chunks(quadrature.size(), chunk, [&](Index begin, Index end) {
+    std::vector<double>& energy = energies[begin / chunk];
     Stiffness<Dim> room;
-    const Stiffness<Dim>& stiffness = materials.stiffness(quadrature.region[K], quadrature.points.col(K), room);
-    Voigt<Dim> eps = solution.strain.col(K);
-    solution.strain(2, K) += stiffness.thinning.dot(eps);
-    if (mean.size() > 0)  // the pressure lives on the unions
-      eps += (mean.col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
-    solution.stress.col(K) = stiffness.C * eps;
+    for (Index K = begin; K < end; ++K) {
+      const Stiffness<Dim>& stiffness = materials.stiffness(quadrature.region[K], quadrature.points.col(K), room);
+      const auto row = quadrature.shape.row(K);
+      for (std::size_t k = 0; k < count; ++k) {
+        Solution<Dim>& solution = solutions[k];
+        Gradient<Dim> H = Gradient<Dim>::Zero();
+        for (std::size_t i = 0; i < row.nodes.size(); ++i)
+          H += nodal_gradient(row, i).of(solution.coefficients.col(row.nodes[i]));
+        Voigt<Dim> eps = strain_of<Dim>(H);
+        solution.strain.col(K) = eps;
+        solution.strain(2, K) += stiffness.thinning.dot(eps);
+        if (unions)  // the pressure lives on the unions
+          eps += (mean[k].col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
+        const Voigt<Dim> stress = stiffness.C * eps;
+        solution.stress.col(K) = stress;
+        energy[k] += 0.5 * quadrature.weights[K] * stress.dot(eps);
+      }
+    }
   });
-  if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
-    throw NumericalError(
-        fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
-                    "floating-point numbers",
-                    solution.strain_energy));
-  return solution;
+  for (std::size_t k = 0; k < count; ++k) {
+    Solution<Dim>& solution = solutions[k];
+    if (by_points)
+      for (const auto& part : energies) solution.strain_energy += part[k];
+    else
+      solution.strain_energy = energy_of(terms, solution.coefficients);
+    if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
+      throw NumericalError(
+          fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
+                      "floating-point numbers",
+                      solution.strain_energy));
+  }
+  return solutions;
 }
 
 }  // namespace
@@ -144,6 +201,14 @@ template <int Dim> Index ElasticSolver<Dim>::num_unknowns() const {
 
 template <int Dim>
 Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticModel& model, Points<Dim> coefficients) {
+  std::vector<Points<Dim>> all;
+  all.push_back(std::move(coefficients));
+  return std::move(evaluate_all(approximation, model, std::move(all)).front());
+}
+
+template <int Dim> std::vector<Solution<Dim>> evaluate_all(const Approximation<Dim>& approximation,
+                                                           const ElasticModel& model,
+                                                           std::vector<Points<Dim>> coefficients) {
   const auto materials = materials_of(model, approximation.space.mesh());
   return derived(approximation, materials, stiffness_terms(approximation, materials, model.stabilisation),
                  std::move(coefficients));
@@ -160,12 +225,12 @@ std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads
   std::vector<const Equations*> all;
   for (const auto& one : equations) all.push_back(&one);
   const auto& approximation = impl_->equations.approximation();
-  std::vector<Solution<Dim>> solutions;
-  for (const State& state : linear_steps(all, impl_->factor, impl_->equations.rest())) {
-    solutions.push_back(derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(),
-                                Points<Dim>(state.u.reshaped(Dim, approximation.shape.num_nodes()))));
-    require_stable<Dim>(approximation, solutions.back().coefficients, solutions.back().strain);
-  }
+  std::vector<Points<Dim>> coefficients;
+  for (const State& state : linear_steps(all, impl_->factor, impl_->equations.rest()))
+    coefficients.emplace_back(state.u.reshaped(Dim, approximation.shape.num_nodes()));
+  auto solutions =
+      derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(), std::move(coefficients));
+  require_stable(approximation, solutions);
   return solutions;
 }
 
@@ -174,7 +239,7 @@ Resultants<Dim> ElasticSolver<Dim>::reactions(const Solution<Dim>& solution, con
   State state = impl_->equations.rest();
   state.u = solution.coefficients.reshaped();
   state.factor = 1.0;
-  return impl_->equations.with(loads).reactions(state);
+  return impl_->equations.with(loads).reactions(state, &solution.stress);
 }
 
 template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Dim>& functional, const Solution<Dim>& u,
@@ -203,8 +268,10 @@ template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Di
 }
 
 template Solution<2> evaluate<2>(const Approximation<2>&, const ElasticModel&, Points<2>);
+template std::vector<Solution<2>> evaluate_all<2>(const Approximation<2>&, const ElasticModel&, std::vector<Points<2>>);
 template class ElasticSolver<2>;
 template Solution<3> evaluate<3>(const Approximation<3>&, const ElasticModel&, Points<3>);
+template std::vector<Solution<3>> evaluate_all<3>(const Approximation<3>&, const ElasticModel&, std::vector<Points<3>>);
 template class ElasticSolver<3>;
 
 }  // namespace efree

@@ -24,6 +24,10 @@ template <int Dim> struct Solution {
 /// range, NumericalError if a value is not finite.
 template <int Dim>
 Solution<Dim> evaluate(const Approximation<Dim>& approximation, const ElasticModel& model, Points<Dim> coefficients);
+/// The same of several fields, bitwise as one by one, in less time. Throws likewise.
+template <int Dim> std::vector<Solution<Dim>> evaluate_all(const Approximation<Dim>& approximation,
+                                                           const ElasticModel& model,
+                                                           std::vector<Points<Dim>> coefficients);
 
 /// Equilibrium by one linear step: assembles and factors once, then solves any number of load cases. Regions of a mesh
 /// parted by cut_regions are tied to each other where they touch, by Nitsche.
@@ -113,6 +117,10 @@ struct RecoveryError {
 /// Of fields that were recovered.
 template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approximation, const Fields<Dim>& fields,
                                                 const Materials<Dim>& materials);
+/// The same of several, in less time.
+template <int Dim> std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximation,
+                                                              const std::vector<const Fields<Dim>*>& fields,
+                                                              const Materials<Dim>& materials);
 
 /// The same of stresses at the quadrature points of finite elements (Solution::stress), whatever materials answered
 /// with them: their interpolation over the cell against what was recovered from them, in the energy norm of the

@@ -2,6 +2,7 @@
 /// Symmetric sparse matrices of small dense blocks, stored for fast products.
 #pragma once
 
+#include "efree/assembly/internal/eightfold.hpp"
 #include "efree/core/types.hpp"
 
 #include <cstdint>
@@ -60,8 +61,15 @@ template <int Dim> struct BlockMatrix {
   void multiply(const Points<Dim>& x, Points<Dim>& y) const {
     multiply(std::vector<const Points<Dim>*>{&x}, std::vector<Points<Dim>*>{&y});
   }
-  /// The same for several, none of which is another one's product; bitwise as one by one.
+  /// The same for several, none of which is another one's product; as one by one but for rounding.
   void multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
+  void multiply(const Eightfold<Dim>& x, Eightfold<Dim>& y) const;
+  /// Those of a chunk as kernels see them.
+  BlockRows rows_of(Index chunk) const {
+    const Chunk& of = chunks[chunk];
+    return {chunk * chunk_rows, of.rows(),         of.offsets.data(),       of.own.data(),
+            of.diagonal.data(), of.columns.data(), of.blocks.data()->data()};
+  }
 };
 
 }  // namespace efree

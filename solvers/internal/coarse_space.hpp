@@ -5,6 +5,7 @@
 #include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/assembly/internal/gather.hpp"
 #include "efree/basis/shape_table.hpp"
+#include "efree/solvers/internal/coarse_solver.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 
@@ -28,7 +29,7 @@ template <int Dim> struct Lift {
 /// Melenk & Babuska 1996). A wall or limb that bends turns from node to node; functions that only move it have to shear
 /// it, and are too stiff by the square of spacing over thickness. Turning nodes bend it without shear, as nodes of
 /// plates and rods do.
-template <int Dim> class CoarseSpace {
+template <int Dim> class CoarseSpace final : public CoarseSolver<Dim> {
  public:
   /// `shape`: the functions at the nodes of K, which are at `places`; `nodes`: theirs (Dim x shape.num_nodes()), which
   /// of them turn; free(node): projector onto the directions that are not held. With a lift the functions are at its
@@ -37,10 +38,14 @@ template <int Dim> class CoarseSpace {
               const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free,
               std::optional<Lift<Dim>> lift = {});
 
-  /// The displacement that forces r without a part on what is held (Dim x K.size()) lead to in this space.
-  Points<Dim> solve(const Points<Dim>& r) const;
+  using CoarseSolver<Dim>::solve;
+  std::vector<Points<Dim>> solve(const std::vector<const Points<Dim>*>& forces) const override;
 
  private:
+  /// Forces at the nodes of the elements as forces on the functions.
+  Vector gathered(const Points<Dim>& r) const;
+  /// The displacement of the nodes of the elements by that of the functions.
+  Points<Dim> spread(const Eigen::Ref<const Vector>& solution, Index nodes) const;
   BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
   SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
   const Points<Dim>& points() const { return lift_ ? lift_->points : places_; }

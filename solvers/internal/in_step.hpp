@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/assembly/internal/block_matrix.hpp"
+#include "efree/solvers/internal/coarse_solver.hpp"
 #include "efree/solvers/internal/smoother.hpp"
 
 #include <algorithm>
@@ -41,11 +42,12 @@ class Iteration {
   std::coroutine_handle<promise_type> handle_;
 };
 
-/// Products with a matrix, and its smoother, for all iterations that have come to the same point: what is stored is
-/// read once for them. Each gets bitwise what it would get alone.
+/// Products with a matrix, its smoother and coarse solutions for all iterations that have come to the same point: what
+/// is stored is read once for them. Each gets what it would get alone but for rounding.
 template <int Dim> class InStep {
   struct Request {
-    int degree;  ///< of the smoother; 0: a product with the matrix
+    const CoarseSolver<Dim>* coarse;  ///< if it is a solution by that
+    int degree;                       ///< else of the smoother; 0: a product with the matrix
     const Points<Dim>* from;
     Points<Dim>* to;
     std::coroutine_handle<> who;
@@ -66,24 +68,33 @@ template <int Dim> class InStep {
   InStep(const BlockMatrix<Dim>& K, const Smoother<Dim>& smoother) : K_(K), smoother_(smoother) {}
 
   /// To be awaited: y = K x; x and y differ.
-  Waiting multiply(const Points<Dim>& x, Points<Dim>& y) { return {*this, {0, &x, &y, {}}}; }
+  Waiting multiply(const Points<Dim>& x, Points<Dim>& y) { return {*this, {nullptr, 0, &x, &y, {}}}; }
   /// To be awaited: Smoother::apply.
-  Waiting smooth(int degree, const Points<Dim>& r, Points<Dim>& z) { return {*this, {degree, &r, &z, {}}}; }
+  Waiting smooth(int degree, const Points<Dim>& r, Points<Dim>& z) { return {*this, {nullptr, degree, &r, &z, {}}}; }
+  /// To be awaited: CoarseSolver::solve.
+  Waiting solve(const CoarseSolver<Dim>& coarse, const Points<Dim>& r, Points<Dim>& z) {
+    return {*this, {&coarse, 0, &r, &z, {}}};
+  }
 
   /// Goes on until none waits any more.
   void run() {
     while (!requests_.empty()) {
       std::vector<Request> now = std::exchange(requests_, {});
-      std::ranges::stable_sort(now, {}, &Request::degree);
+      const auto kind = [](const Request& one) { return std::pair(one.coarse, one.degree); };
+      std::ranges::stable_sort(now, {}, kind);
       for (auto first = now.begin(), last = first; first != now.end(); first = last) {
         std::vector<const Points<Dim>*> from;
         std::vector<Points<Dim>*> to;
-        for (; last != now.end() && last->degree == first->degree; ++last)
+        for (; last != now.end() && kind(*last) == kind(*first); ++last)
           from.push_back(last->from), to.push_back(last->to);
-        if (first->degree == 0)
+        if (first->coarse) {
+          auto solved = first->coarse->solve(from);
+          for (std::size_t k = 0; k < to.size(); ++k) *to[k] = std::move(solved[k]);
+        } else if (first->degree == 0) {
           K_.multiply(from, to);
-        else
+        } else {
           smoother_.apply(K_, first->degree, from, to);
+        }
       }
       for (const Request& request : now) request.who.resume();
     }

@@ -4,6 +4,7 @@
 
 #include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/assembly/internal/finite_elements.hpp"
+#include "efree/solvers/internal/coarse_solver.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 
@@ -17,15 +18,15 @@ namespace efree {
 /// The second of two levels of degree (p-multigrid: Rønquist & Patera 1987). Whatever the mesh, and however thin its
 /// body, one sweep over the quadratic problem removes what linear elements cannot; their factor has a quarter of its
 /// unknowns.
-template <int Dim> class LinearElements {
+template <int Dim> class LinearElements final : public CoarseSolver<Dim> {
  public:
   /// K: of the quadratic space on its `nodes`; free(node): projector onto the directions that are not held. Factors the
   /// stiffness of linear elements, as K has it for displacements that are linear along edges.
   LinearElements(const BlockMatrix<Dim>& K, const FineSpace<Dim>& space, const ElementNodes& nodes,
                  const std::function<Mat<Dim>(Index)>& free);
 
-  /// The displacement that forces r without a part on what is held (Dim x K.size()) lead to in this space.
-  Points<Dim> solve(const Points<Dim>& r) const;
+  using CoarseSolver<Dim>::solve;
+  std::vector<Points<Dim>> solve(const std::vector<const Points<Dim>*>& forces) const override;
 
  private:
   SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;

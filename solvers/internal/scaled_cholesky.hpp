@@ -29,6 +29,8 @@ class ScaledCholesky {
       factor_.emplace(matrix, node_of);
     }
   }
+  /// For each column.
+  Matrix solve_all(const Matrix& B) const { return scale_.asDiagonal() * factor_->solve(scale_.asDiagonal() * B); }
   Vector solve(const Vector& b) const { return scale_.cwiseProduct(factor_->solve(scale_.cwiseProduct(b)).col(0)); }
 
  private:

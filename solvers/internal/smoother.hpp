@@ -20,11 +20,13 @@ template <int Dim> class Smoother {
   void apply(const BlockMatrix<Dim>& K, int degree, const Points<Dim>& r, Points<Dim>& z) const {
     apply(K, degree, std::vector<const Points<Dim>*>{&r}, std::vector<Points<Dim>*>{&z});
   }
-  /// The same for several; bitwise as one by one.
+  /// The same for several; as one by one but for rounding.
   void apply(const BlockMatrix<Dim>& K, int degree, const std::vector<const Points<Dim>*>& r,
              const std::vector<Points<Dim>*>& z) const;
 
  private:
+  void apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r, Eightfold<Dim>& z) const;
+  void sweep(const BlockMatrix<Dim>& K, const Eightfold<Dim>& r, Eightfold<Dim>& z) const;
   void sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,
              const std::vector<Points<Dim>*>& z) const;
 

@@ -382,15 +382,16 @@ TEST(Correction, HatsOfManyBodiesAreOneEach) {
   EXPECT_EQ(make_hats(K, places).shape.num_nodes(), count);
 }
 
-/// Seven cases, so that they go in groups of five and two, that end after different numbers of iterations: one is of no
+/// Ten cases, so that they go in groups of eight and two, that end after different numbers of iterations: one is of no
 /// force, one needs many.
 template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
+  constexpr double rounding = 1e-9;
   const auto cloud = approximate(problem.mesh, problem.cloud);
   const ElasticSolver<Dim> solver(cloud, problem.model, problem.supports);
   const Corrector<Dim> corrector(cloud, problem.model, problem.supports);
   std::vector<Loads<Dim>> cases;
   std::vector<Points<Dim>> starts;
-  for (int k = 0; k < 7; ++k) {
+  for (int k = 0; k < 10; ++k) {
     Loads<Dim> loads{.tractions = {}, .body_force = {}};
     if (k != 3) loads.tractions = {tension<Dim>(k % 2 == 0 ? "right" : "top", 1.0 + k)};
     if (k == 5)
@@ -404,18 +405,34 @@ template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
     ASSERT_EQ(together.size(), cases.size());
     for (std::size_t k = 0; k < cases.size(); ++k) {
       const auto alone = corrector.correct(starts[k], cases[k], options);
-      EXPECT_EQ(together[k].displacement, alone.displacement) << k;
+      const double moved = alone.displacement.cwiseAbs().maxCoeff();
+      EXPECT_LE((together[k].displacement - alone.displacement).cwiseAbs().maxCoeff(), rounding * moved) << k;
       EXPECT_EQ(together[k].iterations, alone.iterations) << k;
-      EXPECT_EQ(together[k].taken, alone.taken) << k;
-      EXPECT_EQ(together[k].error, alone.error) << k;
-      EXPECT_EQ(together[k].start_error, alone.start_error) << k;
-      EXPECT_EQ(together[k].strain_energy, alone.strain_energy) << k;
+      ASSERT_EQ(together[k].taken.size(), alone.taken.size()) << k;
+      for (std::size_t i = 0; i < alone.taken.size(); ++i)
+        EXPECT_NEAR(together[k].taken[i], alone.taken[i], rounding * alone.taken[0]) << k;
+      EXPECT_NEAR(together[k].error, alone.error, rounding) << k;
+      EXPECT_NEAR(together[k].start_error, alone.start_error, rounding) << k;
+      EXPECT_NEAR(together[k].strain_energy, alone.strain_energy, rounding * alone.strain_energy) << k;
     }
   }
   EXPECT_THROW(corrector.correct_all({starts[0]}, cases), InputError);
+
+  const int threads = num_threads();
+  const auto on = [&](int count) {
+    set_num_threads(count);
+    return corrector.correct_all(starts, cases);
+  };
+  const auto one = on(1), three = on(3);
+  set_num_threads(threads);
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    EXPECT_EQ(one[k].displacement, three[k].displacement) << k;
+    EXPECT_EQ(one[k].taken, three[k].taken) << k;
+    EXPECT_EQ(one[k].strain_energy, three[k].strain_energy) << k;
+  }
 }
 
-TEST(Correction, OfSeveralLoadCasesIsBitwiseThatOfEach) {
+TEST(Correction, OfSeveralLoadCasesIsThatOfEach) {
   const ElasticModel plane{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
   for (const int degree : {1, 2})
     expect_same_as_alone<2>({triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.05}),
