@@ -177,17 +177,20 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       if (!(fracture.strain->reference > 0.0) || !(fracture.strain->melting >= 0.0))
         fail("plastic strain at failure: expected a positive rate of reference, and a rise to melting of 0 or more");
     }
+    const bool integrates = options.functions == OtmFunctions::lme && !body.shape && body.cells.size() != 0 &&
+                            options.exact_integration && options.renewal > 0.0;
     bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
-                      !body.shape.has_value(), material.finite_strain(), body.surface.has_value(), body.mass_terms,
-                      fracture, plastic_strain, row_of(material, "temperature_rise"),
+                      !body.shape.has_value(), integrates, material.finite_strain(), body.surface.has_value(),
+                      body.mass_terms, fracture, plastic_strain, row_of(material, "temperature_rise"),
                       release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
+  x_rest.setZero(Dim, num_nodes);
   v.setZero(Dim, num_nodes);
   force.setZero(Dim, num_nodes);
   spacing.resize(num_nodes);
@@ -241,6 +244,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.volume.resize(n);
       chunk.mass.resize(n);
       chunk.at.resize(Dim, n);
+      chunk.from_origin.setZero(Dim, n);
       for (Index p = 0; p < n; ++p) {
         const Index of = order[begin + p];
         X.col(p).template head<Dim>() = body.points.col(of);
@@ -292,6 +296,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();
+  integrate_exactly();
   find_masses();
   find_momenta();
   take_surfaces(given);

@@ -66,6 +66,16 @@ template <int Dim> Vec<Dim> area_of(const Mat<Dim>& corner) {
   }
 }
 
+/// A sum that remembers what rounding keeps from it (Kahan 1965): over many steps, moments of momentum would feel it.
+template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Dim>& rest) {
+  for (Eigen::Index a = 0; a < sum.cols(); ++a)
+    for (int i = 0; i < Dim; ++i) {
+      const double change = more(i, a) + rest(i, a), before = sum(i, a);
+      sum(i, a) += change;
+      rest(i, a) = change - (sum(i, a) - before);
+    }
+}
+
 }  // namespace
 
 /// The facets that only one cell has, of those that are not eroded.
@@ -330,15 +340,16 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
     }
   }
   if (rubbed.size() != 0) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
-  x += dt * v;
+  add<Dim>(dt * v, x, x_rest);
   for (Index a = 0; a < x.cols(); ++a)
     if (merged[a] >= 0) {
       x.col(a) = x.col(merged[a]);
+      x_rest.col(a) = x_rest.col(merged[a]);
       v.col(a) = v.col(merged[a]);
     }
   if (axisymmetric())
     for (Index a = 0; a < x.cols(); ++a)
-      if (x(0, a) < 0.0) x(0, a) = 0.0;
+      if (x(0, a) < 0.0) x(0, a) = x_rest(0, a) = 0.0;
   times.nodes += lap(start);
 }
 

@@ -27,6 +27,31 @@ template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) 
   return entry;
 }
 
+/// Adds to one of the numbers what their sum lacks of `whole`, to far below the rounding of the others: to the smallest
+/// that is no smaller than a thousandth of the largest. Forces of a point would sum up to something else, by as much in
+/// every step.
+template <class Number>
+void complete(std::vector<std::pair<Index, OtmEntry>>& row, double whole, const Number& number) {
+  double largest = 0.0, sum = -whole, rest = 0.0;
+  for (auto& [a, entry] : row) {
+    const double add = number(entry), next = sum + add;
+    rest += std::abs(sum) >= std::abs(add) ? (sum - next) + add : (add - next) + sum;  // Neumaier 1974
+    sum = next;
+    largest = std::max(largest, std::abs(add));
+  }
+  double* least = nullptr;
+  for (auto& [a, entry] : row)
+    if (double& of = number(entry); std::abs(of) >= 1e-3 * largest && (!least || std::abs(of) < std::abs(*least)))
+      least = &of;
+  if (least) *least -= sum + rest;
+}
+
+/// Functions that sum up to one, and gradients that sum up to nothing.
+template <int Dim> void complete(std::vector<std::pair<Index, OtmEntry>>& row) {
+  complete(row, 1.0, [](OtmEntry& entry) -> double& { return entry.N; });
+  for (int i = 0; i < Dim; ++i) complete(row, 0.0, [i](OtmEntry& entry) -> double& { return entry.dN[i]; });
+}
+
 /// The metric with the same determinant whose axes have lengths of at most that ratio.
 template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
   const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(metric);
@@ -197,6 +222,7 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
             fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around "
                         "it, {} of them",
                         time, fmt::join(at, ", "), functions.size()));
+      complete<Dim>(rows[k]);
       ++counted.kept;
       continue;
     }
@@ -207,6 +233,7 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
       const double N = functions.N(a);
       row.push_back({used[k_used], entry_of<Dim>(N, functions.dN(a), axisymmetric() ? N / at[0] : 0.0)});
     }
+    complete<Dim>(row);
     if (!first) {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       if (smallest_eigenvalue<Dim>(functions.moment()) <
@@ -234,6 +261,7 @@ void Motion<Dim>::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Di
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
       rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k],
                          entry_of<Dim>(row.N[k], row.dN[k], axisymmetric() ? row.hoop[k] : 0.0)});
+    complete<Dim>(rows[p]);
   }
 }
 

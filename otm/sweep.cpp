@@ -21,8 +21,11 @@ constexpr double small_strains = 0.05;
 
 /// What values at the nodes come to at the points: gradients, and the values there, a row for each component.
 template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
+  if (chunk.nodes.empty()) return;
+  chunk.origin = of.col(chunk.nodes.front());
+  if (axisymmetric()) chunk.origin[0] = 0.0;  // hoops are as long as radii
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
-    for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]);
+    for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]) - chunk.origin[i];
   otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
              chunk.columns.data());
 }
@@ -30,7 +33,8 @@ template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<D
 /// Where a point is and how it is deformed, after `deform` by where the nodes are.
 template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
   const double* rows = chunk.columns.data() + 16 * p;
-  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = rows[4 * i + 3];
+  for (int i = 0; i < Dim; ++i) chunk.from_origin(i, p) = rows[4 * i + 3];
+  chunk.at.col(p) = chunk.origin + chunk.from_origin.col(p);
   if (!chunk.is_eroded(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
@@ -137,7 +141,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
-  push(chunk, chunk.since, chunk.at);
+  push(chunk, chunk.since, chunk.from_origin);
 }
 
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.

@@ -34,8 +34,9 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> offsets{0};
   std::vector<std::uint16_t> local;
   std::vector<OtmEntry> entries;
-  std::vector<Index> nodes;      ///< by local number
-  std::vector<double> x, force;  ///< four numbers for each of these
+  std::vector<Index> nodes;            ///< by local number
+  std::vector<double> x, force;        ///< four numbers for each of these; x: from `origin` on
+  Vec<Dim> origin = Vec<Dim>::Zero();  ///< near them, so that no place is a small difference of large numbers
 
   // Points.
   Deformation now;                  ///< X, F, history
@@ -43,6 +44,7 @@ template <int Dim> struct OtmChunk {
   Tensors made;                     ///< F when the functions were made
   std::vector<Mat<3>> since;        ///< F since then
   Points<Dim> at;                   ///< where they are
+  Points<Dim> from_origin;          ///< likewise
   Vector volume, mass;              ///< in the reference configuration; the volume of eroded points is 0
   std::vector<Mat<Dim>> metric;     ///< that the functions were made with
   std::vector<Mat<Dim>> moment;     ///< J of them

@@ -40,6 +40,7 @@ template <int Dim> struct Motion {
     MaterialResponse::Tangent compliance;  ///< at rest; of turns as of shear
     double shear, modulus;                 ///< against shear, and of pressure waves
     bool renewed;                          ///< whether functions are
+    bool integrates;                       ///< whether gradients are made to integrate exactly
     bool finite;                           ///< whether the material is for finite strains
     bool has_surface;                      ///< that walls act on; else they act on the nodes
     Index mass_terms;                      ///< 1: lumped masses
@@ -62,7 +63,8 @@ template <int Dim> struct Motion {
   std::vector<Index> given;  ///< nodes and points of each body at the start
   std::vector<BodyOf> bodies;
   Points<Dim> x, v, force;
-  Points<Dim> was;  ///< v a step ago
+  Points<Dim> x_rest;  ///< what rounding has kept from x so far
+  Points<Dim> was;     ///< v a step ago
   Vector mass;
   std::vector<OtmChunk<Dim>> chunks;
   std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
@@ -98,6 +100,13 @@ template <int Dim> struct Motion {
   void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
   void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
+  // Gradients that integrate exactly.
+  Points<Dim> integration_error();
+  Mat<Dim> weight_changes(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
+                          std::vector<double>& changes) const;
+  Points<Dim> integrated_changes(const Points<Dim>& multipliers);
+  void change_weights(const Points<Dim>& multipliers);
+  void integrate_exactly();
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
   Points<Dim> collected() const;
