@@ -11,10 +11,10 @@ namespace efree::internal {
 namespace {
 
 /// Weights of a point change by at most this part of them at once.
-constexpr double largest_change = 0.5;
+constexpr double largest_change = 0.8;
 /// What may be left of what sums are off, and of what is left each time.
-constexpr double enough = 1e-8, enough_at_once = 1e-2;
-constexpr int most_times = 12, most_iterations = 60;
+constexpr double enough = 1e-2, enough_at_once = 0.1;
+constexpr int most_times = 4, most_iterations = 15;
 
 /// Gradients of the linear functions of a cell, by columns. False if the cell is flat.
 template <int Dim>
