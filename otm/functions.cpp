@@ -27,29 +27,9 @@ template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) 
   return entry;
 }
 
-/// Adds to one of the numbers what their sum lacks of `whole`, to far below the rounding of the others: to the smallest
-/// that is no smaller than a thousandth of the largest. Forces of a point would sum up to something else, by as much in
-/// every step.
-template <class Number>
-void complete(std::vector<std::pair<Index, OtmEntry>>& row, double whole, const Number& number) {
-  double largest = 0.0, sum = -whole, rest = 0.0;
-  for (auto& [a, entry] : row) {
-    const double add = number(entry), next = sum + add;
-    rest += std::abs(sum) >= std::abs(add) ? (sum - next) + add : (add - next) + sum;  // Neumaier 1974
-    sum = next;
-    largest = std::max(largest, std::abs(add));
-  }
-  double* least = nullptr;
-  for (auto& [a, entry] : row)
-    if (double& of = number(entry); std::abs(of) >= 1e-3 * largest && (!least || std::abs(of) < std::abs(*least)))
-      least = &of;
-  if (least) *least -= sum + rest;
-}
-
-/// Functions that sum up to one, and gradients that sum up to nothing.
+/// Of a point's nodes.
 template <int Dim> void complete(std::vector<std::pair<Index, OtmEntry>>& row) {
-  complete(row, 1.0, [](OtmEntry& entry) -> double& { return entry.N; });
-  for (int i = 0; i < Dim; ++i) complete(row, 0.0, [i](OtmEntry& entry) -> double& { return entry.dN[i]; });
+  otm_complete<Dim>(row.size(), [&](std::size_t k) -> OtmEntry& { return row[k].second; });
 }
 
 /// The metric with the same determinant whose axes have lengths of at most that ratio.

@@ -60,32 +60,37 @@ template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
 
 /// Least changes of a point's weights that multipliers on those sums (`chunk.x`) ask for, such that weights go on to
 /// sum up to one and to have their mean at the point. Returns their second moments.
-template <int Dim> Mat<Dim> Motion<Dim>::weight_changes(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
-                                                        std::vector<double>& changes) const {
-  const Index begin = chunk.offsets[p], end = chunk.offsets[p + 1];
-  const auto multiplier = [&](Index e) { return Eigen::Map<const Vec<Dim>>(chunk.x.data() + 4 * chunk.local[e]); };
-  const auto offset = [&](Index e) -> Vec<Dim> { return x.col(chunk.nodes[chunk.local[e]]) - chunk.at.col(p); };
-  const auto slope = [&](Index e) { return Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN); };
+template <int Dim> Mat<Dim> Motion<Dim>::change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
+                                                        WeightChanges& changes) const {
+  const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
+  const std::uint16_t* local = chunk.local.data() + begin;
+  const OtmEntry* entries = chunk.entries.data() + begin;
+  const Vec<Dim> at = chunk.at.col(p);
+  changes.offset.resize(count);
+  changes.weight.resize(count);
+  const auto multiplier = [&](Index k) { return Eigen::Map<const Vec<Dim>>(chunk.x.data() + 4 * local[k]); };
+  const auto slope = [&](Index k) { return Eigen::Map<const Vec<Dim>>(entries[k].dN); };
   Mat<Dim> gradient = Mat<Dim>::Zero();
-  for (Index e = begin; e < end; ++e) gradient += multiplier(e) * slope(e).transpose();
-  changes.resize(end - begin);
+  for (Index k = 0; k < count; ++k) {
+    gradient += multiplier(k) * slope(k).transpose();
+    changes.offset[k] = x.col(chunk.nodes[local[k]]) - at;
+  }
   double zeroth = 0.0;
   Vec<Dim> first = Vec<Dim>::Zero();
-  for (Index e = begin; e < end; ++e) {
-    const Vec<Dim> d = offset(e);
-    double& change = changes[e - begin];
-    change = slope(e).dot(multiplier(e) - gradient * d);
-    if (axisymmetric()) change += chunk.entries[e].dN[2] * multiplier(e)[0];
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim>& d = changes.offset[k];
+    double change = slope(k).dot(multiplier(k) - gradient * d);
+    if (axisymmetric()) change += entries[k].dN[2] * multiplier(k)[0];
+    changes.weight[k] = change;
     zeroth += change;
     first += change * d;
   }
   const Vec<Dim> tilt = inverse * first;
   Mat<Dim> second = Mat<Dim>::Zero();
-  for (Index e = begin; e < end; ++e) {
-    const Vec<Dim> d = offset(e);
-    double& change = changes[e - begin];
-    change -= chunk.entries[e].N * (zeroth + d.dot(tilt));
-    second += change * d * d.transpose();
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim>& d = changes.offset[k];
+    changes.weight[k] -= entries[k].N * (zeroth + d.dot(tilt));
+    second += changes.weight[k] * d * d.transpose();
   }
   return second;
 }
@@ -98,15 +103,15 @@ template <int Dim> Points<Dim> Motion<Dim>::integrated_changes(const Points<Dim>
     if (!bodies[chunk.body].integrates) return;
     for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
       Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
-    std::vector<double> changes;
+    thread_local WeightChanges changes;
     for (Index p = 0; p < chunk.size(); ++p) {
       const Mat<Dim> inverse = chunk.moment[p].inverse();
-      const Mat<Dim> turn = inverse * weight_changes(chunk, p, inverse, changes);
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-        const OtmEntry& entry = chunk.entries[e];
-        const double change = changes[e - chunk.offsets[p]];
-        const Vec<Dim> d = x.col(chunk.nodes[chunk.local[e]]) - chunk.at.col(p);
-        Vec<Dim> sum = inverse * (change * d) - turn * Eigen::Map<const Vec<Dim>>(entry.dN);
+      const Mat<Dim> turn = inverse * change_weights(chunk, p, inverse, changes);
+      const Index begin = chunk.offsets[p];
+      for (Index e = begin; e < chunk.offsets[p + 1]; ++e) {
+        const double change = changes.weight[e - begin];
+        Vec<Dim> sum =
+            inverse * (change * changes.offset[e - begin]) - turn * Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
         if (axisymmetric()) sum[0] += change / chunk.at(0, p);
         Eigen::Map<Vec<Dim>>(chunk.force.data() + 4 * chunk.local[e]) += chunk.volume[p] * sum;
       }
@@ -122,25 +127,29 @@ template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multiplie
     if (!bodies[chunk.body].integrates) return;
     for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
       Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
-    std::vector<double> changes;
+    thread_local WeightChanges changes;
     for (Index p = 0; p < chunk.size(); ++p) {
-      const Mat<Dim> second = weight_changes(chunk, p, chunk.moment[p].inverse(), changes);
+      const Mat<Dim> before = chunk.moment[p].inverse();
+      change_weights(chunk, p, before, changes);
+      const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
+      OtmEntry* entries = chunk.entries.data() + begin;
       double most = 0.0;
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
-        most = std::max(most, std::abs(changes[e - chunk.offsets[p]]) / chunk.entries[e].N);
+      for (Index k = 0; k < count; ++k) most = std::max(most, std::abs(changes.weight[k]) / entries[k].N);
       const double part = most > largest_change ? largest_change / most : 1.0;
-      const double before = chunk.moment[p].inverse().trace();
-      chunk.moment[p] += part * second;
-      const Mat<Dim> inverse = chunk.moment[p].inverse();
-      chunk.penalty[p] *= inverse.trace() / before;
-      chunk.width[p] = smallest_width<Dim>(chunk.moment[p]);
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-        OtmEntry& entry = chunk.entries[e];
-        entry.N += part * changes[e - chunk.offsets[p]];
-        const Vec<Dim> d = x.col(chunk.nodes[chunk.local[e]]) - chunk.at.col(p);
-        Eigen::Map<Vec<Dim>>(entry.dN) = entry.N * (inverse * d);
-        if (axisymmetric()) entry.dN[2] = entry.N / chunk.at(0, p);
+      Mat<Dim>& moment = chunk.moment[p];
+      moment.setZero();
+      for (Index k = 0; k < count; ++k) {
+        entries[k].N += part * changes.weight[k];
+        moment += entries[k].N * changes.offset[k] * changes.offset[k].transpose();
       }
+      const Mat<Dim> inverse = moment.inverse();
+      for (Index k = 0; k < count; ++k) {
+        Eigen::Map<Vec<Dim>>(entries[k].dN) = entries[k].N * (inverse * changes.offset[k]);
+        if (axisymmetric()) entries[k].dN[2] = entries[k].N / chunk.at(0, p);
+      }
+      otm_complete<Dim>(count, [&](std::size_t k) -> OtmEntry& { return entries[k]; });
+      chunk.penalty[p] *= inverse.trace() / before.trace();
+      chunk.width[p] = smallest_width<Dim>(moment);
     }
   });
 }

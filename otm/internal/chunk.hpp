@@ -5,6 +5,8 @@
 #include "efree/otm/otm.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -17,6 +19,28 @@ struct OtmEntry {
   double dN[3];
   double N;
 };
+
+/// Functions that sum up to one and gradients that sum up to nothing, to far below rounding: what is missing is added
+/// to the smallest that is no smaller than a thousandth of the largest. Forces of a point would sum up to something
+/// else, and to the same in every step. entry(k): that of the k-th node, of `count`.
+template <int Dim, class Entry> void otm_complete(std::size_t count, const Entry& entry) {
+  const auto complete = [&](double whole, const auto& number) {
+    double largest = 0.0, sum = -whole, rest = 0.0;  // the sum of both is exact (Neumaier 1974)
+    for (std::size_t k = 0; k < count; ++k) {
+      const double more = number(entry(k)), next = sum + more;
+      rest += std::abs(sum) >= std::abs(more) ? (sum - next) + more : (more - next) + sum;
+      sum = next;
+      largest = std::max(largest, std::abs(more));
+    }
+    double* least = nullptr;
+    for (std::size_t k = 0; k < count; ++k)
+      if (double& of = number(entry(k)); std::abs(of) >= 1e-3 * largest && (!least || std::abs(of) < std::abs(*least)))
+        least = &of;
+    if (least) *least -= sum + rest;
+  };
+  complete(1.0, [](OtmEntry& of) -> double& { return of.N; });
+  for (int i = 0; i < Dim; ++i) complete(0.0, [i](OtmEntry& of) -> double& { return of.dN[i]; });
+}
 
 /// Two points that come apart, as they were one, or nearer to each other, or that become one. Their momentum, and its
 /// moment, are handed over together.

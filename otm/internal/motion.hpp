@@ -102,8 +102,12 @@ template <int Dim> struct Motion {
   void find_places();
   // Gradients that integrate exactly.
   Points<Dim> integration_error();
-  Mat<Dim> weight_changes(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
-                          std::vector<double>& changes) const;
+  /// Of the nodes of a point.
+  struct WeightChanges {
+    std::vector<Vec<Dim>> offset;  ///< from the point
+    std::vector<double> weight;    ///< by how much it changes
+  };
+  Mat<Dim> change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse, WeightChanges& changes) const;
   Points<Dim> integrated_changes(const Points<Dim>& multipliers);
   void change_weights(const Points<Dim>& multipliers);
   void integrate_exactly();
