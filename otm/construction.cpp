@@ -204,6 +204,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     body_of_node.insert(body_of_node.end(), N, static_cast<Index>(b));
     trees.push_back(std::make_unique<Neighbours<Dim>>());
     trees.back()->build(body.nodes);
+    drift.push_back(0.0);
     for (Index a = 0; a < N; ++a) spacing[first + a] = trees.back()->spacing(body.nodes.col(a));
     // Points in the order of a curve, unions together.
     const Vec<Dim> low = body.nodes.rowwise().minCoeff();

@@ -53,6 +53,9 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
 constexpr double least_share = 0.6;
 
+/// How far nodes go before trees of them are built anew, over their least spacing.
+constexpr double skin = 0.1;
+
 /// Width of functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
 
@@ -69,7 +72,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   const Vec<Dim> at = chunk.at.col(p);
   thread_local std::vector<Index> around;
   const auto look = [&](double share) {
-    tree.within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)), around);
+    tree.within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)) + drift[chunk.body], around);
     used.clear();
     for (const Index near_by : around) {
       const Index a = body.first_node + near_by;
@@ -159,7 +162,7 @@ void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>&
   for (std::size_t k = 0; k < which.size(); ++k) {
     const Index p = which[k], own = body.first_node + chunk.number[p];
     const double h = 1.3 * spacing[own];
-    trees[chunk.body]->within(x.col(own), 2.0 * h, around);
+    trees[chunk.body]->within(x.col(own), 2.0 * h + drift[chunk.body], around);
     Mat<Dim> moment = Mat<Dim>::Zero();
     std::vector<std::pair<Index, Vec<Dim>>> slopes;
     for (const Index near_by : around) {
@@ -359,6 +362,22 @@ template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const
     }
 }
 
+template <int Dim> void Motion<Dim>::build_tree(Index body) {
+  trees[body]->build(x.middleCols(bodies[body].first_node, bodies[body + 1].first_node - bodies[body].first_node));
+  drift[body] = 0.0;
+}
+
+/// A tree is built anew when nodes have gone so far that who looks for some would get many that are too far away.
+template <int Dim> void Motion<Dim>::follow_nodes(Index body) {
+  const Index first = bodies[body].first_node, count = bodies[body + 1].first_node - first;
+  const Points<Dim>& then = trees[body]->points();
+  if (then.cols() == count) {
+    drift[body] = std::sqrt((x.middleCols(first, count) - then).colwise().squaredNorm().maxCoeff());
+    if (drift[body] <= skin * spacing.segment(first, count).minCoeff()) return;
+  }
+  build_tree(body);
+}
+
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
 template <int Dim> void Motion<Dim>::renew() {
   std::vector<Index> worn_chunks;
@@ -371,8 +390,7 @@ template <int Dim> void Motion<Dim>::renew() {
   if (worn_chunks.empty()) return;
   auto start = Clock::now();
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
-    if (body_is_worn[b])
-      trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
+    if (body_is_worn[b]) follow_nodes(static_cast<Index>(b));
   find_stars();
   struct Change {
     Rows rows;

@@ -141,7 +141,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   std::vector<std::pair<double, std::pair<Index, Index>>> order;
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
-  trees[of_body]->build(x.middleCols(begin, bodies[of_body + 1].first_node - begin));
+  build_tree(of_body);
   const std::set<std::pair<Index, Index>> outer = outer_edges(of_body);
   std::vector<char> on_surface(x.cols(), 0);
   for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;

@@ -162,18 +162,20 @@ template <int Dim> void Motion<Dim>::integrate_exactly() {
   Points<Dim> off = integration_error();
   const double first = off.norm();
   double left = first;
-  for (int times = 0; times < most_times && left > enough * first; ++times) {
+  for (int step_of = 0; step_of < most_times && left > enough * first; ++step_of) {
     // What the changes of a point's own weights do to its nodes, of others apart.
     std::vector<Mat<Dim>> scale(x.cols(), Mat<Dim>::Zero());
     for (const OtmChunk<Dim>& chunk : chunks) {
       if (!bodies[chunk.body].integrates) continue;
       for (Index p = 0; p < chunk.size(); ++p)
         for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+          if (!(chunk.entries[e].N > 0.0)) continue;
           const Vec<Dim> slope = Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
           scale[chunk.nodes[chunk.local[e]]] += chunk.volume[p] / chunk.entries[e].N * slope * slope.transpose();
         }
     }
-    for (Mat<Dim>& of : scale) of = of.isZero(0.0) ? Mat<Dim>::Zero() : Mat<Dim>(of.inverse());
+    for (Mat<Dim>& of : scale)
+      if (const double size = of.trace(); size > 0.0) of = (of + 1e-6 * size * Mat<Dim>::Identity()).inverse().eval();
     const auto scaled = [&](const Points<Dim>& of) {
       Points<Dim> result(Dim, of.cols());
       for (Eigen::Index a = 0; a < of.cols(); ++a) result.col(a) = scale[a] * of.col(a);
@@ -182,10 +184,10 @@ template <int Dim> void Motion<Dim>::integrate_exactly() {
     Points<Dim> multipliers = Points<Dim>::Zero(Dim, x.cols()), rest = off, weighted = scaled(rest), way = weighted;
     double size = rest.cwiseProduct(weighted).sum();
     const double start = rest.norm();
-    int k = 0;
-    for (; k < most_iterations && rest.norm() > enough_at_once * start; ++k) {
+    for (int k = 0; k < most_iterations && rest.norm() > enough_at_once * start; ++k) {
       const Points<Dim> change = integrated_changes(way);
       const double length = size / way.cwiseProduct(change).sum();
+      if (!std::isfinite(length)) break;
       multipliers += length * way;
       rest -= length * change;
       weighted = scaled(rest);
@@ -196,8 +198,6 @@ template <int Dim> void Motion<Dim>::integrate_exactly() {
     change_weights(multipliers);
     off = integration_error();
     left = off.norm();
-    if (getenv("WV"))
-      std::fprintf(stderr, "  %d iterations: %.3g to %.3g of %.3g\n", k, rest.norm() / first, left / first, first);
   }
 }
 

@@ -117,8 +117,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
       if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;
-      if (!is_built[chunk.body])
-        trees[chunk.body]->build(x.middleCols(body.first_node, bodies[chunk.body + 1].first_node - body.first_node));
+      if (!is_built[chunk.body]) build_tree(chunk.body);
       if (is_built[chunk.body] == 0)
         for (const auto& [a, e] : outer_edges(chunk.body))
           on_surface[body.first_node + a] = on_surface[body.first_node + e] = 1;

@@ -22,7 +22,7 @@ constexpr double small_strains = 0.05;
 /// What values at the nodes come to at the points: gradients, and the values there, a row for each component.
 template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
   if (chunk.nodes.empty()) return;
-  chunk.origin = of.col(chunk.nodes.front());
+  chunk.origin = of.col(chunk.nodes[chunk.nodes.size() / 2]);
   if (axisymmetric()) chunk.origin[0] = 0.0;  // hoops are as long as radii
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]) - chunk.origin[i];
@@ -203,7 +203,7 @@ void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, c
     for (Index p = 0; p < chunk.size(); ++p) chunk.columns[16 * p + 8] = 0.0;
   std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
   otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-           chunk.columns.data(), chunk.penalty.data(), chunk.force.data());
+           chunk.columns.data(), chunk.penalty.data(), axisymmetric(), chunk.force.data());
 }
 
 /// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one

@@ -126,8 +126,9 @@ void otm_tractions(Index points, const double* volume, const Mat<3>* since, cons
                    const Vec<2>* at, const double* penalty, double* columns);
 void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<3>* moment,
                    const Vec<3>* at, const double* penalty, double* columns);
-/// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before.
+/// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before. Forces of a point
+/// sum up to nothing beyond rounding, but those along the radius around an axis.
 void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,
-              const double* columns, const double* penalty, double* force);
+              const double* columns, const double* penalty, bool around_axis, double* force);
 
 }  // namespace efree::internal

@@ -78,6 +78,7 @@ template <int Dim> struct Motion {
   bool held_anew = false;      ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
+  std::vector<double> drift;                            ///< by body, how far nodes have gone since then, at the most
   Vector spacing;                                       ///< by node, at the start
   double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
   double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0;
@@ -119,6 +120,8 @@ template <int Dim> struct Motion {
   void sweep(double dt);
   void sweep(Index number, double dt);
   void press(OtmChunk<Dim>& chunk) const;
+  void build_tree(Index body);
+  void follow_nodes(Index body);
   void renew();
   void follow_others();
   void become_one(Index a, Index with);
