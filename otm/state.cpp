@@ -165,6 +165,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     chunk.x.assign(4 * chunk.nodes.size(), 0.0);
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
     chunk.columns.resize(16 * static_cast<std::size_t>(chunk.size()));
+    chunk.from_origin.resize(Dim, chunk.size());
   }
   of.find_places();
   of.find_free();
