@@ -6,21 +6,27 @@
 // bench_otm chart [SIZE ...]: lengths and feet of the meridian section by one choice at a time and by the size [m], as
 // CSV, with what they come to; a few minutes.
 // bench_otm hertz N ...: a rigid ball pressed into a half-space of N x N cells.
+// bench_otm momenta 2|3 SIZE [steps=1e5]: what a block, 2 x 1 (x 1), loses of its momenta while it vibrates at 2 % of
+// the speed of sound, and while it flies and spins as well.
+// bench_otm bar 2|3 SIZE ... : frequency of a bar with free ends on careless triangles (tetrahedra) of these sizes.
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/materials/hyperelastic.hpp"
 
 #include "clock.hpp"
 #include "indentation.hpp"
 #include "taylor_bar.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -28,12 +34,20 @@
 namespace efree {
 namespace {
 
-template <int Dim> void taylor(double size, std::map<std::string, double> key) {
-  const auto value = [&](const char* name, double otherwise) { return key.contains(name) ? key[name] : otherwise; };
+using Keys = std::map<std::string, double>;
+
+double value_of(const Keys& keys, const char* name, double otherwise) {
+  const auto found = keys.find(name);
+  return found == keys.end() ? otherwise : found->second;
+}
+
+OtmOptions options_of(const Keys& keys) {
+  const auto value = [&](const char* name, double otherwise) { return value_of(keys, name, otherwise); };
   OtmOptions options;
   options.lme.gamma = value("gamma", options.lme.gamma);
   options.lme.cutoff = value("cutoff", options.lme.cutoff);
   options.renewal = value("renewal", options.renewal);
+  options.exact_integration = value("exact", 1.0) != 0.0;
   options.anisotropy = value("anisotropy", options.anisotropy);
   options.courant = value("courant", options.courant);
   options.merging = value("merging", options.merging);
@@ -41,6 +55,12 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   options.shock = {value("linear", 0.0), value("quadratic", 0.0)};
   options.stabilisation = value("stabilisation", options.stabilisation);
   options.momentum = static_cast<OtmMomentum>(static_cast<int>(value("momentum", 0)));
+  return options;
+}
+
+template <int Dim> void taylor(double size, const Keys& keys) {
+  const auto value = [&](const char* name, double otherwise) { return value_of(keys, name, otherwise); };
+  const OtmOptions options = options_of(keys);
   set_num_threads(static_cast<int>(value("threads", 1)));
   const double until = value("until", 80e-6);
   const bool quarter = Dim == 3 && value("quarter", 0.0) != 0.0;
@@ -139,6 +159,131 @@ void chart(std::vector<double> sizes) {
       }
 }
 
+/// A block of rubber, length x 1 (x 1).
+template <int Dim> OtmBody<Dim> block(double length, double size, double nu) {
+  const auto mesh = [&]() -> FineMesh<Dim> {
+    if constexpr (Dim == 2)
+      return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
+    else
+      return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
+  }();
+  OtmBody<Dim> body = otm_body(mesh, NeoHookean({.E = 1.0, .nu = nu}), 1.0);
+  body.velocity.setZero(Dim, body.nodes.cols());
+  return body;
+}
+
+/// Momenta of a body, in sums that do not round, and what they are measured by.
+template <int Dim> struct Momenta {
+  std::array<long double, 3> linear{}, centre{}, angular{}, about_origin{};  ///< angular: about the centre of mass
+  long double mass = 0.0L, size = 0.0L, moment = 0.0L, moment_about_origin = 0.0L;  ///< sums of |m v|, |x| |m v|
+
+  explicit Momenta(const Otm<Dim>& otm) {
+    const Points<Dim> v = otm.velocities(), &x = otm.nodes();
+    const auto component = [](const Points<Dim>& of, Index a, int i) -> long double {
+      return i < Dim ? of(i, a) : 0.0;
+    };
+    for (Index a = 0; a < otm.num_nodes(); ++a) {
+      mass += otm.masses()[a];
+      for (int i = 0; i < Dim; ++i) centre[i] += otm.masses()[a] * component(x, a, i);
+    }
+    for (auto& c : centre) c /= mass;
+    for (Index a = 0; a < otm.num_nodes(); ++a) {
+      const long double m = otm.masses()[a];
+      std::array<long double, 3> l, d, r;
+      for (int i = 0; i < 3; ++i) {
+        l[i] = m * component(v, a, i);
+        r[i] = component(x, a, i);
+        d[i] = r[i] - centre[i];
+        linear[i] += l[i];
+      }
+      for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        angular[i] += d[j] * l[k] - d[k] * l[j];
+        about_origin[i] += r[j] * l[k] - r[k] * l[j];
+      }
+      const auto norm = [](const auto& of) { return std::sqrt(of[0] * of[0] + of[1] * of[1] + of[2] * of[2]); };
+      size += norm(l);
+      moment += norm(d) * norm(l);
+      moment_about_origin += norm(r) * norm(l);
+    }
+  }
+};
+inline double distance(const std::array<long double, 3>& a, const std::array<long double, 3>& b) {
+  return static_cast<double>(std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+}
+
+template <int Dim> void momenta(double size, double steps, const OtmOptions& options) {
+  struct Case {
+    const char* name;
+    double speed, spin;
+  };
+  for (const auto& [name, speed, spin] :
+       {Case{"vibrates", 0.0, 0.0}, Case{"flies", 0.3, 0.0}, Case{"spins", 0.1, 0.1}}) {
+    OtmBody<Dim> body = block<Dim>(2.0, size, 0.3);
+    for (Index a = 0; a < body.nodes.cols(); ++a) {
+      const auto x = body.nodes.col(a);
+      body.velocity(0, a) = speed - spin * (x[1] - 0.5) + 0.02 * std::sin(2.0 * x[0]);
+      body.velocity(1, a) = 0.5 * speed + spin * (x[0] - 1.0);
+    }
+    Otm<Dim> otm({body}, options);
+    const Momenta<Dim> before(otm);
+    std::printf("%s, %d nodes:", name, otm.num_nodes());
+    double worst_linear = 0.0, worst_angular = 0.0, worst_about_origin = 0.0;
+    for (int k = 1; k <= 10; ++k) {
+      while (otm.counts().steps < 0.1 * k * steps) otm.step();
+      const Momenta<Dim> now(otm);
+      worst_linear = std::max(worst_linear, distance(now.linear, before.linear) / static_cast<double>(before.size));
+      worst_angular =
+          std::max(worst_angular, distance(now.angular, before.angular) / static_cast<double>(before.moment));
+      worst_about_origin = std::max(worst_about_origin, distance(now.about_origin, before.about_origin) /
+                                                            static_cast<double>(now.moment_about_origin));
+      if (k == 1 || k == 10)
+        std::printf(" after %d steps linear %.2g, angular %.2g (about the origin %.2g)%s", otm.counts().steps,
+                    worst_linear, worst_angular, worst_about_origin, k == 10 ? "\n" : ";");
+    }
+    std::printf("  it was %.3g renewals a point, time %.4g, energy %.4f of that at the start\n",
+                static_cast<double>(otm.counts().renewals) / otm.num_points(), otm.time(),
+                otm.balance().total() / Otm<Dim>({body}, options).balance().total());
+    std::fflush(stdout);
+  }
+}
+
+/// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
+template <int Dim> double frequency_error(const OtmBody<Dim>& at_rest, double length, const OtmOptions& options) {
+  OtmBody<Dim> body = at_rest;
+  for (Index a = 0; a < body.nodes.cols(); ++a)
+    body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
+  const Points<Dim> shape = body.velocity;
+  body.velocity *= 1e-4;
+  Otm<Dim> otm({body}, options);
+  // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
+  double last = 1.0, last_time = 0.0, crossing = 0.0;
+  for (int crossings = 0; crossings < 8;) {
+    const double dt = otm.step(), time = otm.time() - 0.5 * dt;
+    const double now = (otm.velocities().cwiseProduct(shape) * otm.masses().asDiagonal()).sum();
+    if (now * last < 0.0) {
+      ++crossings;
+      crossing = last_time + (time - last_time) * last / (last - now);
+    }
+    last = now;
+    last_time = time;
+  }
+  return 2.0 * length / (crossing / 3.75) - 1.0;
+}
+
+template <int Dim> void bar(double size, const OtmOptions& options) {
+  const double begin = bench::cpu_seconds();
+  const OtmBody<Dim> body = block<Dim>(4.0, size, 0.0);
+  const double meshed = bench::cpu_seconds();
+  const Otm<Dim> otm({body}, options);
+  const double made = bench::cpu_seconds();
+  const double error = frequency_error(body, 4.0, options);
+  std::printf("size %g, %d nodes, %d points, set up in %.3f s, first step %.4g: frequency %.4f %% off (%.2f s)\n", size,
+              otm.num_nodes(), otm.num_points(), made - meshed, otm.stable_step(), 100.0 * error,
+              bench::cpu_seconds() - begin);
+  std::fflush(stdout);
+}
+
 }  // namespace
 }  // namespace efree
 
@@ -162,13 +307,28 @@ int main(int argc, char** argv) {
     return 0;
   }
   if (argc < 4)
-    return std::puts("bench_otm taylor 2|3 SIZE [key=value ...], bench_otm chart [SIZE ...], bench_otm hertz N ..."), 2;
-  std::map<std::string, double> key;
+    return std::puts(
+               "bench_otm taylor|momenta|bar 2|3 SIZE [key=value ...], bench_otm chart [SIZE ...], bench_otm hertz N "
+               "..."),
+           2;
+  efree::Keys keys;
   for (int i = 4; i < argc; ++i)
     if (const char* equals = std::strchr(argv[i], '='))
-      key[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
-  if (std::atoi(argv[2]) == 2)
-    efree::taylor<2>(std::atof(argv[3]), key);
-  else
-    efree::taylor<3>(std::atof(argv[3]), key);
+      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
+  const std::string what = argv[1];
+  const bool in_plane = std::atoi(argv[2]) == 2;
+  if (what == "bar") {
+    for (int i = 3; i < argc; ++i)
+      if (const double size = std::atof(argv[i]); size > 0.0)
+        in_plane ? efree::bar<2>(size, efree::options_of(keys)) : efree::bar<3>(size, efree::options_of(keys));
+    return 0;
+  }
+  const double size = std::atof(argv[3]);
+  if (what == "momenta") {
+    const double steps = efree::value_of(keys, "steps", 1e5);
+    in_plane ? efree::momenta<2>(size, steps, efree::options_of(keys))
+             : efree::momenta<3>(size, steps, efree::options_of(keys));
+  } else {
+    in_plane ? efree::taylor<2>(size, keys) : efree::taylor<3>(size, keys);
+  }
 }

@@ -238,13 +238,14 @@ template <int Dim> void read_probes(const std::vector<Section>& entries, const S
 
 void read_options(const Section& section, bool cloud, OtmOptions& options) {
   if (cloud)
-    for (const char* key :
-         {"gamma", "cutoff", "renewal", "anisotropy", "merging", "injection", "momentum", "stabilisation"})
+    for (const char* key : {"gamma", "cutoff", "renewal", "exact_integration", "anisotropy", "merging", "injection",
+                            "momentum", "stabilisation"})
       if (section.has(key))
         section.fail(key, fmt::format("{} is for functions that are made anew, and those of a [cloud] are not", key));
   options.lme.gamma = section.number("gamma", {0.1, 20.0, true, true}, options.lme.gamma);
   options.lme.cutoff = section.number("cutoff", {1e-16, 0.1, true, true}, options.lme.cutoff);
   options.renewal = section.number("renewal", {0.0, 0.5, true, true}, options.renewal);
+  options.exact_integration = section.boolean("exact_integration", options.exact_integration);
   options.anisotropy = section.number("anisotropy", {1.0, 100.0, true, true}, options.anisotropy);
   options.merging = section.number("merging", {0.0, 0.9, true, true}, options.merging);
   options.injection = section.number("injection", {0.0, 10.0, true, true}, options.injection);
@@ -317,8 +318,8 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   read_tools<Dim>(tools, file.parent_path(), root, result.geometry.grey, motion);
   read_moved<Dim>(boundaries, expressions, places, motion);
   read_functions(root, places, result);
-  read_options(root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "merging", "injection", "momentum",
-                                    "courant", "stabilisation", "shock"}),
+  read_options(root.section("otm", {"gamma", "cutoff", "renewal", "exact_integration", "anisotropy", "merging",
+                                    "injection", "momentum", "courant", "stabilisation", "shock"}),
                motion.cloud, motion.options);
   const Section contact = root.section("contact", {"stiffness", "friction", "seizing"});
   motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);

@@ -52,6 +52,7 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
   gather(made, from);
   gather(since, from);
   gather(at, from);
+  gather(from_origin, from);
   for (Vector* values :
        {&volume, &mass, &count, &width, &growth, &dilatation, &shock, &modulus, &stiffening, &penalty, &damage, &reach})
     gather(*values, from);

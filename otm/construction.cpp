@@ -181,17 +181,20 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       if (!(fracture.strain->reference > 0.0) || !(fracture.strain->melting >= 0.0))
         fail("plastic strain at failure: expected a positive rate of reference, and a rise to melting of 0 or more");
     }
+    const bool integrates = options.functions == OtmFunctions::lme && !body.shape && body.cells.size() != 0 &&
+                            options.exact_integration && options.renewal > 0.0;
     bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
-                      !body.shape.has_value(), material.finite_strain(), body.surface.has_value(), body.mass_terms,
-                      fracture, plastic_strain, row_of(material, "temperature_rise"),
+                      !body.shape.has_value(), integrates, material.finite_strain(), body.surface.has_value(),
+                      body.mass_terms, fracture, plastic_strain, row_of(material, "temperature_rise"),
                       release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
+  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
+  x_rest.setZero(Dim, num_nodes);
   v.setZero(Dim, num_nodes);
   force.setZero(Dim, num_nodes);
   spacing.resize(num_nodes);
@@ -205,6 +208,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     body_of_node.insert(body_of_node.end(), N, static_cast<Index>(b));
     trees.push_back(std::make_unique<Neighbours<Dim>>());
     trees.back()->build(body.nodes);
+    drift.push_back(0.0);
     for (Index a = 0; a < N; ++a) spacing[first + a] = trees.back()->spacing(body.nodes.col(a));
     // Points in the order of a curve, unions together.
     const Vec<Dim> low = body.nodes.rowwise().minCoeff();
@@ -245,6 +249,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.volume.resize(n);
       chunk.mass.resize(n);
       chunk.at.resize(Dim, n);
+      chunk.from_origin.setZero(Dim, n);
       for (Index p = 0; p < n; ++p) {
         const Index of = order[begin + p];
         X.col(p).template head<Dim>() = body.points.col(of);
@@ -297,6 +302,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();
   if (!fixed) find_free();
+  integrate_exactly();
   find_masses();
   find_momenta();
   take_surfaces(given);

@@ -233,6 +233,7 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   for (auto& chunk : chunks) std::erase_if(chunk.worn, [&](Index p) { return chunk.is_eroded(p); });
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     deform(chunks[c], x);
+    for (Index p = 0; p < chunks[c].size(); ++p) place(chunks[c], p);
     press(chunks[c]);
   });
   const Points<Dim> pulled = force;

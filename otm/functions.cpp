@@ -27,6 +27,11 @@ template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) 
   return entry;
 }
 
+/// Of a point's nodes.
+template <int Dim> void complete(std::vector<std::pair<Index, OtmEntry>>& row) {
+  otm_complete<Dim>(row.size(), [&](std::size_t k) -> OtmEntry& { return row[k].second; });
+}
+
 /// The metric with the same determinant whose axes have lengths of at most that ratio.
 template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
   const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(metric);
@@ -47,6 +52,9 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
 
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
 constexpr double least_share = 0.6;
+
+/// How far nodes go before trees of them are built anew, over their least spacing.
+constexpr double skin = 0.1;
 
 /// Width of functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
@@ -70,7 +78,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   const auto look = [&](double share) {
     used.clear();
     for (const Index b : seen_bodies) {
-      trees[b]->within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)), around);
+      trees[b]->within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)) + drift[b], around);
       for (const Index near_by : around) {
         const Index a = bodies[b].first_node + near_by;
         const Vec<Dim> d = x.col(a) - at;
@@ -160,7 +168,7 @@ void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>&
   for (std::size_t k = 0; k < which.size(); ++k) {
     const Index p = which[k], own = body.first_node + chunk.number[p];
     const double h = 1.3 * spacing[own];
-    trees[chunk.body]->within(x.col(own), 2.0 * h, around);
+    trees[chunk.body]->within(x.col(own), 2.0 * h + drift[chunk.body], around);
     Mat<Dim> moment = Mat<Dim>::Zero();
     std::vector<std::pair<Index, Vec<Dim>>> slopes;
     for (const Index near_by : around) {
@@ -203,6 +211,7 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
             fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around "
                         "it, {} of them",
                         time, fmt::join(at, ", "), functions.size()));
+      complete<Dim>(rows[k]);
       ++counted.kept;
       continue;
     }
@@ -213,6 +222,7 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
       const double N = functions.N(a);
       row.push_back({used[k_used], entry_of<Dim>(N, functions.dN(a), axisymmetric() ? N / at[0] : 0.0)});
     }
+    complete<Dim>(row);
     if (!first) {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       if (smallest_eigenvalue<Dim>(functions.moment()) <
@@ -243,6 +253,7 @@ void Motion<Dim>::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Di
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
       rows[p].push_back({bodies[chunk.body].first_node + row.nodes[k],
                          entry_of<Dim>(row.N[k], row.dN[k], axisymmetric() ? row.hoop[k] : 0.0)});
+    complete<Dim>(rows[p]);
   }
 }
 
@@ -360,6 +371,22 @@ template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const
     }
 }
 
+template <int Dim> void Motion<Dim>::build_tree(Index body) {
+  trees[body]->build(x.middleCols(bodies[body].first_node, bodies[body + 1].first_node - bodies[body].first_node));
+  drift[body] = 0.0;
+}
+
+/// A tree is built anew when nodes have gone so far that who looks for some would get many that are too far away.
+template <int Dim> void Motion<Dim>::follow_nodes(Index body) {
+  const Index first = bodies[body].first_node, count = bodies[body + 1].first_node - first;
+  const Points<Dim>& then = trees[body]->points();
+  if (then.cols() == count) {
+    drift[body] = std::sqrt((x.middleCols(first, count) - then).colwise().squaredNorm().maxCoeff());
+    if (drift[body] <= skin * spacing.segment(first, count).minCoeff()) return;
+  }
+  build_tree(body);
+}
+
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
 template <int Dim> void Motion<Dim>::renew() {
   std::vector<Index> worn_chunks;
@@ -372,7 +399,7 @@ template <int Dim> void Motion<Dim>::renew() {
   if (worn_chunks.empty()) return;
   auto start = Clock::now();
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
-    if (body_is_worn[b] || !seized.empty()) build_tree(static_cast<Index>(b));
+    if (body_is_worn[b] || !seized.empty()) follow_nodes(static_cast<Index>(b));
   find_stars();
   struct Change {
     Rows rows;

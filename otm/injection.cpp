@@ -70,7 +70,7 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   insert<Dim>(was, first, velocity);
   insert<Dim>(met, first, at);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
-  for (Points<Dim>* values : {&force, &shaken}) insert<Dim>(*values, first, nothing);
+  for (Points<Dim>* values : {&force, &shaken, &x_rest}) insert<Dim>(*values, first, nothing);
   insert(spacing, first, spacings);
   for (Vector* values : {&mass, &surface_area}) insert(*values, first, Vector(Vector::Zero(count)));
   for (Index& with : merged) shift(with);

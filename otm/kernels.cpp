@@ -145,18 +145,29 @@ EFREE_FOR_EACH_MACHINE void otm_deform(Index points, const Index* offsets, const
 
 EFREE_FOR_EACH_MACHINE void otm_push(Index points, const Index* offsets, const std::uint16_t* local,
                                      const OtmEntry* entries, const double* x, const double* columns,
-                                     const double* penalty, double* force) {
+                                     const double* penalty, bool around_axis, double* force) {
   for (Index p = 0; p < points; ++p) {
     Four column[4];
     for (int J = 0; J < 4; ++J) load(column[J], columns + 16 * p + 4 * J);
+    if (offsets[p] == offsets[p + 1]) continue;
+    Four sum = {}, f;
     for (Index e = offsets[p]; e < offsets[p + 1]; ++e) {
       const OtmEntry& a = entries[e];
-      Four f, xa;
+      Four xa;
       load(f, force + 4 * local[e]);
       load(xa, x + 4 * local[e]);
-      f += a.dN[0] * column[0] + a.dN[1] * column[1] + a.dN[2] * column[2] + a.N * (column[3] - penalty[p] * xa);
+      const Four more =
+          a.dN[0] * column[0] + a.dN[1] * column[1] + a.dN[2] * column[2] + a.N * (column[3] - penalty[p] * xa);
+      sum += more;
+      f += more;
       store(force + 4 * local[e], f);
     }
+    // But for rounding the sum is nothing, and to momentum all of it is drift.
+    if (around_axis) sum[0] = 0.0;
+    double* first = force + 4 * local[offsets[p]];
+    load(f, first);
+    f -= sum;
+    store(first, f);
   }
 }
 

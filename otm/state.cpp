@@ -43,9 +43,9 @@ template <int Dim> auto fields(OtmPair<Dim>& of) {
   return std::tie(first, second, way, fuses);
 }
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
-  auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
-         moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach, unions,
-         worn, narrowed, pairs, damping, squeeze, columns, seconds] = of;
+  auto& [body, number, offsets, local, entries, nodes, x, force, origin, now, response, made, since, at, from_origin,
+         volume, mass, metric, moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty,
+         damage, reach, unions, worn, narrowed, pairs, damping, squeeze, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
                   unions, worn, narrowed, pairs, damping, squeeze, seconds);
@@ -109,7 +109,7 @@ concept IsBody = requires(T of) {
   of.first_point;
 };
 auto fields(IsBody auto& of) {
-  auto& [material, tangent, compliance, shear, modulus, renewed, finite, has_surface, mass_terms, fracture,
+  auto& [material, tangent, compliance, shear, modulus, renewed, integrates, finite, has_surface, mass_terms, fracture,
          plastic_strain, temperature, release, cells, first_node, first_point] = of;
   return std::tie(cells, first_node, first_point);
 }
@@ -123,12 +123,12 @@ auto fields(IsTool auto& of) {
   return std::tie(now, near, impulses, travelled);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
-  return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.tools, of.prescribed,
-                  of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable, of.first_stable,
-                  of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work, of.dissipated, of.viscous,
-                  of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
-                  of.surface_area, of.near, of.seen, of.met, of.touches, of.seized, of.cavities, of.contact_stored,
-                  of.nodal_momentum, of.looked);
+  return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.was, of.mass, of.chunks, of.tools,
+                  of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
+                  of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
+                  of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
+                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met, of.touches, of.seized,
+                  of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal
@@ -165,6 +165,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     chunk.x.assign(4 * chunk.nodes.size(), 0.0);
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
     chunk.columns.resize(16 * static_cast<std::size_t>(chunk.size()));
+    chunk.from_origin.resize(Dim, chunk.size());
   }
   of.find_places();
   of.find_free();

@@ -41,8 +41,11 @@ bool is_heads(Index node, int axis, Index step) {
 
 /// What values at the nodes come to at the points: gradients, and the values there, a row for each component.
 template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const {
+  if (chunk.nodes.empty()) return;
+  chunk.origin = of.col(chunk.nodes[chunk.nodes.size() / 2]);
+  if (axisymmetric()) chunk.origin[0] = 0.0;  // hoops are as long as radii
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
-    for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]);
+    for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]) - chunk.origin[i];
   otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
              chunk.columns.data());
 }
@@ -50,7 +53,8 @@ template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<D
 /// Where a point is and how it is deformed, after `deform` by where the nodes are.
 template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
   const double* rows = chunk.columns.data() + 16 * p;
-  for (int i = 0; i < Dim; ++i) chunk.at(i, p) = rows[4 * i + 3];
+  for (int i = 0; i < Dim; ++i) chunk.from_origin(i, p) = rows[4 * i + 3];
+  chunk.at.col(p) = chunk.origin + chunk.from_origin.col(p);
   if (!chunk.is_eroded(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
@@ -175,7 +179,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
-  push(chunk, chunk.since, chunk.at);
+  push(chunk, chunk.since, chunk.from_origin);
 }
 
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
@@ -244,7 +248,7 @@ void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, c
     for (Index p = 0; p < chunk.size(); ++p) chunk.columns[16 * p + 8] = 0.0;
   std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
   otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-           chunk.columns.data(), chunk.penalty.data(), chunk.force.data());
+           chunk.columns.data(), chunk.penalty.data(), axisymmetric(), chunk.force.data());
 }
 
 /// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one

@@ -5,6 +5,8 @@
 #include "efree/otm/otm.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -17,6 +19,28 @@ struct OtmEntry {
   double dN[3];
   double N;
 };
+
+/// Functions that sum up to one and gradients that sum up to nothing, to far below rounding: what is missing is added
+/// to the smallest that is no smaller than a thousandth of the largest. Forces of a point would sum up to something
+/// else, and to the same in every step. entry(k): that of the k-th node, of `count`.
+template <int Dim, class Entry> void otm_complete(std::size_t count, const Entry& entry) {
+  const auto complete = [&](double whole, const auto& number) {
+    double largest = 0.0, sum = -whole, rest = 0.0;  // the sum of both is exact (Neumaier 1974)
+    for (std::size_t k = 0; k < count; ++k) {
+      const double more = number(entry(k)), next = sum + more;
+      rest += std::abs(sum) >= std::abs(more) ? (sum - next) + more : (more - next) + sum;
+      sum = next;
+      largest = std::max(largest, std::abs(more));
+    }
+    double* least = nullptr;
+    for (std::size_t k = 0; k < count; ++k)
+      if (double& of = number(entry(k)); std::abs(of) >= 1e-3 * largest && (!least || std::abs(of) < std::abs(*least)))
+        least = &of;
+    if (least) *least -= sum + rest;
+  };
+  complete(1.0, [](OtmEntry& of) -> double& { return of.N; });
+  for (int i = 0; i < Dim; ++i) complete(0.0, [i](OtmEntry& of) -> double& { return of.dN[i]; });
+}
 
 /// Two points that come apart, as they were one, or nearer to each other, or that become one. Their momentum, and its
 /// moment, are handed over together.
@@ -34,8 +58,9 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> offsets{0};
   std::vector<std::uint16_t> local;
   std::vector<OtmEntry> entries;
-  std::vector<Index> nodes;      ///< by local number
-  std::vector<double> x, force;  ///< four numbers for each of these
+  std::vector<Index> nodes;            ///< by local number
+  std::vector<double> x, force;        ///< four numbers for each of these; x: from `origin` on
+  Vec<Dim> origin = Vec<Dim>::Zero();  ///< near them, so that no place is a small difference of large numbers
 
   // Points.
   Deformation now;                  ///< X, F, history
@@ -43,6 +68,7 @@ template <int Dim> struct OtmChunk {
   Tensors made;                     ///< F when the functions were made
   std::vector<Mat<3>> since;        ///< F since then
   Points<Dim> at;                   ///< where they are
+  Points<Dim> from_origin;          ///< likewise
   Vector volume, mass;              ///< in the reference configuration; the volume of eroded points is 0
   std::vector<Mat<Dim>> metric;     ///< that the functions were made with
   std::vector<Mat<Dim>> moment;     ///< J of them
@@ -101,8 +127,9 @@ void otm_tractions(Index points, const double* volume, const Mat<3>* since, cons
                    const Vec<2>* at, const double* penalty, double* columns);
 void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<3>* moment,
                    const Vec<3>* at, const double* penalty, double* columns);
-/// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before.
+/// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before. Forces of a point
+/// sum up to nothing beyond rounding, but those along the radius around an axis.
 void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,
-              const double* columns, const double* penalty, double* force);
+              const double* columns, const double* penalty, bool around_axis, double* force);
 
 }  // namespace efree::internal

@@ -48,6 +48,7 @@ template <int Dim> struct Motion {
     MaterialResponse::Tangent compliance;  ///< at rest; of turns as of shear
     double shear, modulus;                 ///< against shear, and of pressure waves
     bool renewed;                          ///< whether functions are
+    bool integrates;                       ///< whether gradients are made to integrate exactly
     bool finite;                           ///< whether the material is for finite strains
     bool has_surface;                      ///< that walls act on; else they act on the nodes
     Index mass_terms;                      ///< 1: lumped masses
@@ -70,7 +71,8 @@ template <int Dim> struct Motion {
   std::vector<Index> given;  ///< nodes and points of each body at the start
   std::vector<BodyOf> bodies;
   Points<Dim> x, v, force;
-  Points<Dim> was;  ///< v a step ago
+  Points<Dim> x_rest;  ///< what rounding has kept from x so far
+  Points<Dim> was;     ///< v a step ago
   Vector mass;
   std::vector<OtmChunk<Dim>> chunks;
   std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
@@ -83,6 +85,7 @@ template <int Dim> struct Motion {
   bool held_anew = false;      ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
+  std::vector<double> drift;                            ///< by body, how far nodes have gone since then, at the most
   Vector spacing;                                       ///< by node, at the start
   double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
   double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0;
@@ -105,6 +108,17 @@ template <int Dim> struct Motion {
   void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
   void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
+  // Gradients that integrate exactly.
+  Points<Dim> integration_error();
+  /// Of the nodes of a point.
+  struct WeightChanges {
+    std::vector<Vec<Dim>> offset;  ///< from the point
+    std::vector<double> weight;    ///< by how much it changes
+  };
+  Mat<Dim> change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse, WeightChanges& changes) const;
+  Points<Dim> integrated_changes(const Points<Dim>& multipliers);
+  void change_weights(const Points<Dim>& multipliers);
+  void integrate_exactly();
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
   Points<Dim> collected() const;
@@ -113,6 +127,8 @@ template <int Dim> struct Motion {
   void sweep(double dt);
   void sweep(Index number, double dt);
   void press(OtmChunk<Dim>& chunk) const;
+  void build_tree(Index body);
+  void follow_nodes(Index body);
   void renew();
   void follow_others();
   void become_one(Index a, Index with);
@@ -192,9 +208,6 @@ template <int Dim> struct Motion {
   std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
   void seize();
   void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
-  void build_tree(Index body) {
-    trees[body]->build(x.middleCols(bodies[body].first_node, bodies[body + 1].first_node - bodies[body].first_node));
-  }
   struct Cavity {
     OtmCavity<Dim> of;
     double volume;  ///< at the start; negative by orientation

@@ -204,13 +204,13 @@ FineMesh<2> lattice(double length, double size) {
 }
 
 /// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
-double frequency_error(OtmBody<2> body, double length) {
-  body.velocity.setZero(2, body.nodes.cols());
+template <int Dim> double frequency_error(OtmBody<Dim> body, double length, const OtmOptions& options = {}) {
+  body.velocity.setZero(Dim, body.nodes.cols());
   for (Index a = 0; a < body.nodes.cols(); ++a)
     body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
-  const Points<2> shape = body.velocity;
+  const Points<Dim> shape = body.velocity;
   body.velocity *= 1e-4;
-  Otm<2> otm({body});
+  Otm<Dim> otm({body}, options);
   // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
   double last = 1.0, last_time = 0.0, crossing = 0.0;
   for (int crossings = 0; crossings < 8;) {
@@ -234,6 +234,60 @@ TEST(OtmBar, FrequencyOfABarConvergesWithOrderTwo) {
   const double order = std::log2(std::abs(coarse / fine));
   EXPECT_GT(order, 1.8) << coarse << " " << fine;
   EXPECT_LT(order, 2.4) << coarse << " " << fine;
+}
+
+TEST(OtmBar, FrequencyConvergesWithOrderTwoOnCarelessTrianglesAsWell) {
+  const auto with = [](double size, bool exact) {
+    return frequency_error(otm_body(block<2>(4.0, size), soft(0.0), 1.0), 4.0, {.exact_integration = exact});
+  };
+  const double coarse = with(0.25, true), fine = with(0.125, true), inexact = with(0.125, false);
+  EXPECT_LT(std::abs(fine), 0.001);
+  const double order = std::log2(std::abs(coarse / fine));
+  EXPECT_GT(order, 1.7) << coarse << " " << fine;
+  EXPECT_LT(order, 2.5) << coarse << " " << fine;
+  EXPECT_GT(std::abs(inexact), 2.0 * std::abs(fine));
+}
+
+TEST(OtmBar, OfTetrahedraIsAThirdAsSoftWhereGradientsIntegrateExactly) {
+  const auto with = [](bool exact) {
+    return frequency_error(otm_body(block<3>(4.0, 0.5), soft(0.0), 1.0), 4.0, {.exact_integration = exact});
+  };
+  const double exact = with(true), inexact = with(false);
+  EXPECT_LT(std::abs(exact), 0.006);
+  EXPECT_GT(std::abs(inexact), 2.5 * std::abs(exact));
+}
+
+/// Linear momentum over the sum of |m v| at the start; moment about the centre of mass over that of |d| |m v|.
+TEST(OtmLongRun, MomentaStayToRoundingForAHundredThousandSteps) {
+  OtmBody<2> body = otm_body(block<2>(2.0, 0.3), soft(), 1.0);
+  body.velocity.setZero(2, body.nodes.cols());
+  const auto measured = [](const Otm<2>& otm) {
+    const Points<2> v = otm.velocities(), &x = otm.nodes();
+    const Vec<2> centre = x * otm.masses() / otm.masses().sum();
+    Vec<2> linear = Vec<2>::Zero();
+    std::array<double, 3> more{};  // moment, and what the two are measured by
+    for (Index a = 0; a < otm.num_nodes(); ++a) {
+      const Vec<2> l = otm.masses()[a] * v.col(a), d = x.col(a) - centre;
+      linear += l;
+      more[0] += d[0] * l[1] - d[1] * l[0];
+      more[1] += l.norm();
+      more[2] += d.norm() * l.norm();
+    }
+    return std::pair(linear, more);
+  };
+  for (const double spin : {0.0, 0.1}) {
+    for (Index a = 0; a < body.nodes.cols(); ++a) {
+      const auto x = body.nodes.col(a);
+      body.velocity.col(a) = spin * Vec<2>(1.5 - x[1], x[0] - 0.5);
+      body.velocity(0, a) += 0.02 * std::sin(2.0 * x[0]);
+    }
+    Otm<2> otm({body});
+    const auto [linear, more] = measured(otm);
+    for (int k = 0; k < 100000; ++k) otm.step();
+    const auto [linear_after, more_after] = measured(otm);
+    EXPECT_LT((linear_after - linear).norm(), 1e-13 * more[1]) << spin;
+    EXPECT_LT(std::abs(more_after[0] - more[0]), 1e-12 * more[2]) << spin;
+  }
 }
 
 TEST(OtmBar, VibratesOnTheFunctionsOfTheStaticSolverAsWell) {

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Gradients at points that sum up to what they are gradients of, as integrals do.
+#include "efree/core/parallel.hpp"
+#include "efree/otm/internal/motion.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+namespace {
+
+/// Weights of a point change by at most this part of them at once.
+constexpr double largest_change = 0.8;
+/// What may be left of what sums are off, and of what is left each time.
+constexpr double enough = 1e-2, enough_at_once = 0.1;
+constexpr int most_times = 4, most_iterations = 15;
+
+/// Gradients of the linear functions of a cell, by columns. False if the cell is flat.
+template <int Dim>
+bool slopes_of(const Eigen::Matrix<double, Dim, Dim + 1>& corner, Eigen::Matrix<double, Dim, Dim + 1>& slope) {
+  const Mat<Dim> edges = corner.template rightCols<Dim>().colwise() - corner.col(0);
+  slope.template rightCols<Dim>() = edges.inverse().transpose();
+  slope.col(0) = -slope.template rightCols<Dim>().rowwise().sum();
+  return slope.allFinite();
+}
+
+}  // namespace
+
+/// What sums over points of volumes times gradients (and, around an axis, values over the radius) lack of those of the
+/// linear functions of the cells, which are integrals over the surface.
+template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
+    if (!bodies[chunk.body].integrates) return;
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        const OtmEntry& entry = chunk.entries[e];
+        double* sum = chunk.force.data() + 4 * chunk.local[e];
+        for (int i = 0; i < Dim; ++i) sum[i] -= chunk.volume[p] * entry.dN[i];
+        if (axisymmetric()) sum[0] -= chunk.volume[p] * entry.dN[2];
+      }
+  });
+  Points<Dim> result = collected();
+  for (const OtmChunk<Dim>& chunk : chunks) {
+    const BodyOf& body = bodies[chunk.body];
+    if (!body.integrates) continue;
+    for (Index p = 0; p < chunk.size(); ++p) {
+      Eigen::Matrix<double, Dim, Dim + 1> corner, slope;
+      const auto cell = body.cells.col(chunk.number[p]);
+      for (int k = 0; k <= Dim; ++k) corner.col(k) = x.col(body.first_node + cell[k]);
+      slopes_of<Dim>(corner, slope);
+      if (axisymmetric()) slope.row(0).array() += 1.0 / ((Dim + 1) * chunk.at(0, p));
+      for (int k = 0; k <= Dim; ++k) result.col(body.first_node + cell[k]) += chunk.volume[p] * slope.col(k);
+    }
+  }
+  return result;
+}
+
+/// Least changes of a point's weights that multipliers on those sums (`chunk.x`) ask for, such that weights go on to
+/// sum up to one and to have their mean at the point. Returns their second moments.
+template <int Dim> Mat<Dim> Motion<Dim>::change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
+                                                        WeightChanges& changes) const {
+  const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
+  const std::uint16_t* local = chunk.local.data() + begin;
+  const OtmEntry* entries = chunk.entries.data() + begin;
+  const Vec<Dim> at = chunk.at.col(p);
+  changes.offset.resize(count);
+  changes.weight.resize(count);
+  const auto multiplier = [&](Index k) { return Eigen::Map<const Vec<Dim>>(chunk.x.data() + 4 * local[k]); };
+  const auto slope = [&](Index k) { return Eigen::Map<const Vec<Dim>>(entries[k].dN); };
+  Mat<Dim> gradient = Mat<Dim>::Zero();
+  for (Index k = 0; k < count; ++k) {
+    gradient += multiplier(k) * slope(k).transpose();
+    changes.offset[k] = x.col(chunk.nodes[local[k]]) - at;
+  }
+  double zeroth = 0.0;
+  Vec<Dim> first = Vec<Dim>::Zero();
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim>& d = changes.offset[k];
+    double change = slope(k).dot(multiplier(k) - gradient * d);
+    if (axisymmetric()) change += entries[k].dN[2] * multiplier(k)[0];
+    changes.weight[k] = change;
+    zeroth += change;
+    first += change * d;
+  }
+  const Vec<Dim> tilt = inverse * first;
+  Mat<Dim> second = Mat<Dim>::Zero();
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim>& d = changes.offset[k];
+    changes.weight[k] -= entries[k].N * (zeroth + d.dot(tilt));
+    second += changes.weight[k] * d * d.transpose();
+  }
+  return second;
+}
+
+/// What changes that multipliers ask for change of the sums, to first order.
+template <int Dim> Points<Dim> Motion<Dim>::integrated_changes(const Points<Dim>& multipliers) {
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
+    if (!bodies[chunk.body].integrates) return;
+    for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
+      Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
+    thread_local WeightChanges changes;
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Mat<Dim> inverse = chunk.moment[p].inverse();
+      const Mat<Dim> turn = inverse * change_weights(chunk, p, inverse, changes);
+      const Index begin = chunk.offsets[p];
+      for (Index e = begin; e < chunk.offsets[p + 1]; ++e) {
+        const double change = changes.weight[e - begin];
+        Vec<Dim> sum =
+            inverse * (change * changes.offset[e - begin]) - turn * Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
+        if (axisymmetric()) sum[0] += change / chunk.at(0, p);
+        Eigen::Map<Vec<Dim>>(chunk.force.data() + 4 * chunk.local[e]) += chunk.volume[p] * sum;
+      }
+    }
+  });
+  return collected();
+}
+
+/// Weights change as multipliers ask for, as far as they may; gradients follow.
+template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multipliers) {
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[c];
+    if (!bodies[chunk.body].integrates) return;
+    for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
+      Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
+    thread_local WeightChanges changes;
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Mat<Dim> before = chunk.moment[p].inverse();
+      change_weights(chunk, p, before, changes);
+      const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
+      OtmEntry* entries = chunk.entries.data() + begin;
+      double most = 0.0;
+      for (Index k = 0; k < count; ++k) most = std::max(most, std::abs(changes.weight[k]) / entries[k].N);
+      const double part = most > largest_change ? largest_change / most : 1.0;
+      Mat<Dim>& moment = chunk.moment[p];
+      moment.setZero();
+      for (Index k = 0; k < count; ++k) {
+        entries[k].N += part * changes.weight[k];
+        moment += entries[k].N * changes.offset[k] * changes.offset[k].transpose();
+      }
+      const Mat<Dim> inverse = moment.inverse();
+      for (Index k = 0; k < count; ++k) {
+        Eigen::Map<Vec<Dim>>(entries[k].dN) = entries[k].N * (inverse * changes.offset[k]);
+        if (axisymmetric()) entries[k].dN[2] = entries[k].N / chunk.at(0, p);
+      }
+      otm_complete<Dim>(count, [&](std::size_t k) -> OtmEntry& { return entries[k]; });
+      chunk.penalty[p] *= inverse.trace() / before.trace();
+      chunk.width[p] = smallest_width<Dim>(moment);
+    }
+  });
+}
+
+/// Weights of points are changed, as little as it takes, until gradients integrate exactly: a stress that is the same
+/// everywhere is in balance then (variational consistency, Chen, Hillman & Rueter 2013). Newton's method; conjugate
+/// gradients on the multipliers of each of its steps.
+template <int Dim> void Motion<Dim>::integrate_exactly() {
+  if (std::none_of(bodies.begin(), bodies.end(), [](const BodyOf& body) { return body.integrates; })) return;
+  Points<Dim> off = integration_error();
+  const double first = off.norm();
+  double left = first;
+  for (int step_of = 0; step_of < most_times && left > enough * first; ++step_of) {
+    // What the changes of a point's own weights do to its nodes, of others apart.
+    std::vector<Mat<Dim>> scale(x.cols(), Mat<Dim>::Zero());
+    for (const OtmChunk<Dim>& chunk : chunks) {
+      if (!bodies[chunk.body].integrates) continue;
+      for (Index p = 0; p < chunk.size(); ++p)
+        for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+          if (!(chunk.entries[e].N > 0.0)) continue;
+          const Vec<Dim> slope = Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
+          scale[chunk.nodes[chunk.local[e]]] += chunk.volume[p] / chunk.entries[e].N * slope * slope.transpose();
+        }
+    }
+    for (Mat<Dim>& of : scale)
+      if (const double size = of.trace(); size > 0.0) of = (of + 1e-6 * size * Mat<Dim>::Identity()).inverse().eval();
+    const auto scaled = [&](const Points<Dim>& of) {
+      Points<Dim> result(Dim, of.cols());
+      for (Eigen::Index a = 0; a < of.cols(); ++a) result.col(a) = scale[a] * of.col(a);
+      return result;
+    };
+    Points<Dim> multipliers = Points<Dim>::Zero(Dim, x.cols()), rest = off, weighted = scaled(rest), way = weighted;
+    double size = rest.cwiseProduct(weighted).sum();
+    const double start = rest.norm();
+    for (int k = 0; k < most_iterations && rest.norm() > enough_at_once * start; ++k) {
+      const Points<Dim> change = integrated_changes(way);
+      const double length = size / way.cwiseProduct(change).sum();
+      if (!std::isfinite(length)) break;
+      multipliers += length * way;
+      rest -= length * change;
+      weighted = scaled(rest);
+      const double next = rest.cwiseProduct(weighted).sum();
+      way = weighted + next / size * way;
+      size = next;
+    }
+    change_weights(multipliers);
+    off = integration_error();
+    left = off.norm();
+  }
+}
+
+template struct Motion<2>;
+template struct Motion<3>;
+
+}  // namespace efree::internal
