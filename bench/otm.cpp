@@ -47,7 +47,7 @@ OtmOptions options_of(const Keys& keys) {
   options.lme.gamma = value("gamma", options.lme.gamma);
   options.lme.cutoff = value("cutoff", options.lme.cutoff);
   options.renewal = value("renewal", options.renewal);
-  options.exact_integration = value("exact", 1.0) != 0.0;
+  options.exact_integration = value("exact", 0.0) != 0.0;
   options.anisotropy = value("anisotropy", options.anisotropy);
   options.courant = value("courant", options.courant);
   options.merging = value("merging", options.merging);
