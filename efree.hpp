@@ -83,6 +83,7 @@
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/otm/body.hpp"
 #include "efree/otm/otm.hpp"
+#include "efree/otm/tool.hpp"
 #include "efree/quadrature/approximation.hpp"
 #include "efree/quadrature/discretization.hpp"
 #include "efree/solvers/cell_solver.hpp"

@@ -124,15 +124,24 @@ template <int Dim> void throw_bodies(const Settings<Dim>& settings, const Motion
   }
 }
 
-template <int Dim> void check_walls(const MotionSettings<Dim>& motion, const Points<Dim>& vertices) {
+/// That bodies are not inside of walls and tools at the start.
+template <int Dim> void check_gaps(const MotionSettings<Dim>& motion, const Points<Dim>& vertices) {
   const double size = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
-  for (const auto& [wall, where] : motion.walls) {
-    Index lowest = 0;
-    const double gap = (wall.normal.transpose() * vertices).minCoeff(&lowest) - wall.level;
-    if (gap < -1e-6 * size)
-      throw InputError(said_at(where, fmt::format("bodies reach through the wall by {:.4g} at the start, at ({:.6g})",
-                                                  -gap, fmt::join(vertices.col(lowest), ", "))));
-  }
+  const auto check = [&](const ToolShape<Dim>& shape, const char* name, const std::string& where) {
+    Index deepest = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (Index a = 0; a < static_cast<Index>(vertices.cols()); ++a)
+      if (const double gap = shape(vertices.col(a)).gap; gap < least) {
+        least = gap;
+        deepest = a;
+      }
+    if (least < -1e-6 * size)
+      throw InputError(said_at(where, fmt::format("bodies reach {} by {:.4g} at the start, at ({:.6g})", name, -least,
+                                                  fmt::join(vertices.col(deepest), ", "))));
+  };
+  for (const auto& [wall, where] : motion.walls)
+    check(tools::half_space<Dim>(wall.normal, wall.level), "through the wall", where);
+  for (const auto& [tool, where] : motion.tools) check(tool.shape, "into the tool", where);
 }
 
 template <int Dim>
@@ -273,9 +282,11 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
       .size = Eigen::Map<const Vector>(sizes.data(), static_cast<Index>(sizes.size())),
       .nodes_of_probes = {}};
   result.start = result.otm.nodes();
-  check_walls(motion, all.vertices());
+  check_gaps(motion, all.vertices());
   for (const auto& [wall, where] : motion.walls)
     located(settings, where, [&, &added = wall] { result.otm.add_wall(added); });
+  for (const auto& [tool, where] : motion.tools)
+    located(settings, where, [&, &added = tool] { result.otm.add_tool(added); });
   fill(settings, motion, built, result.otm);
   prescribe(motion, built, axisymmetric, result);
   if (const auto ties = tied_facets(all); !ties.empty())

@@ -32,6 +32,11 @@ template <int Dim> struct MotionWall {
   OtmWall<Dim> wall;
   std::string where{};
 };
+/// A rigid tool.
+template <int Dim> struct MotionTool {
+  OtmTool<Dim> tool;
+  std::string where{};
+};
 /// Nodes of a part of the boundary whose velocities are prescribed, by place; those left empty are free.
 template <int Dim> struct MovedPart {
   std::string on;
@@ -75,6 +80,7 @@ template <int Dim> struct MotionSettings {
   std::vector<InitialVelocity<Dim>> velocities{};
   std::vector<BodyFracture> fractures{};  ///< of a region one at most; that of all bodies is of those without
   std::vector<MotionWall<Dim>> walls{};
+  std::vector<MotionTool<Dim>> tools{};
   std::vector<MovedPart<Dim>> moved{};
   std::vector<GasInside> gases{};
   std::vector<MotionProbe<Dim>> probes{};
@@ -95,10 +101,10 @@ template <int Dim> struct MovingBodies {
   std::vector<std::string> remarks{}, warnings{};
 };
 
-/// A body for every region of the mesh, with its material, density, velocities, what moves it, and the walls. Nodes on
-/// the axis of an axisymmetric section stay there. Throws InputError beginning with where it was said, for a material
-/// of small strains, a density that is missing, names that are not there, velocities that are no numbers and
-/// bodies that reach through walls at the start; and NumericalError as Otm does. Stages of approximate, bodies.
+/// A body for every region of the mesh, with its material, density, velocities, what moves it, walls and tools. Nodes
+/// on the axis of an axisymmetric section stay there. Throws InputError beginning with where it was said, for a
+/// material of small strains, a density that is missing, names that are not there, velocities that are no numbers and
+/// bodies that reach into walls or tools at the start; and NumericalError as Otm does. Stages of approximate, bodies.
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
                                                    const MotionSettings<Dim>& motion, const Monitor& monitor = {});
 

@@ -83,9 +83,9 @@ template <int Dim> HeldGradient<Dim>::HeldGradient(const FineSpace<Dim>& space, 
   places_.offsets = places.offsets;
   for (const auto& [row, position] : places.items) places_.items.push_back({row, position});
 
-  penalty_ = penalty_matrix(space, shape, constraints, beta);
+  penalty_ = penalty_matrix(shape, constraints, beta);
   for (const auto& spring : elastic)
-    penalty_ += penalty_matrix(space, shape, Constraints<Dim>(space, {spring}, {}), [&](const Constraint<Dim>& at) {
+    penalty_ += penalty_matrix(shape, Constraints<Dim>(space, {spring}, {}), [&](const Constraint<Dim>& at) {
       return stiffness_at<Dim>(spring, at.sides.front().point.x);
     });
   penalty_ += gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {

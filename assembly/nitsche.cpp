@@ -65,43 +65,67 @@ SymmetricMatrix consistency(const ShapeTable<Dim>& shape, const std::vector<Stif
     Block jump = Block::Zero();  // int Phi_K phi_a sum_d d (B(n) d)^T
     Block flux = Block::Zero();  // stresses of the node, transposed
   };
-  Ragged<Index> nodes;
-  std::vector<Entry> entries;
-  Accumulator<Block> nodal(shape.num_nodes());
-  const Gradient<Dim> trace = trace_direction<Dim>();
-  auto value = values.begin();
-  for (std::size_t s = 0; s < jumps.size();) {
-    const Index K = jumps[s].first.first;
-    while (value->first != K) ++value;
-    const double kappa = term.pressure ? term.tangents[K](0, 0) : 0.0;
-    const double penalty_of_pressure = 4.0 * kappa / discretization.weights[K];
-    nodal.clear();
-    for (; s < jumps.size() && jumps[s].first.first == K; ++s) {
-      const auto row = shape.row(jumps[s].first.second);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * jumps[s].second;
-    }
-    const auto row = discretization.shape.row(K);
-    for (Index node : row.nodes) nodal[node];  // those that only the stress sees
-    std::size_t k = 0;
-    for (Index node : nodal.sorted()) {
-      Entry entry{nodal[node]};
-      if (k < row.nodes.size() && row.nodes[k] == node)
-        entry.flux = nodal_gradient(row, k++).stress(term.tangents[K]).transpose();
-      if (penalty_of_pressure > 0.0) {
-        const Vec<Dim> crossing = entry.jump * trace;
-        entry.flux -= 0.5 * penalty_of_pressure * crossing * trace.transpose();  // half of it from each of the two
-        rhs.col(node) += penalty_of_pressure * trace.dot(value->second) * crossing;
+  std::vector<std::size_t> first_jump;  // of each K
+  for (std::size_t s = 0; s < jumps.size(); ++s)
+    if (s == 0 || jumps[s].first.first != jumps[s - 1].first.first) first_jump.push_back(s);
+  const Index rows = static_cast<Index>(first_jump.size());
+  first_jump.push_back(jumps.size());
+  constexpr Index chunk = 64;
+  struct Part {
+    Ragged<Index> nodes;
+    std::vector<Entry> entries;
+  };
+  std::vector<Part> parts((rows + chunk - 1) / chunk);
+  parallel_chunks(rows, chunk, [&](Index begin, Index end) {
+    Part& part = parts[begin / chunk];
+    Accumulator<Block> nodal(shape.num_nodes());
+    for (Index r = begin; r < end; ++r) {
+      const Index K = jumps[first_jump[r]].first.first;
+      nodal.clear();
+      for (std::size_t s = first_jump[r]; s < first_jump[r + 1]; ++s) {
+        const auto row = shape.row(jumps[s].first.second);
+        for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal[row.nodes[k]] += row.N[k] * jumps[s].second;
       }
-      nodes.items.push_back(node);
-      entries.push_back(entry);
+      const auto row = discretization.shape.row(K);
+      for (Index node : row.nodes) nodal[node];  // those that only the stress sees
+      std::size_t k = 0;
+      for (Index node : nodal.sorted()) {
+        Entry entry{nodal[node]};
+        if (k < row.nodes.size() && row.nodes[k] == node)
+          entry.flux = nodal_gradient(row, k++).stress(term.tangents[K]).transpose();
+        part.nodes.items.push_back(node);
+        part.entries.push_back(entry);
+      }
+      part.nodes.close_row();
     }
-    nodes.close_row();
+  });
+  const auto nodes_of = [&](Index row) { return parts[row / chunk].nodes[row % chunk]; };
+  const auto entries_of = [&](Index row) {
+    return parts[row / chunk].entries.data() + parts[row / chunk].nodes.offsets[row % chunk];
+  };
+
+  if (term.pressure) {
+    const Gradient<Dim> trace = trace_direction<Dim>();
+    auto value = values.begin();
+    for (Index r = 0; r < rows; ++r) {
+      const Index K = jumps[first_jump[r]].first.first;
+      while (value->first != K) ++value;
+      const double penalty_of_pressure = 4.0 * term.tangents[K](0, 0) / discretization.weights[K];
+      if (!(penalty_of_pressure > 0.0)) continue;
+      Entry* entry = entries_of(r);
+      for (const Index node : nodes_of(r)) {
+        const Vec<Dim> crossing = entry->jump * trace;
+        entry->flux -= 0.5 * penalty_of_pressure * crossing * trace.transpose();  // half of it from each of the two
+        rhs.col(node) += penalty_of_pressure * trace.dot(value->second) * crossing;
+        ++entry;
+      }
+    }
   }
-  const auto by_node = places_of_nodes(shape.num_nodes(), nodes.rows(), [&](Index row) { return nodes[row]; });
+  const auto by_node = places_of_nodes(shape.num_nodes(), rows, nodes_of);
   return gather_blocks<Dim>(shape.num_nodes(), [&](Index a, Accumulator<Mat<Dim>>& sums) {
     for (const auto& [row, k] : by_node[a]) {
-      const auto row_nodes = nodes[row];
-      const Entry* of_row = entries.data() + nodes.offsets[row];
+      const auto row_nodes = nodes_of(row);
+      const Entry* of_row = entries_of(row);
       for (std::size_t l = k; l < row_nodes.size(); ++l)
         sums[row_nodes[l]].noalias() -=
             of_row[l].jump * of_row[k].flux.transpose() + of_row[l].flux * of_row[k].jump.transpose();
@@ -122,13 +146,13 @@ template <int Dim> NitscheSystem<Dim> nitsche(const FineSpace<Dim>& space, const
   for (const auto& term : terms) penalty.push_back(penalties(term, constraints));
   const auto beta = [&](const Constraint<Dim>& constraint) { return shares(terms, penalty, constraint).beta; };
   NitscheSystem<Dim> system;
-  system.matrix = penalty_matrix(space, shape, constraints, beta);
+  system.matrix = penalty_matrix(shape, constraints, beta);
   rhs += penalty_forces(space, shape, constraints, beta);
   for (const auto& term : terms) system.matrix += consistency(shape, terms, penalty, constraints, term, rhs);
   for (const auto& spring : elastic) {
     const auto k = [&](const Constraint<Dim>& at) { return stiffness_at<Dim>(spring, at.sides.front().point.x); };
     const Constraints<Dim> held(space, {spring}, {});
-    system.matrix += penalty_matrix(space, shape, held, k);
+    system.matrix += penalty_matrix(shape, held, k);
     rhs += penalty_forces(space, shape, held, k);
   }
   system.rhs = rhs.reshaped();

@@ -3,18 +3,27 @@
 // renewal, anisotropy, courant, stabilisation, merging, injection, linear, quadratic (shock viscosity), momentum (0
 // affine, 1 nodes, 2 points), shared (0, 1), metal (0 linear hardening, 1 Johnson and Cook's, 2 with the pressure of
 // shocks), threads, quarter (1: a quarter of the bar, between planes of symmetry).
+// bench_otm chart [SIZE ...]: lengths and feet of the meridian section by one choice at a time and by the size [m], as
+// CSV, with what they come to; a few minutes.
+// bench_otm hertz N ...: a rigid ball pressed into a half-space of N x N cells.
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 
 #include "clock.hpp"
+#include "indentation.hpp"
 #include "taylor_bar.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -84,11 +93,76 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   }
 }
 
+/// What a sequence with steps by the factor sqrt(2) comes to, of order 1 to 2 as its last three values say.
+double limit_of(double coarse, double middle, double fine) {
+  const double order = std::clamp(2.0 * std::log2(std::abs((middle - coarse) / (fine - middle))), 1.0, 2.0);
+  return fine + (fine - middle) / (std::pow(2.0, 0.5 * order) - 1.0);
+}
+
+void chart(std::vector<double> sizes) {
+  set_num_threads(1);
+  struct End {
+    double length = std::numeric_limits<double>::quiet_NaN(), foot = length;
+  };
+  const auto run = [](const char* choice, double value, const OtmOptions& options, double size) {
+    const double start = bench::cpu_seconds();
+    auto otm = bench::TaylorBar::bar<2>(bench::TaylorBar::mesh<2>(size), 227.0, options);
+    End end;
+    try {
+      otm.run(80e-6);
+      const auto shape = bench::TaylorBar::shape(otm);
+      end = {1e3 * shape.length, 1e3 * shape.foot};
+    } catch (const NumericalError& error) {
+      std::fprintf(stderr, "%s %g, %g: %s\n", choice, value, size, error.what());
+    }
+    std::printf("%s,%g,%g,%d,%d,%.5f,%.5f,%d,%.4g\n", choice, value, 1e3 * size, otm.num_nodes(), otm.num_points(),
+                end.length, end.foot, otm.counts().steps, bench::cpu_seconds() - start);
+    std::fflush(stdout);
+    return end;
+  };
+  std::printf("choice,value,size_mm,nodes,points,length_mm,foot_mm,steps,cpu_seconds\n");
+  // With the defaults twice as fine as any other.
+  std::sort(sizes.rbegin(), sizes.rend());
+  std::vector<End> ends;
+  for (const double factor : {1.0, std::sqrt(0.5), 0.5}) ends.push_back(run("default", 0, {}, factor * sizes.back()));
+  std::printf("limit,0,0,0,0,%.5f,%.5f,0,0\n", limit_of(ends[0].length, ends[1].length, ends[2].length),
+              limit_of(ends[0].foot, ends[1].foot, ends[2].foot));
+  const std::vector<std::pair<const char*, std::vector<double>>> choices{
+      {"gamma", {1.0, 1.8, 2.5, 3.0, 4.0}}, {"cutoff", {1e-2, 1e-4, 1e-6}}, {"renewal", {0.02, 0.05, 0.1, 0.2, 0.4}}};
+  for (const auto& [choice, values] : choices)
+    for (const double value : values)
+      for (const double size : sizes) {
+        OtmOptions options;
+        const std::string name = choice;
+        (name == "gamma" ? options.lme.gamma : name == "cutoff" ? options.lme.cutoff : options.renewal) = value;
+        run(choice, value, options, size);
+      }
+}
+
 }  // namespace
 }  // namespace efree
 
 int main(int argc, char** argv) {
-  if (argc < 4) return std::puts("bench_otm taylor 2|3 SIZE [key=value ...]"), 2;
+  if (argc > 1 && std::strcmp(argv[1], "chart") == 0) {
+    std::vector<double> sizes;
+    for (int i = 2; i < argc; ++i) sizes.push_back(std::atof(argv[i]));
+    if (sizes.empty()) sizes = {1.28e-3, 0.9e-3, 0.64e-3, 0.45e-3, 0.32e-3};
+    return efree::chart(sizes), 0;
+  }
+  if (argc > 2 && std::strcmp(argv[1], "hertz") == 0) {
+    efree::set_num_threads(1);
+    for (int i = 2; i < argc; ++i) {
+      const auto n = static_cast<efree::Index>(std::atoi(argv[i]));
+      const double start = efree::bench::cpu_seconds();
+      const auto answer = efree::bench::Indentation::press(n);
+      std::printf("%d cells, contact radius of %.3g spacings: force over Hertz's %.4f, energy %.2g, %d steps, %.2f s\n",
+                  n, 1.0 / efree::bench::Indentation::spacing(n), answer.force, answer.energy, answer.steps,
+                  efree::bench::cpu_seconds() - start);
+    }
+    return 0;
+  }
+  if (argc < 4)
+    return std::puts("bench_otm taylor 2|3 SIZE [key=value ...], bench_otm chart [SIZE ...], bench_otm hertz N ..."), 2;
   std::map<std::string, double> key;
   for (int i = 4; i < argc; ++i)
     if (const char* equals = std::strchr(argv[i], '='))

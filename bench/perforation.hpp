@@ -90,9 +90,7 @@ struct Perforation {
                                      otm_body(plate<Dim>(size), aluminium(), 2770.0, Dim == 2)};
     bodies[0].velocity.setZero(Dim, bodies[0].nodes.cols());
     bodies[0].velocity.row(Dim - 1).setConstant(-speed);
-    // In space a sphere that may break is lost to points that run away.
-    if (Dim == 2)
-      bodies[0].fracture.strain = JohnsonCookFailure{.D = {0.05, 3.44, -2.12, 0.002, 0.61}, .melting = 1500.0};
+    bodies[0].fracture.strain = JohnsonCookFailure{.D = {0.05, 3.44, -2.12, 0.002, 0.61}, .melting = 1500.0};
     bodies[1].fracture = broken_by;
     OtmOptions options;
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;

@@ -24,7 +24,9 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
     expressions.define("grey", grey);
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
-  if (clock.time)
+  if (clock.runs)
+    expressions.define("t", [](const Vec<Dim>& time) { return time[0]; });
+  else if (clock.time)
     expressions.at_time(*clock.time);
   else if (!section.has("t"))
     expressions.refuse("t", clock.why);

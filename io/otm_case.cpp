@@ -2,6 +2,7 @@
 #include "efree/io/otm_case.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/input/surface.hpp"
 #include "efree/io/internal/case_parts.hpp"
 #include "efree/io/internal/material_reader.hpp"
 #include "efree/io/internal/read_geometry.hpp"
@@ -62,17 +63,112 @@ template <int Dim> void read_fractures(const std::vector<Section>& entries, Moti
   }
 }
 
+double read_friction(const Section& entry) {
+  if (entry.has("friction") && entry.table().get("friction")->is_string())
+    return entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
+  return entry.number("friction", not_negative, 0.0);
+}
+
 template <int Dim> void read_walls(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
   for (const Section& entry : entries) {
     const Vec<Dim> normal = entry.template point<Dim>("normal");
     if (!(normal.norm() > 0.0)) entry.fail("normal", "normal is zero, expected a direction");
     OtmWall<Dim> wall{.normal = normal.normalized()};
     wall.level = entry.number("level", any_number, 0.0);
-    if (entry.has("friction") && entry.table().get("friction")->is_string())
-      wall.friction = entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
-    else
-      wall.friction = entry.number("friction", not_negative, 0.0);
+    wall.friction = read_friction(entry);
     motion.walls.push_back({wall, entry.where("normal")});
+  }
+}
+
+/// Components that depend on the time alone.
+template <int Dim, int Size>
+std::function<Vec<Size>(double)> read_course(const std::array<std::string, static_cast<std::size_t>(Size)>& texts,
+                                             const Section& entry, std::string_view key, const Section& root,
+                                             const ScalarField<Dim>& grey) {
+  const std::string where = entry.where(key);
+  const Expressions<Dim> now = internal::read_definitions<Dim>(root, grey, {0.0});
+  for (const std::string& text : texts)
+    if (now.varies(text, where))
+      entry.fail(key, fmt::format("{} of a tool is \"{}\", and may depend on the time t alone", key, text));
+  const auto course = internal::read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
+                          .template fields<static_cast<std::size_t>(Size)>(texts, where);
+  return [course](double t) { return Vec<Size>(course(t * Vec<Dim>::Unit(0))); };
+}
+
+template <int Dim>
+ToolShape<Dim> read_shape(const Section& entry, const std::filesystem::path& folder, OtmTool<Dim>& tool) {
+  const std::string name = entry.text("shape");
+  const auto only = [&](const Section::Keys& its) {
+    for (const char* key : {"normal", "level", "radius", "axis", "points", "file"})
+      if (entry.has(key) && std::ranges::find(its, key) == its.end())
+        entry.fail(key, fmt::format("{} means nothing for a tool of shape \"{}\"", key, name));
+  };
+  if (entry.has("centre")) tool.centre = entry.template point<Dim>("centre");
+  if (name == "plane") {
+    only({"normal", "level"});
+    const Vec<Dim> normal = entry.template point<Dim>("normal");
+    if (!(normal.norm() > 0.0)) entry.fail("normal", "normal is zero, expected a direction");
+    return tools::half_space<Dim>(normal.normalized(), entry.number("level", any_number, 0.0));
+  }
+  if (name == "ball") {
+    only({"radius"});
+    return tools::ball<Dim>(entry.template point<Dim>("centre"), entry.number("radius", positive));
+  }
+  if constexpr (Dim == 2) {
+    if (name == "polygon") {
+      only({"points"});
+      const auto corners = entry.pairs("points");
+      if (corners.size() < 3) entry.fail("points", "points: expected three corners and more");
+      Points<2> at(2, static_cast<Index>(corners.size()));
+      for (std::size_t k = 0; k < corners.size(); ++k) at.col(static_cast<Index>(k)) << corners[k][0], corners[k][1];
+      return tools::solid<2>(at, tools::polygon(static_cast<Index>(corners.size())));
+    }
+  } else {
+    if (name == "cylinder") {
+      only({"radius", "axis"});
+      return tools::cylinder(entry.template point<3>("centre"), entry.template point<3>("axis"),
+                             entry.number("radius", positive));
+    }
+    if (name == "surface") {
+      only({"file"});
+      const SurfaceSoup soup = read_surface((folder / entry.text("file")).string());
+      Facets<3> facets(3, static_cast<Index>(soup.triangles.size()));
+      for (std::size_t f = 0; f < soup.triangles.size(); ++f)
+        for (int i = 0; i < 3; ++i) facets(i, static_cast<Index>(f)) = soup.triangles[f][static_cast<std::size_t>(i)];
+      return tools::solid<3>(soup.points, facets);
+    }
+  }
+  entry.fail("shape", fmt::format("shape is \"{}\", expected \"plane\", \"ball\", {}", name,
+                                  Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\""));
+}
+
+template <int Dim> void read_tools(const std::vector<Section>& entries, const std::filesystem::path& folder,
+                                   const Section& root, const ScalarField<Dim>& grey, MotionSettings<Dim>& motion) {
+  constexpr int turns = Dim == 2 ? 1 : 3;
+  for (const Section& entry : entries) {
+    OtmTool<Dim> tool;
+    try {
+      tool.shape = read_shape<Dim>(entry, folder, tool);
+    } catch (const InputError& error) {
+      if (std::string(error.what()).starts_with("a ")) entry.fail("shape", error.what());
+      throw;
+    }
+    tool.friction = read_friction(entry);
+    if (entry.has("velocity"))
+      tool.velocity = read_course<Dim, Dim>(entry.expressions<Dim>("velocity"), entry, "velocity", root, grey);
+    if (entry.has("spin")) {
+      std::array<std::string, turns> spin;
+      if constexpr (Dim == 2)
+        spin[0] = entry.expression("spin");
+      else
+        spin = entry.expressions<3>("spin");
+      tool.spin = read_course<Dim, turns>(spin, entry, "spin", root, grey);
+    }
+    tool.mass = entry.number("mass", positive, 0.0);
+    tool.inertia = entry.number("inertia", positive, 0.0);
+    if ((tool.spin || tool.inertia > 0.0) && !entry.has("centre"))
+      entry.fail("spin", "key \"centre\" is missing: about which the tool turns");
+    motion.tools.push_back({tool, entry.where("shape")});
   }
 }
 
@@ -193,6 +289,8 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   const auto velocities = root.sections("velocity", {"region", "value"});
   const auto fractures = root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
+  const auto tools = root.sections("tool", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file",
+                                            "friction", "velocity", "spin", "mass", "inertia"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
   const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
@@ -216,14 +314,21 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   read_velocities<Dim>(velocities, expressions, motion);
   read_fractures<Dim>(fractures, motion);
   read_walls<Dim>(walls, motion);
+  read_tools<Dim>(tools, file.parent_path(), root, result.geometry.grey, motion);
   read_moved<Dim>(boundaries, expressions, places, motion);
   read_functions(root, places, result);
   read_options(root.section("otm", {"gamma", "cutoff", "renewal", "anisotropy", "merging", "injection", "momentum",
                                     "courant", "stabilisation", "shock"}),
                motion.cloud, motion.options);
-  const Section contact = root.section("contact", {"stiffness", "friction"});
+  const Section contact = root.section("contact", {"stiffness", "friction", "seizing"});
   motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);
   motion.options.contact.friction = contact.number("friction", not_negative, motion.options.contact.friction);
+  motion.options.contact.seizing = contact.boolean("seizing", false);
+  for (const char* key : {"stiffness", "friction"})
+    if (motion.options.contact.seizing && contact.has(key))
+      contact.fail(key, fmt::format("{} means nothing for bodies that seize", key));
+  if (motion.options.contact.seizing && motion.cloud)
+    contact.fail("seizing", "seizing is for functions that are made anew, and those of a [cloud] are not");
   for (const Section& entry : gases)
     motion.gases.push_back({.on = places.name(entry),
                             .pressure = entry.number("pressure", any_number),
@@ -243,6 +348,8 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   internal::Fingerprint mark;
   mark.add(internal::text_of(toml::node_view<const toml::node>(what)));
   if (geometry.has("file")) internal::add_file(mark, file.parent_path() / geometry.text("file"));
+  for (const Section& tool : tools)
+    if (tool.has("file")) internal::add_file(mark, file.parent_path() / tool.text("file"));
   result.mark = {mark.value(), 0};
   return result;
 }
@@ -257,7 +364,7 @@ AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& readi
   const toml::table table = internal::parse_toml(file.string());
   const Section root(table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
-                      "fracture", "wall", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
+                      "fracture", "wall", "tool", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
   const Section analysis = root.required_section("analysis", {"kind", "plane"});
   if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");

@@ -128,6 +128,19 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
   const Points<Dim>& walls = otm.wall_forces();
   for (Index w = 0; w < walls.cols(); ++w)
     for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("wall.{}.{}", w, axes[i]), walls(i, w));
+  const std::vector<ToolState<Dim>> tools = otm.tools();
+  for (std::size_t k = 0; k < tools.size(); ++k) {
+    const auto add = [&](const char* name, const auto& values) {
+      for (int i = 0; i < values.size(); ++i)
+        line.emplace_back(fmt::format("tool.{}.{}.{}", k, name, axes[values.size() == 1 ? 2 : i]), values[i]);
+    };
+    add("centre", tools[k].centre);
+    add("velocity", tools[k].velocity);
+    add("spin", tools[k].spin);
+    add("force", tools[k].force);
+    add("impulse", tools[k].impulse);
+    line.emplace_back(fmt::format("tool.{}.work", k), tools[k].work);
+  }
   line.insert(line.end(), more.begin(), more.end());
   std::string added;
   if (history_.empty()) {

@@ -14,7 +14,7 @@ namespace efree {
 
 /// What a run of bodies in motion leaves in a folder: points_NNNN.vtu (material points: Cauchy stress, point_scalars,
 /// body) and nodes_NNNN.vtu (velocity, mass, body) with points.pvd and nodes.pvd for ParaView, and history.csv: t,
-/// steps, dt, energies, counts, momenta, forces on walls, and what is added.
+/// steps, dt, energies, counts, momenta, forces on walls, what tools do, and what is added.
 template <int Dim> class OtmRecord {
  public:
   /// Numbers by name, the same names in every line.

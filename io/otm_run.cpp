@@ -138,6 +138,11 @@ template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
                            .view = view,
                            .axisymmetric = case_.model.plane == Plane::axisymmetric};
   for (const auto& [wall, where] : case_.motion.walls) drawn.walls.push_back(wall);
+  const std::vector<ToolState<Dim>> states = otm.tools();
+  for (std::size_t k = 0; k < states.size(); ++k)
+    drawn.tools.emplace_back([&tool = case_.motion.tools[k].tool, state = states[k]](const Vec<Dim>& at) {
+      return gap_to<Dim>(tool, state, at).gap;
+    });
   draw_motion(unfinished_->folder() / picture, drawn);
 }
 
@@ -214,6 +219,13 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"largest_error", energy.largest_error()}};
   json["momentum"] = array(now.momentum);
   json["moment_of_momentum"] = array(now.moment);
+  for (const ToolState<Dim>& tool : otm.tools())
+    json["tools"].push_back({{"centre", array(tool.centre)},
+                             {"velocity", array(tool.velocity)},
+                             {"spin", array(tool.spin)},
+                             {"force", array(tool.force)},
+                             {"impulse", array(tool.impulse)},
+                             {"work", tool.work}});
   for (Index w = 0; w < otm.wall_forces().cols(); ++w)
     json["walls"].push_back({{"force", array(otm.wall_forces().col(w))}});
   json["probes"] = ordered_json::object();

@@ -784,6 +784,23 @@ void draw_walls(Canvas& canvas, const Projection& at, const View& view, const Mo
   }
 }
 
+/// In squares.
+void draw_tools(Canvas& canvas, const Projection& at, const MotionPicture<2>& picture) {
+  constexpr int squares = 400;
+  const double size = 2.0 * picture.view.diagonal().norm() / squares;
+  const Vec<2> low = picture.view.center() - Vec<2>::Constant(0.5 * size * squares);
+  const auto place = [&](double i, double j) { return at(Vec3(low[0] + size * i, low[1] + size * j, 0.0)); };
+  for (const auto& tool : picture.tools)
+    for (int i = 0; i < squares; ++i)
+      for (int j = 0; j < squares; ++j) {
+        Vec<2> middle = low + size * Vec<2>(i + 0.5, j + 0.5);
+        if (picture.axisymmetric) middle[0] = std::abs(middle[0]);
+        if (!(tool(middle) < 0.0)) continue;
+        canvas.triangle({place(i, j), place(i + 1, j), place(i + 1, j + 1)}, Colour::Constant(0.72F));
+        canvas.triangle({place(i, j), place(i + 1, j + 1), place(i, j + 1)}, Colour::Constant(0.72F));
+      }
+}
+
 }  // namespace
 
 template <int Dim> void draw_motion(const std::filesystem::path& file, const MotionPicture<Dim>& picture) {
@@ -799,6 +816,7 @@ template <int Dim> void draw_motion(const std::filesystem::path& file, const Mot
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;
   draw_walls(canvas, at, view, picture);
+  if constexpr (Dim == 2) draw_tools(canvas, at, picture);
   const Scale scale(colour_range(picture.values));
   const Eigen::VectorXf places = scale.places(picture.values);
   const Surface marker = round_marker<Dim>(n);

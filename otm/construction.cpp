@@ -109,6 +109,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   require(options.contact.stiffness >= 0.0 && std::isfinite(options.contact.stiffness) &&
               options.contact.friction >= 0.0 && std::isfinite(options.contact.friction),
           "contact: expected a stiffness and a friction of 0 or more");
+  require(!options.contact.seizing || options.functions == OtmFunctions::lme,
+          "contact: bodies seize by functions of maximum entropy, not as smoothed particles");
   require(options.stabilisation >= 0.0 && std::isfinite(options.stabilisation), "stabilisation: expected 0 or more");
   Index num_nodes = 0, num_points = 0;
   for (const auto& body : given) {
@@ -149,11 +151,13 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     if (body.cells.size() != 0) {
       if (body.cells.cols() != M || body.cells.minCoeff() < 0 || body.cells.maxCoeff() >= N)
         fail("expected a cell of the body's nodes for every point, or none");
-    } else if (given.size() > 1 && options.contact.stiffness > 0.0) {
+    } else if (given.size() > 1 && (options.contact.seizing || options.contact.stiffness > 0.0)) {
       fail(
           "it has no cells, so nobody knows the surface that other bodies touch: give it cells, or take "
           "contact.stiffness = 0");
     }
+    if (options.contact.seizing && body.shape)
+      fail("its functions are given for good, and bodies seize by functions that are made anew; expected no seizing");
     if (options.functions == OtmFunctions::smoothed_particles && !body.shape && body.nodes != body.points)
       fail("smoothed particles: expected nodes that are the points");
     const Material& material = *body.material;
@@ -292,6 +296,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();
+  if (!fixed) find_free();
   find_masses();
   find_momenta();
   take_surfaces(given);

@@ -2,6 +2,7 @@
 /// Motion of the nodes, as far as walls, prescribed velocities and other bodies let them.
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/otm/internal/facet.hpp"
 #include "efree/otm/internal/motion.hpp"
 
 #include <fmt/format.h>
@@ -14,6 +15,7 @@
 #include <map>
 #include <numbers>
 #include <set>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -22,49 +24,14 @@ namespace {
 constexpr double skin = 0.25;
 /// How far nodes get into a body before they count as on its other side, over the spacing.
 constexpr double deepest = 0.8;
+/// How near bodies that seize have to come, over the spacing.
+constexpr double seizes = 0.3;
+/// Square of the highest frequency of springs between bodies alone, times that of the step: leapfrog bears 4.
+constexpr double softest_step = 2.0;
 
 /// Facets of a cell that is positively oriented, outwards.
 constexpr int facets_of_cell[2][4][3] = {{{0, 1, -1}, {1, 2, -1}, {2, 0, -1}, {-1, -1, -1}},
                                          {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-
-/// Weights of the corners in the point of a segment or triangle that is nearest to the origin (Ericson 2005, section
-/// 5.1.5).
-template <int Dim> Vec<Dim> nearest_in(const Mat<Dim>& corner) {
-  if constexpr (Dim == 2) {
-    const Vec<2> along = corner.col(1) - corner.col(0);
-    const double t = std::clamp(-corner.col(0).dot(along) / along.squaredNorm(), 0.0, 1.0);
-    return {1.0 - t, t};
-  } else {
-    const Vec<3> a = corner.col(0), b = corner.col(1), c = corner.col(2), ab = b - a, ac = c - a;
-    const double d1 = -ab.dot(a), d2 = -ac.dot(a);
-    if (d1 <= 0.0 && d2 <= 0.0) return {1.0, 0.0, 0.0};
-    const double d3 = -ab.dot(b), d4 = -ac.dot(b);
-    if (d3 >= 0.0 && d4 <= d3) return {0.0, 1.0, 0.0};
-    const double vc = d1 * d4 - d3 * d2;
-    if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return {1.0 - d1 / (d1 - d3), d1 / (d1 - d3), 0.0};
-    const double d5 = -ab.dot(c), d6 = -ac.dot(c);
-    if (d6 >= 0.0 && d5 <= d6) return {0.0, 0.0, 1.0};
-    const double vb = d5 * d2 - d1 * d6;
-    if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return {1.0 - d2 / (d2 - d6), 0.0, d2 / (d2 - d6)};
-    const double va = d3 * d6 - d5 * d4;
-    if (va <= 0.0 && d4 >= d3 && d5 >= d6) {
-      const double t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-      return {0.0, 1.0 - t, t};
-    }
-    const double sum = va + vb + vc;
-    return {va / sum, vb / sum, vc / sum};
-  }
-}
-
-/// Outwards, as long as the facet is large; per unit of depth in the plane.
-template <int Dim> Vec<Dim> area_of(const Mat<Dim>& corner) {
-  if constexpr (Dim == 2) {
-    const Vec<2> along = corner.col(1) - corner.col(0);
-    return {along[1], -along[0]};
-  } else {
-    return 0.5 * Vec<3>(corner.col(1) - corner.col(0)).cross(Vec<3>(corner.col(2) - corner.col(0)));
-  }
-}
 
 }  // namespace
 
@@ -150,28 +117,13 @@ template <int Dim> void Motion<Dim>::find_near() {
 template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) const {
   const Facets<Dim>& facets = surfaces[of.body].facets;
   const Vec<Dim> at = x.col(of.node);
-  double nearest = std::numeric_limits<double>::infinity(), facing = 0.0;
-  Index best = -1;
-  Vec<Dim> best_weights, to;
-  for (const Index f : of.facets) {
-    const Mat<Dim> corner = corners(facets, f).colwise() - at;
-    const Vec<Dim> weights = nearest_in<Dim>(corner), point = corner * weights;
-    const double distance = point.norm();
-    // Of facets that share the nearest point the one that faces the node most says on which side it is.
-    const Vec<Dim> area = area_of<Dim>(corner);
-    const double faces = distance > 0.0 ? point.dot(area) / (area.norm() * distance) : 0.0;
-    const double slack = 1e-9 * spacing[of.node];
-    if (distance > nearest + slack || (distance > nearest - slack && std::abs(faces) <= std::abs(facing))) continue;
-    nearest = std::min(nearest, distance);
-    facing = faces;
-    best = f;
-    best_weights = weights;
-    to = point;
-  }
-  if (best < 0 || !(facing > 0.0) || nearest > deepest * spacing[facets(0, best)]) return false;
+  NearestFacet<Dim> nearest(1e-9 * spacing[of.node], 1e-9 * std::pow(spacing[of.node], Dim - 1));
+  for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - at);
+  const Index best = nearest.facet();
+  if (best < 0 || !nearest.is_inside() || nearest.distance() > deepest * spacing[facets(0, best)]) return false;
   touch.node = of.node;
-  touch.normal = to / nearest;
-  touch.gap = -nearest;
+  touch.gap = -nearest.to().norm();  // as good as the nearest, which may be none of those that say so
+  touch.normal = nearest.to() / -touch.gap;
   const Mat<Dim> corner = corners(facets, best).colwise() - at;
   const Vec<Dim> middle = corner.rowwise().mean();
   const Mat<Dim> along = Mat<Dim>::Identity() - touch.normal * touch.normal.transpose();
@@ -179,14 +131,92 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   const Mat<Dim> about =
       (arms * arms.transpose() + arms.squaredNorm() * touch.normal * touch.normal.transpose()).inverse();
   touch.patch.clear();
-  for (int i = 0; i < Dim; ++i) touch.patch.push_back({facets(i, best), best_weights[i], about * arms.col(i)});
+  for (int i = 0; i < Dim; ++i) touch.patch.push_back({facets(i, best), nearest.weights()[i], about * arms.col(i)});
   const double modulus = std::min(bodies[body_of_node[of.node]].modulus, bodies[of.body].modulus);
   // Half of it, as the other body's nodes push as well.
   touch.stiffness = 0.5 * options.contact.stiffness * modulus * surface_area[of.node] / spacing[of.node];
   return true;
 }
 
-/// Forces between bodies that are in each other's way.
+/// Bodies whose nodes a point may see: its own, those it sees already, and those that nodes it sees have seized.
+template <int Dim>
+void Motion<Dim>::partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const {
+  partners.assign(1, chunk.body);
+  if (seized.empty()) return;
+  const auto add = [&](Index body) {
+    const auto place = std::lower_bound(partners.begin(), partners.end(), body);
+    if (place == partners.end() || *place != body) partners.insert(place, body);
+  };
+  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+    const Index a = chunk.nodes[chunk.local[e]];
+    add(body_of_node[a]);
+    for (auto by = std::lower_bound(seized.begin(), seized.end(), std::pair(a, Index(0)));
+         by != seized.end() && by->first == a; ++by)
+      add(by->second);
+  }
+}
+
+/// Where bodies come near each other their points are worn: renewal gives them nodes of both.
+template <int Dim> void Motion<Dim>::seize() {
+  std::vector<std::pair<Index, Index>> found;
+  const auto is_seized = [&](Index a, Index body) {
+    return std::binary_search(seized.begin(), seized.end(), std::pair(a, body));
+  };
+  for (const Near& of : near) {
+    if (merged[of.node] >= 0 || is_seized(of.node, of.body)) continue;
+    const Facets<Dim>& facets = surfaces[of.body].facets;
+    NearestFacet<Dim> nearest(1e-9 * spacing[of.node]);
+    for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - x.col(of.node));
+    const Index f = nearest.facet(), body = body_of_node[of.node];
+    if (f < 0 || nearest.distance() > seizes * 0.5 * (spacing[of.node] + spacing[facets(0, f)])) continue;
+    found.push_back({of.node, of.body});
+    for (const Index b : facets.col(f))
+      if (!is_seized(b, body)) found.push_back({b, body});
+  }
+  if (found.empty()) return;
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  for (const auto& [a, body] : found)
+    for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+      const auto [c, l] = node_places[k];
+      OtmChunk<Dim>& chunk = chunks[c];
+      for (Index p = 0; p < chunk.size(); ++p)
+        if (!chunk.is_eroded(p) &&
+            std::any_of(chunk.local.begin() + chunk.offsets[p], chunk.local.begin() + chunk.offsets[p + 1],
+                        [l = l](std::uint16_t local) { return local == l; }))
+          chunk.wear(p);
+    }
+  const auto before = static_cast<std::ptrdiff_t>(seized.size());
+  seized.insert(seized.end(), found.begin(), found.end());
+  std::inplace_merge(seized.begin(), seized.begin() + before, seized.end());
+  changed_nodes = true;
+}
+
+/// Springs no stiffer than the masses between them bear in the step, together (by Gershgorin's circles).
+template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& found) const {
+  Vector sum = Vector::Zero(x.cols());
+  for (const Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
+    sum[one.node] += one.stiffness;
+    for (const auto& held : one.patch) sum[held.node] += held.weight * one.stiffness;
+  }
+  const auto borne = [&](Index a) {
+    const double most = softest_step * mass[a] / (2.0 * stable * stable);
+    return sum[a] > most ? most / sum[a] : 1.0;
+  };
+  for (Touch& one : found) {
+    if (!(one.stiffness > 0.0)) continue;
+    double least = borne(one.node);
+    for (const auto& held : one.patch)
+      if (held.weight > 0.0) least = std::min(least, borne(held.node));
+    one.stiffness *= least;
+  }
+}
+
+/// Forces between bodies that are in each other's way. Their work since the last step is that of leapfrog, the mean of
+/// both ends' forces times the way, so that what springs have taken is what bodies have lost, to rounding. Where the
+/// nearest point jumps, or points broke and a node is inside a surface that is new, the spring is compressed no further
+/// than that pays for, and by what the node goes deeper.
 template <int Dim> void Motion<Dim>::touch() {
   if (!has_contact()) return;
   auto start = Clock::now();
@@ -195,30 +225,43 @@ template <int Dim> void Motion<Dim>::touch() {
   for (Index a = 0; a < x.cols() && !look; ++a)
     look = (x.col(a) - seen.col(a)).squaredNorm() > skin * skin * spacing[a] * spacing[a];
   if (look) find_near();
+  if (options.contact.seizing) {
+    seize();
+    times.contact += lap(start);
+    return;
+  }
   std::vector<Touch> found(near.size());
   parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
   });
-  // Where points broke, nodes may be inside a surface that is new: they touch it when they have come to it.
-  std::set<std::pair<Index, Index>> touched;
-  for (const Touch& one : touches) touched.insert({one.node, body_of_node[one.patch.front().node]});
-  const auto may_begin = [&](const Touch& one) {
-    if (counts.eroded == 0 || touched.contains({one.node, body_of_node[one.patch.front().node]})) return true;
-    Vec<Dim> speed = v.col(one.node);
-    for (const auto& held : one.patch) speed -= held.weight * v.col(held.node);
-    return -one.gap <= 1.5 * last_step * speed.norm();
+  soften(found);
+  std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
+  if (met.size() == 0) met = x;
+  const auto way = [&](const Touch& one) {
+    Vec<Dim> result = x.col(one.node) - met.col(one.node);
+    for (const auto& held : one.patch) result -= held.weight * (x.col(held.node) - met.col(held.node));
+    return one.normal.dot(result);
   };
-  touches.clear();
-  contact_stored = 0.0;
+  std::map<std::pair<Index, Index>, double> taken;  // by node and other body
+  const auto pair_of = [&](const Touch& one) { return std::pair(one.node, body_of_node[one.patch.front().node]); };
+  for (const Touch& one : touches) taken[pair_of(one)] += one.energy - 0.5 * one.stiffness * one.depth * way(one);
   for (Touch& one : found) {
-    if (!(one.stiffness > 0.0) || !may_begin(one)) continue;
-    const Vec<Dim> push = -one.stiffness * one.gap * one.normal;
+    const auto last = taken.find(pair_of(one));
+    if (last != taken.end()) one.energy = std::exchange(last->second, 0.0);
+    // What is stored afterwards, k depth^2 / 2, is at most that and the second half of the work, -k depth out / 2.
+    const double out = way(one), square = out * out + 8.0 * one.energy / one.stiffness;
+    one.depth = std::min(-one.gap, square > 0.0 ? std::max(0.0, 0.5 * (std::sqrt(square) - out)) : 0.0);
+    one.energy -= 0.5 * one.stiffness * one.depth * out;
+    const Vec<Dim> push = one.stiffness * one.depth * one.normal;
     force.col(one.node) += push;
     for (const auto& [b, weight, lever] : one.patch) force.col(b) -= weight * push;
-    contact_stored += 0.5 * one.stiffness * one.gap * one.gap;
-    touches.push_back(std::move(one));
   }
+  for (const auto& [pair, energy] : taken) contact_loss += energy;
+  touches = std::move(found);
+  contact_stored = 0.0;
+  for (const Touch& one : touches) contact_stored += one.energy;
+  met = x;
   times.contact += lap(start);
 }
 
@@ -283,7 +326,7 @@ template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
     slide -= one.normal.dot(slide) * one.normal;
     const double speed = slide.norm();
     if (!(speed > 0.0) || !std::isfinite(mobility)) continue;
-    const double impulse = std::min(-options.contact.friction * one.stiffness * one.gap * kick, speed / mobility);
+    const double impulse = std::min(options.contact.friction * one.stiffness * one.depth * kick, speed / mobility);
     const Vec<Dim> stop = impulse / speed * slide;
     const auto give = [&](Index a, const Vec<Dim>& what) {
       v.col(a) += what / mass[a];
@@ -310,26 +353,9 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
     v(axis, node) = velocity;
     if (fixed) nodal_momentum(axis, node) = mass[node] * velocity;
   }
-  wall_forces.setZero(Dim, static_cast<Index>(walls.size()));
-  for (std::size_t w = 0; w < walls.size(); ++w) {
-    const OtmWall<Dim>& wall = walls[w];
-    stop_surfaces(static_cast<Index>(w), kick, dt);
-    for (Index a = 0; a < mass.size(); ++a) {
-      if (bodies[body_of_node[a]].has_surface) continue;
-      const double gap = x.col(a).dot(wall.normal) - wall.level;
-      const double speed = v.col(a).dot(wall.normal);
-      if (gap + dt * speed >= 0.0) continue;
-      const Vec<Dim> before = v.col(a);
-      const double stop = -gap / dt - speed;  // what brings it to the wall
-      Vec<Dim> sliding = before - speed * wall.normal;
-      const double slides = sliding.norm();
-      const double hold = slides > 0.0 ? std::min(1.0, wall.friction * stop / slides) : 0.0;
-      v.col(a) += stop * wall.normal - (std::isinf(wall.friction) ? 1.0 : hold) * sliding;
-      contact_loss -= 0.5 * mass[a] * (v.col(a) - before).dot(v.col(a) + was.col(a));
-      wall_forces.col(static_cast<Index>(w)) -= mass[a] / kick * (v.col(a) - before);
-    }
-  }
+  hold_back(dt);
   if (rubbed.size() != 0) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
+  move_tools(kick, dt);
   x += dt * v;
   for (Index a = 0; a < x.cols(); ++a)
     if (merged[a] >= 0) {

@@ -61,7 +61,7 @@ template <int Dim> void Motion<Dim>::keep_connected(Index of_body, Index point, 
   }
   std::size_t kept = 0;
   for (std::size_t k = 0; k < nodes.size(); ++k)
-    if (reached[k] != 0) nodes[kept++] = nodes[k];
+    if (reached[k] != 0 || body_of_node[nodes[k]] != of_body) nodes[kept++] = nodes[k];
   nodes.resize(kept);
 }
 
@@ -196,7 +196,7 @@ template <int Dim> void Motion<Dim>::fracture() {
   if (!broken.empty()) erode(broken);
 }
 
-/// They bear no stress from now on. Forces are found anew; energy that contact stores on other surfaces is lost to it.
+/// They bear no stress from now on. Forces are found anew.
 template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   for (const Index point : broken) {
     const auto [c, p] = place_of_point[point];
@@ -239,16 +239,10 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   force = collected();
   surfaces.clear();
   seen.resize(Dim, 0);
-  contact_loss += contact_stored;
   touch();
-  contact_loss -= contact_stored;
   inflate();
   // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.
   fracture_loss -= 0.5 * last_step * v.cwiseProduct(force - pulled).sum();
-  // The fastest vibration may have been theirs: any shape of the others may be the next.
-  const double size = 0.1 / std::sqrt(mass.sum());
-  for (Index a = 0; a < x.cols(); ++a)
-    for (int i = 0; i < Dim; ++i) shaken(i, a) += (a * 7 + i * 3) % 5 < 2 ? size : -size;
 }
 
 template struct Motion<2>;

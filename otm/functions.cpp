@@ -51,6 +51,10 @@ constexpr double least_share = 0.6;
 /// Width of functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
 
+/// Least stabilisation of points that see nodes of two bodies: those of both surfaces lie in one place, and points tell
+/// motions of the ones against the others by nothing else.
+constexpr double shared_stabilisation = 1.0;
+
 }  // namespace
 
 /// The functions of a point where it and the nodes are now, and these nodes; its metric and lambda are those of before,
@@ -59,17 +63,19 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
                                                     Vec<Dim>& lambda, LmeFunctions<Dim>& functions,
                                                     std::vector<Index>& used, OtmCounts& counted) const {
   const BodyOf& body = bodies[chunk.body];
-  const Neighbours<Dim>& tree = *trees[chunk.body];
   const double furthest = -std::log(options.lme.cutoff);
   const Vec<Dim> at = chunk.at.col(p);
-  thread_local std::vector<Index> around;
+  thread_local std::vector<Index> around, seen_bodies;
+  partners_of(chunk, p, seen_bodies);
   const auto look = [&](double share) {
-    tree.within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)), around);
     used.clear();
-    for (const Index near_by : around) {
-      const Index a = body.first_node + near_by;
-      const Vec<Dim> d = x.col(a) - at;
-      if (merged[a] < 0 && d.dot(metric * d) <= furthest * share) used.push_back(a);
+    for (const Index b : seen_bodies) {
+      trees[b]->within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)), around);
+      for (const Index near_by : around) {
+        const Index a = bodies[b].first_node + near_by;
+        const Vec<Dim> d = x.col(a) - at;
+        if (merged[a] < 0 && d.dot(metric * d) <= furthest * share) used.push_back(a);
+      }
     }
   };
   if (!first) {
@@ -221,8 +227,11 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
     // Stresses push nodes about that points do not see, as springs under load.
     const double stress =
         first ? 0.0 : (chunk.response.stress(p) * chunk.now.gradient(p).transpose()).norm() + chunk.shock[p];
-    chunk.penalty[p] = options.stabilisation * (bodies[chunk.body].shear + stress) * chunk.volume[p] *
-                       functions.inverse_moment().trace() / Dim;
+    const bool is_shared =
+        std::any_of(used.begin(), used.end(), [&](Index a) { return body_of_node[a] != chunk.body; });
+    const double share = is_shared ? std::max(shared_stabilisation, options.stabilisation) : options.stabilisation;
+    chunk.penalty[p] =
+        share * (bodies[chunk.body].shear + stress) * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
   }
 }
 
@@ -363,8 +372,7 @@ template <int Dim> void Motion<Dim>::renew() {
   if (worn_chunks.empty()) return;
   auto start = Clock::now();
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
-    if (body_is_worn[b])
-      trees[b]->build(x.middleCols(bodies[b].first_node, bodies[b + 1].first_node - bodies[b].first_node));
+    if (body_is_worn[b] || !seized.empty()) build_tree(static_cast<Index>(b));
   find_stars();
   struct Change {
     Rows rows;
@@ -461,7 +469,7 @@ template <int Dim> void Motion<Dim>::renew() {
   }
   // Nodes that lost others around them, or got them, may have become light.
   const bool changed = std::exchange(changed_nodes, false);
-  if (narrowed || changed) shake(changed ? 30 : 3);
+  if (narrowed || changed) shake(changed ? 10 : 3);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.

@@ -68,6 +68,7 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   insert<Dim>(x, first, at);
   insert<Dim>(v, first, velocity);
   insert<Dim>(was, first, velocity);
+  insert<Dim>(met, first, at);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
   for (Points<Dim>* values : {&force, &shaken}) insert<Dim>(*values, first, nothing);
   insert(spacing, first, spacings);
@@ -83,6 +84,7 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
     shift(one.node);
     for (auto& held : one.patch) shift(held.node);
   }
+  for (auto& [node, with] : seized) shift(node);
   for (std::size_t b = body + 1; b < bodies.size(); ++b) bodies[b].first_node += count;
   surfaces.clear();
   near.clear();
@@ -141,7 +143,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   std::vector<std::pair<double, std::pair<Index, Index>>> order;
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
-  trees[of_body]->build(x.middleCols(begin, bodies[of_body + 1].first_node - begin));
+  build_tree(of_body);
   const std::set<std::pair<Index, Index>> outer = outer_edges(of_body);
   std::vector<char> on_surface(x.cols(), 0);
   for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;
@@ -234,6 +236,7 @@ template <int Dim> void Motion<Dim>::inject() {
     }
     find_points();
     find_places();
+    find_free();
     ball_offsets.clear();
   }
 }

@@ -84,10 +84,9 @@ template <int Dim> void Motion<Dim>::raise_light_masses(Index body) {
 }
 
 template <int Dim> void Motion<Dim>::find_free() {
-  if (!fixed) return;
   free.setOnes(Dim, x.cols());
   for (const auto& [node, axis, velocity] : prescribed) free(axis, node) = 0.0;
-  pull = (coupling * free.transpose()).transpose();
+  if (fixed) pull = (coupling * free.transpose()).transpose();
 }
 
 /// Velocities that impulses on the nodes make: with lumped masses D and consistent ones M the first terms of

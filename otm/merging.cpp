@@ -117,12 +117,13 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
       if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;
-      if (!is_built[chunk.body])
-        trees[chunk.body]->build(x.middleCols(body.first_node, bodies[chunk.body + 1].first_node - body.first_node));
-      if (is_built[chunk.body] == 0)
-        for (const auto& [a, e] : outer_edges(chunk.body))
-          on_surface[body.first_node + a] = on_surface[body.first_node + e] = 1;
-      is_built[chunk.body] = 1;
+      for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
+        if (is_built[b] != 0 || (b != chunk.body && seized.empty())) continue;
+        build_tree(b);
+        for (const auto& [a, e] : outer_edges(b))
+          on_surface[bodies[b].first_node + a] = on_surface[bodies[b].first_node + e] = 1;
+        is_built[b] = 1;
+      }
       if (!is_placed) {
         deform(chunk, x);
         for (Index q = 0; q < chunk.size(); ++q) place(chunk, q);
@@ -146,7 +147,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
         Index nearest = -1;
         for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
           const Index b = chunk.nodes[chunk.local[e]];
-          if (b != a && merged[b] < 0 &&
+          if (b != a && merged[b] < 0 && body_of_node[b] == body_of_node[a] &&
               (nearest < 0 || (x.col(b) - x.col(a)).squaredNorm() < (x.col(nearest) - x.col(a)).squaredNorm()))
             nearest = b;
         }

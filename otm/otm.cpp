@@ -38,12 +38,10 @@ template <int Dim> Index Otm<Dim>::first_point(Index body) const {
 }
 
 template <int Dim> void Otm<Dim>::add_wall(const OtmWall<Dim>& wall) {
-  if (std::abs(wall.normal.norm() - 1.0) > 1e-9) throw InputError("a wall's normal: expected a unit vector");
-  if (!(wall.friction >= 0.0)) throw InputError(fmt::format("a wall's friction {}, expected 0 or more", wall.friction));
-  motion_->walls.push_back(wall);
-  motion_->at_walls.emplace_back();
-  motion_->looked.resize(Dim, 0);
-  motion_->wall_forces.setZero(Dim, static_cast<Index>(motion_->walls.size()));
+  motion_->add_tool({.shape = tools::half_space<Dim>(wall.normal, wall.level), .friction = wall.friction}, true);
+}
+template <int Dim> void Otm<Dim>::add_tool(const OtmTool<Dim>& tool) {
+  motion_->add_tool(tool, false);
 }
 
 template <int Dim> void Otm<Dim>::add_cavity(const OtmCavity<Dim>& cavity) {
@@ -215,10 +213,14 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
     const Vec<Dim> l = of.momentum_of(a);
     result.kinetic += 0.5 * of.v.col(a).dot(l + of.last_step * of.force.col(a));
     result.momentum += l;
-    if constexpr (Dim == 2)
-      result.moment[0] += of.x(0, a) * l[1] - of.x(1, a) * l[0];
-    else
-      result.moment += Vec<3>(of.x.col(a)).cross(l);
+    result.moment += internal::torque_of<Dim>(of.x.col(a), l);
+  }
+  for (const auto& tool : of.tools) {
+    const Vec<Dim> l = tool.of.mass * tool.now.velocity;
+    const Spin<Dim> turns = tool.of.inertia * tool.now.spin;
+    result.kinetic += 0.5 * (l.dot(tool.now.velocity) + turns.dot(tool.now.spin));
+    result.momentum += l;
+    result.moment += internal::torque_of<Dim>(tool.now.centre, l) + turns;
   }
   for (const auto& chunk : of.chunks)
     for (Index p = 0; p < chunk.size(); ++p) result.stabilising += of.unseen(chunk, p);
@@ -237,8 +239,18 @@ template <int Dim> OtmTimes Otm<Dim>::times() const {
   }
   return result;
 }
-template <int Dim> const Points<Dim>& Otm<Dim>::wall_forces() const {
-  return motion_->wall_forces;
+template <int Dim> Points<Dim> Otm<Dim>::wall_forces() const {
+  Points<Dim> result(Dim, std::ranges::count(motion_->tools, true, &internal::Motion<Dim>::Tool::is_wall));
+  Index wall = 0;
+  for (const auto& tool : motion_->tools)
+    if (tool.is_wall) result.col(wall++) = tool.now.force;
+  return result;
+}
+template <int Dim> std::vector<ToolState<Dim>> Otm<Dim>::tools() const {
+  std::vector<ToolState<Dim>> result;
+  for (const auto& tool : motion_->tools)
+    if (!tool.is_wall) result.push_back(tool.now);
+  return result;
 }
 
 template class Otm<2>;

@@ -4,6 +4,7 @@
 
 #include "efree/basis/lme.hpp"
 #include "efree/otm/body.hpp"
+#include "efree/otm/tool.hpp"
 
 #include <memory>
 #include <string>
@@ -50,6 +51,10 @@ struct ShockViscosity {
 struct OtmContact {
   double stiffness = 1.0;  ///< of the surfaces against each other, over that of a layer of nodes; 0: bodies pass freely
   double friction = 0.0;   ///< Coulomb's coefficient
+  /// No springs: where bodies come within three tenths of a spacing of each other, points next to both get functions of
+  /// the nodes of both, and the bodies move as one from there on (Li, Habbal & Ortiz 2010). Momenta are conserved to
+  /// rounding; what a sudden common motion takes is counted with renewals.
+  bool seizing = false;
 };
 
 /// How bodies move.
@@ -78,14 +83,6 @@ struct OtmOptions {
   OtmContact contact{};
 };
 
-/// A plane that no node goes through: x . normal >= level. Of bodies with points of a surface it is these that do not,
-/// by more than a hundredth of the spacing or so.
-template <int Dim> struct OtmWall {
-  Vec<Dim> normal;        ///< a unit vector, to the side where bodies are
-  double level = 0.0;     ///< [length]
-  double friction = 0.0;  ///< Coulomb's coefficient; infinity: nodes that touch stick
-};
-
 /// Gas inside a closed surface of nodes, which keeps p V^exponent.
 template <int Dim> struct OtmCavity {
   Facets<Dim> facets;     ///< of nodes, oriented alike; one way or the other
@@ -93,7 +90,7 @@ template <int Dim> struct OtmCavity {
   double exponent = 1.4;
 };
 
-/// Sums over all bodies. In the plane per unit thickness; axisymmetric per full turn.
+/// Sums over all bodies, and tools that have a mass. In the plane per unit thickness; axisymmetric per full turn.
 template <int Dim> struct OtmBalance {
   double kinetic = 0.0, stored = 0.0, dissipated = 0.0;  ///< energies; stored: in materials and cavities
   double stabilising = 0.0;                              ///< energy of the motions that points do not see
@@ -101,7 +98,7 @@ template <int Dim> struct OtmBalance {
   double contact = 0.0;                                  ///< energy lost in contact, or stored in it
   double renewal = 0.0;                                  ///< energy lost where functions changed
   double fracture = 0.0;                                 ///< energy lost with points that broke
-  double prescribed = 0.0;                               ///< work of prescribed velocities
+  double prescribed = 0.0;                               ///< work of prescribed velocities, of tools too
   Vec<Dim> momentum = Vec<Dim>::Zero();
   Vec<Dim == 2 ? 1 : 3> moment;  ///< of momentum, about the origin
   /// All of it; constant but for the integration in time.
@@ -155,6 +152,8 @@ template <int Dim> class Otm {
   Index first_point(Index body) const;  ///< likewise
 
   void add_wall(const OtmWall<Dim>& wall);
+  /// Throws InputError for numbers that make no sense, and for a mass where bodies have surfaces of their own.
+  void add_tool(const OtmTool<Dim>& tool);
   /// Throws InputError for facets that do not close or enclose nothing.
   void add_cavity(const OtmCavity<Dim>& cavity);
   /// The node's velocity along an axis is prescribed from now on.
@@ -194,7 +193,9 @@ template <int Dim> class Otm {
   const OtmCounts& counts() const;
   OtmTimes times() const;
   /// Force of the bodies on each wall in the last step, in the order they were added.
-  const Points<Dim>& wall_forces() const;
+  Points<Dim> wall_forces() const;
+  /// All tools, in the order they were added.
+  std::vector<ToolState<Dim>> tools() const;
 
  private:
   std::unique_ptr<internal::Motion<Dim>> motion_;

@@ -29,9 +29,9 @@ template <int Dim> auto fields(OtmCavity<Dim>& of) {
   auto& [facets, pressure, exponent] = of;
   return std::tie(facets, pressure, exponent);
 }
-template <int Dim> auto fields(OtmWall<Dim>& of) {
-  auto& [normal, level, friction] = of;
-  return std::tie(normal, level, friction);
+template <int Dim> auto fields(ToolState<Dim>& of) {
+  auto& [centre, velocity, turned, spin, force, impulse, work] = of;
+  return std::tie(centre, velocity, turned, spin, force, impulse, work);
 }
 namespace internal {
 
@@ -73,8 +73,8 @@ concept IsTouch = requires(T of) {
   of.gap;
 };
 auto fields(IsTouch auto& of) {
-  auto& [node, stiffness, normal, patch, gap] = of;
-  return std::tie(node, stiffness, normal, patch, gap);
+  auto& [node, stiffness, normal, patch, gap, depth, energy] = of;
+  return std::tie(node, stiffness, normal, patch, gap, depth, energy);
 }
 template <class T>
 concept IsCavity = requires(T cavity) {
@@ -114,21 +114,21 @@ auto fields(IsBody auto& of) {
   return std::tie(cells, first_node, first_point);
 }
 template <class T>
-concept IsAtWall = requires(T of) {
-  of.near;
-  of.impulses;
+concept IsTool = requires(T of) {
+  of.is_wall;
+  of.travelled;
 };
-auto fields(IsAtWall auto& of) {
-  auto& [near, impulses] = of;
-  return std::tie(near, impulses);
+auto fields(IsTool auto& of) {
+  auto& [tool, is_wall, now, before, near, impulses, travelled, pushed, turned] = of;
+  return std::tie(now, near, impulses, travelled);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
-  return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.walls, of.wall_forces,
-                  of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
-                  of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
-                  of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
-                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.touches, of.cavities,
-                  of.contact_stored, of.nodal_momentum, of.at_walls, of.looked);
+  return std::tie(of.given, of.bodies, of.x, of.v, of.force, of.was, of.mass, of.chunks, of.tools, of.prescribed,
+                  of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable, of.first_stable,
+                  of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work, of.dissipated, of.viscous,
+                  of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node, of.place_of_point, of.surfaces,
+                  of.surface_area, of.near, of.seen, of.met, of.touches, of.seized, of.cavities, of.contact_stored,
+                  of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal
@@ -143,7 +143,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   internal::Motion<Dim>& of = *motion_;
   const auto given = of.given;
   const auto bodies = of.bodies;
-  const std::size_t walls = of.walls.size();
+  const auto tools = of.tools;
   const std::string before = this->state();
   const auto take = [&](std::string_view bytes) {
     internal::Unpacker unpack(bytes);
@@ -155,10 +155,10 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     same = take(state);
   } catch (const InputError&) {
   }
-  same = same && of.given == given && of.bodies.size() == bodies.size() && of.walls.size() == walls &&
-         of.at_walls.size() == walls;
+  same = same && of.given == given && of.bodies.size() == bodies.size() && of.tools.size() == tools.size();
   if (!same) {
     of.bodies = bodies;
+    of.tools = tools;
     take(before);
   }
   for (auto& chunk : of.chunks) {
@@ -169,7 +169,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   of.find_places();
   of.find_free();
   of.ball_offsets.clear();
-  if (!same) throw InputError("the state is damaged, or not of bodies and walls such as these");
+  if (!same) throw InputError("the state is damaged, or not of bodies, walls and tools such as these");
 }
 
 template std::string Otm<2>::state() const;

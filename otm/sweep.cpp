@@ -10,12 +10,32 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 
 namespace efree::internal {
 namespace {
 
 /// |F - I| beyond which what is linear in it is wrong by more than a few per cent.
 constexpr double small_strains = 0.05;
+
+/// How much of other shapes is mixed into that of the fastest vibration, over the whole, each time it is looked at: any
+/// of them may be the fastest next, and is to be found before steps have grown beyond it.
+constexpr double mixed_in = 0.05;
+/// By how much steps grow at the most, each time.
+constexpr double growth_of_steps = 1.05;
+
+/// Volume of a point, over that by the dilatation it shares, below which it shares no more.
+constexpr double least_growth = 0.5;
+
+/// A coin, the same whenever it is asked for this (Steele, Lea & Flood 2014).
+bool is_heads(Index node, int axis, Index step) {
+  std::uint64_t z = (static_cast<std::uint64_t>(step) << 34 ^ static_cast<std::uint64_t>(4 * node + axis)) + 1;
+  z *= 0x9e3779b97f4a7c15u;
+  z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+  z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+  return ((z ^ z >> 31) & 1) != 0;
+}
 
 }  // namespace
 
@@ -67,8 +87,6 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const bool shared = chunk.shares_dilatation();
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
-  thread_local std::vector<Mat<3>> before;
-  if (viscous_shocks) before = chunk.since;
   for (Index p = 0; p < n; ++p) place(chunk, p);
   otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {
@@ -102,21 +120,36 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   }
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
   if (worst <= options.renewal) chunk.worn.clear();
-  if (shared && dt > 0.0)
+  if (shared && dt > 0.0) {
+    // Of points that share their dilatation nothing keeps one from being squeezed to nothing while the others grow: where
+    // that begins they part, each with what it has felt.
+    std::vector<Index> parted;
     for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
       const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
       const auto volume = chunk.volume.segment(begin, size);
+      if (!(volume.sum() > 0.0)) continue;
       const double mean = volume.dot(chunk.growth.segment(begin, size)) / volume.sum();
+      bool parts = false;
       for (Index p = begin; p < begin + size; ++p) {
         if (chunk.is_eroded(p)) continue;
         chunk.growth[p] /= mean;
         F.col(p) /= std::cbrt(chunk.growth[p]);
+        parts = parts || chunk.growth[p] < least_growth;
+      }
+      for (Index p = begin; p < begin + size && parts; ++p) {
+        if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
+        if (p > begin) parted.push_back(p);
       }
     }
+    if (!parted.empty()) {
+      chunk.unions.insert(chunk.unions.end(), parted.begin(), parted.end());
+      std::sort(chunk.unions.begin(), chunk.unions.end());
+    }
+  }
   chunk.damping = 0.0;
   if (viscous_shocks) {
     for (Index p = 0; p < n; ++p)
-      if (!chunk.is_eroded(p)) shock(chunk, p, before[p], dt);
+      if (!chunk.is_eroded(p)) shock(chunk, p, dt);
     viscous[number] += chunk.now.heat.dot(chunk.volume);
   }
   chunk.seconds.kinematics += lap(start);
@@ -140,22 +173,23 @@ template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   push(chunk, chunk.since, chunk.at);
 }
 
-/// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
-template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const {
+/// Viscous pressure of a point, and the heat it makes.
+template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, double dt) const {
   const double J = chunk.now.gradient(p).determinant(), shrunk = -std::log(J / chunk.dilatation[p]);
   chunk.dilatation[p] = J;
   double pressure = 0.0;
   if (shrunk > 0.0) {
+    // As wide as functions are now across their narrowest: pressure acts along all axes, and where functions are narrower
+    // than that along one of them it damps too much for steps that are stable without it.
     const Mat<Dim> now = chunk.since[p].template topLeftCorner<Dim, Dim>();
-    const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
-    Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
-    axes.computeDirect(rate + rate.transpose());
-    const Vec<Dim> then = now.inverse() * axes.eigenvectors().col(0);
-    const double l = std::sqrt(options.lme.gamma / then.dot(chunk.metric[p] * then));
+    const double width = smallest_width<Dim>(now * chunk.moment[p] * now.transpose());
+    const double l = std::sqrt(2.0 * options.lme.gamma) * width;
     const double rho = chunk.mass[p] / chunk.volume[p], c = std::sqrt(chunk.modulus[p] / rho);
     const double speed = options.shock.linear * c + options.shock.quadratic * l * shrunk / dt;
     pressure = rho * l * shrunk / dt * speed;
-    chunk.damping = std::max(chunk.damping, speed / c);
+    // Of the critical one at the highest frequency the point may have.
+    chunk.damping =
+        std::max(chunk.damping, 0.5 * std::min(2.0 * options.courant / stable, c / width) * l * speed / (c * c));
   }
   chunk.now.heat[p] = 0.5 * (pressure + chunk.shock[p]) * shrunk;
   chunk.shock[p] = pressure;
@@ -244,6 +278,9 @@ template <int Dim> void Motion<Dim>::stiffen() {
 template <int Dim> void Motion<Dim>::shake(Index repeats) {
   auto begin = Clock::now();
   double omega2 = 0.0;
+  const double size = mixed_in / std::sqrt(mass.sum());
+  for (Index a = 0; a < x.cols(); ++a)
+    for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
   for (Index k = 0; k < repeats; ++k) {
     parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
       OtmChunk<Dim>& chunk = chunks[c];
@@ -296,7 +333,7 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
   // what made it fast takes a while to find what is fastest now.
   const double found = options.courant * 2.0 / std::sqrt(omega2);
   if (found < stable || found > 1.25 * stable)
-    stable = counts.steps > 0 ? std::min(0.98 * found, 1.2 * stable) : 0.98 * found;
+    stable = counts.steps > 0 ? std::min(0.98 * found, growth_of_steps * stable) : 0.98 * found;
   times.stability += lap(begin);
 }
 

@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Walls against surfaces whose points are no nodes.
+/// Walls and tools against surfaces whose points are no nodes.
 #include "efree/core/parallel.hpp"
 #include "efree/otm/internal/motion.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace efree::internal {
 namespace {
 
-/// Gap below which points of a surface are near a wall, over the smallest spacing of nodes.
+/// Gap below which points of a surface are near a tool, over the smallest spacing of nodes.
 constexpr double skin = 0.1;
 /// Of the velocity that is to be stopped this part may be left, and what so many iterations leave: gaps tell the next
 /// step of it. What takes more of them are motions of nodes that surfaces hardly feel.
 constexpr double tolerance = 1e-3;
 constexpr int most_iterations = 30;
 
-/// What there is of bodies near a wall: impulses on points of surfaces make velocities of these points. R components of
+/// What there is of bodies near a tool: impulses on points of surfaces make velocities of these points. R components of
 /// both: one along the normal, or all along the axes.
 template <int R> class Patch {
  public:
@@ -75,8 +76,8 @@ template <int R> class Patch {
     return result;
   }
   /// What values at the nodes come to at the points.
-  template <int Rows> Points<Rows> at_points(const Points<Rows>& of_nodes) const {
-    Points<Rows> result = Points<Rows>::Zero(Rows, size());
+  Values at_points(const Values& of_nodes) const {
+    Values result = Values::Zero(R, size());
     for (Index s = 0; s < size(); ++s)
       for (std::size_t e = point_offsets_[s]; e < point_offsets_[s + 1]; ++e)
         result.col(s) += points_[e].value * of_nodes.col(points_[e].node);
@@ -97,7 +98,7 @@ template <int R> class Patch {
         result.col(k) = (given.col(k) + free_.col(k).cwiseProduct(drawn)) / mass_[k];
       }
     }
-    return at_points<R>(result);
+    return at_points(result);
   }
 
  private:
@@ -175,83 +176,112 @@ template <int Dim> void Motion<Dim>::take_surfaces(const std::vector<OtmBody<Dim
   surface_points.setFromTriplets(entries.begin(), entries.end());
 }
 
-/// Points of surfaces within the skin of walls; found anew when nodes have gone so far that others may get there.
-template <int Dim> void Motion<Dim>::find_near_walls() {
+/// Points of surfaces within the skin of tools; found anew when nodes or tools have gone so far that others may get
+/// there.
+template <int Dim> void Motion<Dim>::find_near_tools() {
   if (looked.cols() != 0) {
-    const double furthest = (x - looked).colwise().squaredNorm().maxCoeff();
-    if (2.0 * surface_reach * std::sqrt(furthest) < surface_skin) return;
+    const double furthest = std::sqrt((x - looked).colwise().squaredNorm().maxCoeff());
+    double travelled = 0.0;
+    for (const Tool& tool : tools) travelled = std::max(travelled, tool.travelled);
+    if (2.0 * (surface_reach * furthest + travelled) < surface_skin) return;
   }
   looked = x;
   const auto n = static_cast<Index>(surface_points.rows());
-  Points<Dim> at(Dim, n);
-  parallel_for(n, [&](Index s) {
-    Vec<Dim> sum = Vec<Dim>::Zero();
-    for (SparseRows::InnerIterator entry(surface_points, s); entry; ++entry) sum += entry.value() * x.col(entry.col());
-    at.col(s) = sum;
-  });
-  for (std::size_t w = 0; w < walls.size(); ++w) {
-    AtWall found;
+  std::vector<ToolGap<Dim>> gap(n);
+  for (Tool& tool : tools) {
+    parallel_for(n, [&](Index s) { gap[s] = gap_to<Dim>(tool.of, tool.now, at_surface_point(s, x)); });
+    std::vector<Index> found;
     for (Index s = 0; s < n; ++s)
-      if (at.col(s).dot(walls[w].normal) - walls[w].level < surface_skin) found.near.push_back(s);
-    found.impulses.setZero(Dim, static_cast<Index>(found.near.size()));
-    for (std::size_t k = 0; k < at_walls[w].near.size(); ++k) {
-      const Index s = at_walls[w].near[k];
-      const auto place = std::lower_bound(found.near.begin(), found.near.end(), s);
-      if (place != found.near.end() && *place == s)
-        found.impulses.col(place - found.near.begin()) = at_walls[w].impulses.col(static_cast<Index>(k));
+      if (gap[s].gap < surface_skin) found.push_back(s);
+    Points<Dim> impulses = Points<Dim>::Zero(Dim, static_cast<Index>(found.size()));
+    for (std::size_t k = 0; k < tool.near.size(); ++k) {
+      const auto place = std::lower_bound(found.begin(), found.end(), tool.near[k]);
+      if (place != found.end() && *place == tool.near[k])
+        impulses.col(place - found.begin()) = tool.impulses.col(static_cast<Index>(k));
     }
-    at_walls[w] = std::move(found);
+    tool.near = std::move(found);
+    tool.impulses = std::move(impulses);
+    tool.travelled = 0.0;
   }
 }
 
-/// Impulses on surfaces such that no point of them gets through the wall within the step, and those of friction, which
-/// stop sliding as far as Coulomb's law lets them. What is normal and what is tangential do not depend on each other,
-/// as masses are the same along all axes.
-template <int Dim> void Motion<Dim>::stop_surfaces(Index w, double kick, double dt) {
+/// What values at the nodes come to at a point of a surface.
+template <int Dim> Vec<Dim> Motion<Dim>::at_surface_point(Index s, const Points<Dim>& of) const {
+  Vec<Dim> sum = Vec<Dim>::Zero();
+  for (SparseRows::InnerIterator entry(surface_points, s); entry; ++entry) sum += entry.value() * of.col(entry.col());
+  return sum;
+}
+
+/// Impulses on surfaces such that no point of them gets into the tool within the step, and those of friction, which
+/// stop sliding as far as Coulomb's law lets them. What is normal and what is tangential do not depend on each other
+/// where the tool is flat, as masses are the same along all axes.
+template <int Dim> void Motion<Dim>::stop_surfaces(Tool& tool, double dt) {
   if (surface_points.rows() == 0) return;
-  find_near_walls();
-  AtWall& at = at_walls[w];
-  if (at.near.empty()) return;
-  const OtmWall<Dim>& wall = walls[w];
-  const Patch<1> patch(*this, at.near, Points<1>(wall.normal.cwiseAbs2().transpose() * free));
-  const auto along = [&](const Points<Dim>& of) { return Points<1>(wall.normal.transpose() * of); };
-  const Points<1> gaps = patch.at_points<1>(along(x(Eigen::all, patch.nodes()))).array() - wall.level;
-  // What is behind the wall comes back within a stable step, not at once where a step is cut short.
-  const Points<1> closing = gaps.cwiseMax(0.0) / dt + gaps.cwiseMin(0.0) / std::max(dt, stable);
-  const Points<1> speeds = patch.at_points<1>(along(v(Eigen::all, patch.nodes()))) + closing;
-  const double largest = -speeds.minCoeff();
+  find_near_tools();
+  if (tool.near.empty()) return;
+  const auto n = static_cast<Index>(tool.near.size());
+  Points<Dim> normals(Dim, n), at(Dim, n), speeds(Dim, n);
+  Points<1> closing(1, n);
+  for (Index k = 0; k < n; ++k) {
+    at.col(k) = at_surface_point(tool.near[k], x);
+    speeds.col(k) = at_surface_point(tool.near[k], v) - velocity_of<Dim>(tool.now, at.col(k));
+    const ToolGap<Dim> gap = gap_to<Dim>(tool.of, tool.now, at.col(k));
+    normals.col(k) = gap.normal;
+    // What is inside comes out within a stable step, not at once where a step is cut short.
+    closing(0, k) = gap.gap / (gap.gap < 0.0 ? std::max(dt, stable) : dt);
+  }
+  const auto along = [&](const Points<Dim>& of) { return Points<1>(normals.cwiseProduct(of).colwise().sum()); };
+  const Points<1> approach = along(speeds) + closing;
+  const double largest = -approach.minCoeff();
   if (largest <= 0.0) {
-    at.impulses.setZero();
+    tool.impulses.setZero();
     return;
   }
-  Points<1> normal = along(at.impulses);
-  stop<1>(
-      patch, speeds, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
-  const Points<Dim> before = at.impulses - wall.normal * along(at.impulses);
-  at.impulses = wall.normal * normal;
-  Points<Dim> impulse = Points<Dim>::Zero(Dim, x.cols());
-  impulse(Eigen::all, patch.nodes()) = wall.normal * patch.on_nodes(normal);
-  if (wall.friction > 0.0) {
-    const Patch<Dim> sliding(*this, at.near, free);
-    const Points<Dim> all = sliding.template at_points<Dim>(v(Eigen::all, sliding.nodes()));
-    const Points<Dim> tangential = all - wall.normal * along(all);
+  Points<1> normal = along(tool.impulses);
+  const Points<Dim> before = tool.impulses - normals * normal.asDiagonal();
+  const Vec<Dim> one = normals.col(0);
+  const bool is_flat = (normals.colwise() - one).isZero(0.0);
+  std::optional<Patch<Dim>> patch;
+  if (!is_flat || tool.of.friction > 0.0) patch.emplace(*this, tool.near, free);
+  if (is_flat) {
+    const Patch<1> flat(*this, tool.near, Points<1>(one.cwiseAbs2().transpose() * free));
+    stop<1>(
+        flat, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+  } else {
+    Points<Dim> pushes = normals * normal.asDiagonal();
+    stop<Dim>(
+        *patch, normals * approach.asDiagonal(), largest,
+        [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
+        pushes);
+    normal = along(pushes);
+  }
+  tool.impulses = normals * normal.asDiagonal();
+  if (tool.of.friction > 0.0) {
     Points<Dim> rubbed = before;
     stop<Dim>(
-        sliding, tangential, largest,
+        *patch, speeds - normals * along(speeds).asDiagonal(), largest,
         [&](Index s, const Vec<Dim>& q) {
-          const Vec<Dim> held = q - q.dot(wall.normal) * wall.normal;
-          const double most = normal[s] > 0.0 ? wall.friction * normal[s] : 0.0, size = held.norm();
+          const Vec<Dim> held = q - q.dot(normals.col(s)) * normals.col(s);
+          const double most = normal(0, s) > 0.0 ? tool.of.friction * normal(0, s) : 0.0, size = held.norm();
           return Vec<Dim>((size > most ? most / size : 1.0) * held);
         },
         rubbed);
-    at.impulses += rubbed;
-    impulse(Eigen::all, sliding.nodes()) += sliding.on_nodes(rubbed);
+    tool.impulses += rubbed;
   }
-  impulse = free.cwiseProduct(impulse);
+  Points<Dim> impulse = Points<Dim>::Zero(Dim, x.cols());
+  for (Index k = 0; k < n; ++k) {
+    Vec<Dim> pushes = Vec<Dim>::Zero();
+    for (SparseRows::InnerIterator entry(surface_points, tool.near[k]); entry; ++entry) {
+      const Vec<Dim> on_node = entry.value() * free.col(entry.col()).cwiseProduct(tool.impulses.col(k));
+      impulse.col(entry.col()) += on_node;
+      pushes += on_node;
+    }
+    contact_loss += pushes.dot(tool.mean_velocity(at.col(k)));
+    tool.take(at.col(k), pushes);
+  }
   v += velocities_of(impulse);
   nodal_momentum += impulse;
   contact_loss -= 0.5 * impulse.cwiseProduct(v + was).sum();
-  wall_forces.col(w) -= impulse.rowwise().sum() / kick;
 }
 
 template struct Motion<2>;

@@ -10,35 +10,41 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <span>
+#include <utility>
 
 extern "C" void openblas_set_num_threads(int);
 
 namespace efree {
 namespace {
 
-/// Lower triangle by columns: which blocks of the matrix, one for each pair of nodes, hold entries.
-struct Pattern {
+/// Nodes with unknowns, numbered anew, and which pairs of them have a block in the matrix: lower triangle by columns.
+struct NodeGraph {
+  std::vector<Index> first{0};  ///< unknown of each node; one past the last
   std::vector<Index> offsets{0}, rows;
+  Index size() const { return static_cast<Index>(first.size()) - 1; }
 };
-Pattern node_pattern(const SymmetricMatrix& lower, const std::vector<Index>& node_of) {
-  Pattern pattern;
-  std::vector<Index> last_seen_by(node_of.back() + 1, -1);
-  for (Index column = 0; column < lower.cols();) {
-    const Index node = node_of[column];
-    while (static_cast<Index>(pattern.offsets.size()) <= node)  // of numbers without unknowns
-      pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
-    for (; column < lower.cols() && node_of[column] == node; ++column)
-      for (SymmetricMatrix::InnerIterator entry(lower, column); entry; ++entry)
-        if (Index& seen = last_seen_by[node_of[entry.row()]]; seen != node) {
-          seen = node;
-          pattern.rows.push_back(node_of[entry.row()]);
-        }
-    pattern.offsets.push_back(static_cast<Index>(pattern.rows.size()));
+NodeGraph node_graph(const SymmetricMatrix& lower, const std::vector<Index>& node_of) {
+  NodeGraph graph;
+  std::vector<Index> node(node_of.size());
+  for (std::size_t unknown = 0; unknown < node_of.size(); ++unknown) {
+    if (unknown > 0 && node_of[unknown] != node_of[unknown - 1]) graph.first.push_back(static_cast<Index>(unknown));
+    node[unknown] = graph.size();
   }
-  return pattern;
+  if (!node_of.empty()) graph.first.push_back(static_cast<Index>(node_of.size()));
+  std::vector<Index> last_seen_by(graph.size(), -1);
+  for (Index a = 0; a < graph.size(); ++a) {
+    for (Index column = graph.first[a]; column < graph.first[a + 1]; ++column)
+      for (SymmetricMatrix::InnerIterator entry(lower, column); entry; ++entry)
+        if (const Index b = node[entry.row()]; std::exchange(last_seen_by[b], a) != a) graph.rows.push_back(b);
+    graph.offsets.push_back(static_cast<Index>(graph.rows.size()));
+  }
+  return graph;
 }
 
 /// A symmetric matrix as CHOLMOD takes it; `values` null: the pattern alone.
@@ -82,10 +88,12 @@ struct Common {
   Common& operator=(const Common&) = delete;
   cholmod_common* get() { return &common; }
 
+  [[noreturn]] static void refuse(std::size_t unknowns) {
+    throw InputError(fmt::format(
+        "Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a coarser mesh", unknowns));
+  }
   void check(std::size_t unknowns) const {
-    if (common.status == CHOLMOD_TOO_LARGE)
-      throw InputError(fmt::format(
-          "Cholesky factorisation: {} unknowns are too many; use a wider cloud spacing or a coarser mesh", unknowns));
+    if (common.status == CHOLMOD_TOO_LARGE) refuse(unknowns);
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw NumericalError("Cholesky factorisation: not enough memory");
     if (common.status < 0)
       throw NumericalError(fmt::format("Cholesky factorisation: CHOLMOD status {}", common.status));
@@ -95,9 +103,17 @@ struct Common {
 }  // namespace
 
 struct Cholesky::Impl {
+  /// A factor of CHOLMOD's, to be freed with its settings.
+  struct Free {
+    cholmod_common* common;
+    void operator()(cholmod_factor* factor) const { cholmod_free_factor(&factor, common); }
+  };
+  using Factor = std::unique_ptr<cholmod_factor, Free>;
+
   Common common;
-  cholmod_factor* factor = nullptr;
-  std::vector<Index> order;  ///< of the unknowns, if it was given
+  Factor of_nodes = own(nullptr);  ///< analysis of the graph of nodes
+  std::vector<Index> first;        ///< unknown of each node; one past the last
+  Factor factor = own(nullptr);
   std::size_t unknowns = 0, entries = 0;
   std::size_t pattern = 0;               ///< hash of what was analysed
   std::optional<Supernodes> supernodes;  ///< none: simplicial
@@ -109,24 +125,77 @@ struct Cholesky::Impl {
     require_blas_memory();
     openblas_set_num_threads(1);
   }
-  ~Impl() { cholmod_free_factor(&factor, common.get()); }
+  Factor own(cholmod_factor* one) { return Factor(one, Free{common.get()}); }
 
-  /// Unknowns in the order that CHOLMOD chooses for their nodes (AMD, or METIS where that is better).
-  std::vector<Index> node_order(const Pattern& of_nodes, const std::vector<Index>& node_of) {
-    const Index nodes = static_cast<Index>(of_nodes.offsets.size()) - 1;
-    cholmod_sparse view = symmetric_view(nodes, of_nodes.offsets.data(), of_nodes.rows.data(), nullptr);
+  /// Orders the nodes (AMD, or METIS where that is better) and finds the supernodes of their graph. All unknowns of a
+  /// node meet those of its neighbours, so the supernodes of the matrix are the same; it has up to nine times the
+  /// entries.
+  void analyse_nodes(NodeGraph graph) {
+    const double per_node = static_cast<double>(unknowns) / std::max<Index>(1, graph.size());
+    cholmod_sparse view = symmetric_view(graph.size(), graph.offsets.data(), graph.rows.data(), nullptr);
+    Common defaults;  // CHOLMOD's widths below which supernodes are joined, in unknowns
+    for (std::size_t k = 0; k < std::size(defaults.common.nrelax); ++k)
+      common.common.nrelax[k] = static_cast<std::size_t>(std::lround(defaults.common.nrelax[k] / per_node));
     common.common.nmethods = 0;  // CHOLMOD's own strategy, also after an earlier pattern
-    const auto free = [this](cholmod_factor* one) { cholmod_free_factor(&one, common.get()); };
-    const std::unique_ptr<cholmod_factor, decltype(free)> analysis(cholmod_analyze(&view, common.get()), free);
-    common.check(node_of.size());
-    const std::span permutation(static_cast<const Index*>(analysis->Perm), static_cast<std::size_t>(nodes));
-    std::vector<Index> first(nodes + 1, 0), ordered;
-    for (const Index node : node_of) ++first[node + 1];
-    std::partial_sum(first.begin(), first.end(), first.begin());
-    ordered.reserve(node_of.size());
-    for (const Index node : permutation)
+    common.common.supernodal = CHOLMOD_SUPERNODAL;
+    of_nodes = own(cholmod_analyze(&view, common.get()));
+    common.check(unknowns);
+    first = std::move(graph.first);
+  }
+  /// The unknowns in the order of their nodes.
+  std::vector<Index> order() const {
+    std::vector<Index> ordered;
+    ordered.reserve(unknowns);
+    for (const Index node : std::span(static_cast<const Index*>(of_nodes->Perm), of_nodes->n))
       for (Index unknown = first[node]; unknown < first[node + 1]; ++unknown) ordered.push_back(unknown);
     return ordered;
+  }
+
+  /// The supernodal factor of the unknowns, its values to come: that of the nodes with each node's unknowns in its
+  /// place.
+  Factor supernodal() {
+    Factor result = own(cholmod_allocate_factor(unknowns, common.get()));
+    common.check(unknowns);
+    const auto copy = [&](const std::vector<Index>& from) {
+      auto* to =
+          static_cast<Index*>(cholmod_malloc(std::max<std::size_t>(1, from.size()), sizeof(Index), common.get()));
+      common.check(unknowns);
+      std::ranges::copy(from, to);
+      return to;
+    };
+    const std::vector<Index> ordered = order();
+    std::ranges::copy(ordered, static_cast<Index*>(result->Perm));
+    const std::span permutation(static_cast<const Index*>(of_nodes->Perm), of_nodes->n);
+    std::vector<Index> start{0};  // in the factor, of each node in its order
+    for (const Index node : permutation) start.push_back(start.back() + first[node + 1] - first[node]);
+    const auto *node_super = static_cast<const Index*>(of_nodes->super),
+               *node_pi = static_cast<const Index*>(of_nodes->pi), *node_s = static_cast<const Index*>(of_nodes->s);
+    std::vector<Index> super{0}, pi{0}, px{0}, s;
+    std::size_t values = 0, tallest = 0;
+    for (std::size_t k = 0; k < of_nodes->nsuper; ++k) {
+      for (Index r = node_pi[k]; r < node_pi[k + 1]; ++r)
+        for (Index unknown = start[node_s[r]]; unknown < start[node_s[r] + 1]; ++unknown) s.push_back(unknown);
+      super.push_back(start[node_super[k + 1]]);
+      const std::size_t columns = static_cast<std::size_t>(super.back() - super[k]),
+                        height = s.size() - static_cast<std::size_t>(pi.back());
+      values += columns * height;
+      tallest = std::max(tallest, height - columns);
+      if (values > static_cast<std::size_t>(std::numeric_limits<Index>::max())) Common::refuse(unknowns);
+      pi.push_back(static_cast<Index>(s.size()));
+      px.push_back(static_cast<Index>(values));
+    }
+    result->ordering = of_nodes->ordering;
+    result->is_ll = result->is_super = 1;
+    result->nsuper = of_nodes->nsuper;
+    result->ssize = s.size();
+    result->xsize = values;
+    result->maxesize = tallest;
+    result->maxcsize = tallest * tallest;
+    result->super = copy(super);
+    result->pi = copy(pi);
+    result->px = copy(px);
+    result->s = copy(s);
+    return result;
   }
 
   static cholmod_sparse view_of(const SymmetricMatrix& lower) {
@@ -134,34 +203,38 @@ struct Cholesky::Impl {
                           lower.valuePtr());
   }
 
-  /// Symbolic factor of this kind, with the ordering that there is.
-  void prepare(const SymmetricMatrix& lower, bool supernodal) {
-    cholmod_sparse view = view_of(lower);
+  /// Symbolic factor of this kind.
+  void prepare(const SymmetricMatrix& lower, bool by_supernodes) {
     supernodes.reset();
-    cholmod_free_factor(&factor, common.get());
-    common.common.supernodal = supernodal ? CHOLMOD_SUPERNODAL : CHOLMOD_SIMPLICIAL;
-    common.common.nmethods = order.empty() ? 0 : 1;  // 0: CHOLMOD's own strategy
-    if (!order.empty()) common.common.method[0].ordering = CHOLMOD_GIVEN;
-    factor = order.empty() ? cholmod_analyze(&view, common.get())
-                           : cholmod_analyze_p(&view, order.data(), nullptr, 0, common.get());
-    common.check(unknowns);
+    factor.reset();
+    if (by_supernodes) {
+      factor = supernodal();
+    } else {
+      cholmod_sparse view = view_of(lower);
+      std::vector<Index> ordered = order();
+      common.common.supernodal = CHOLMOD_SIMPLICIAL;
+      common.common.nmethods = 1;
+      common.common.method[0].ordering = CHOLMOD_GIVEN;
+      factor = own(cholmod_analyze_p(&view, ordered.data(), nullptr, 0, common.get()));
+      common.check(unknowns);
+    }
     require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", unknowns),
                    "use a wider cloud spacing or a coarser mesh");
-    if (supernodal) supernodes.emplace(*factor, lower);
+    if (by_supernodes) supernodes.emplace(*factor, lower);
   }
   double factor_entries() const { return static_cast<double>(factor->is_super ? factor->xsize : factor->nzmax); }
 
   /// Whether all pivots could be divided by.
   bool is_factored(const SymmetricMatrix& lower) {
     if (supernodes) {
-      if (factor->xtype == CHOLMOD_PATTERN) cholmod_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, factor, common.get());
+      if (factor->xtype == CHOLMOD_PATTERN) cholmod_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, factor.get(), common.get());
       common.check(unknowns);
       const Index column = supernodes->factorize(lower, static_cast<double*>(factor->x));
       factor->minor = column == Supernodes::none ? factor->n : static_cast<std::size_t>(column);
       return column == Supernodes::none;
     }
     cholmod_sparse view = view_of(lower);
-    on_one_thread([&] { cholmod_factorize(&view, factor, common.get()); });
+    on_one_thread([&] { cholmod_factorize(&view, factor.get(), common.get()); });
     common.check(unknowns);
     return common.common.status != CHOLMOD_NOT_POSDEF && factor->minor >= factor->n;
   }
@@ -170,7 +243,7 @@ struct Cholesky::Impl {
   void require_regular() {
     // Rounding can hide a zero pivot; what it leaves is no stiffness.
     constexpr double smallest_pivot_ratio = 1e-13;
-    if (const double ratio = cholmod_rcond(factor, common.get()); ratio < smallest_pivot_ratio)
+    if (const double ratio = cholmod_rcond(factor.get(), common.get()); ratio < smallest_pivot_ratio)
       throw NumericalError(
           fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
   }
@@ -190,12 +263,11 @@ void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>&
   impl_->entries = static_cast<std::size_t>(pattern.nonZeros());
   impl_->pattern = pattern_hash(pattern);
   impl_->is_current = false;
-  impl_->order.clear();
-  if (!node_of.empty()) {
-    require(static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of),
-            "Cholesky: a node for each unknown expected, ascending");
-    impl_->order = impl_->node_order(node_pattern(pattern, node_of), node_of);
-  }
+  require(node_of.empty() || (static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of)),
+          "Cholesky: a node for each unknown expected, ascending");
+  std::vector<Index> each(node_of.empty() ? impl_->unknowns : 0);
+  std::iota(each.begin(), each.end(), 0);
+  impl_->analyse_nodes(node_graph(pattern, node_of.empty() ? each : node_of));
   impl_->prepare(pattern, true);
 }
 
@@ -258,7 +330,7 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
   view.xtype = CHOLMOD_REAL;
   view.dtype = CHOLMOD_DOUBLE;
   Common own;  // others may solve at the same time
-  cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor, &view, own.get());
+  cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor.get(), &view, own.get());
   own.check(impl_->unknowns);
   copy = Eigen::Map<const Matrix>(static_cast<const double*>(X->x), copy.rows(), copy.cols());
   cholmod_free_dense(&X, own.get());

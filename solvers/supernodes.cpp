@@ -154,12 +154,19 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
   for (Index i = 0; i < n; ++i) position[order[i]] = i;
   place_.resize(static_cast<std::size_t>(lower.nonZeros()));
   parallel_for(n, [&](Index column) {
+    Index known = none, row = none;  // the last panel, its row, and where that is
+    std::size_t found = 0;
     for (Index k = lower.outerIndexPtr()[column]; k < lower.outerIndexPtr()[column + 1]; ++k) {
       const auto [c, r] = std::minmax({position[column], position[lower.innerIndexPtr()[k]]});
       const Panel& panel = panels_[panel_of[c]];
-      const auto found = std::ranges::lower_bound(panel.rows, r) - panel.rows.begin();
-      place_[k] = panel.values + static_cast<std::size_t>(found) +
-                  static_cast<std::size_t>(c - panel.first) * static_cast<std::size_t>(panel.stride);
+      if (known == panel_of[c] && r == row + 1 && found + 1 < panel.rows.size() && panel.rows[found + 1] == r)
+        ++found;
+      else if (known != panel_of[c] || r != row)
+        found = static_cast<std::size_t>(std::ranges::lower_bound(panel.rows, r) - panel.rows.begin());
+      known = panel_of[c];
+      row = r;
+      place_[k] =
+          panel.values + found + static_cast<std::size_t>(c - panel.first) * static_cast<std::size_t>(panel.stride);
     }
   });
 }

@@ -295,8 +295,8 @@ template <int Dim, class Beta> Points<Dim> penalty_forces(const FineSpace<Dim>& 
 }
 
 /// int beta [u].[v] along the directions held, with beta(constraint).
-template <int Dim, class Beta> SymmetricMatrix penalty_matrix(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
-                                                              const Constraints<Dim>& constraints, const Beta& beta) {
+template <int Dim, class Beta>
+SymmetricMatrix penalty_matrix(const ShapeTable<Dim>& shape, const Constraints<Dim>& constraints, const Beta& beta) {
   const auto beta_at = [&](const Constraint<Dim>& constraint) { return constraint.weight() * beta(constraint); };
   const auto fine = summed<std::pair<Index, Index>, Mat<Dim>>(constraints, [&](const auto& constraint, auto& sums) {
     const double factor = beta_at(constraint);

@@ -78,26 +78,35 @@ template <int Dim, class Visit> SymmetricMatrix gather_blocks(Index nodes, const
     }
   });
 
-  std::vector<Index> offsets{0}, rows;
-  std::vector<double> values;
-  for (const Part& part : parts) {
-    std::size_t first = 0;
-    Index a = static_cast<Index>(&part - parts.data()) * chunk;
-    for (Index count : part.count) {
-      for (int j = 0; j < Dim; ++j) {
-        for (std::size_t s = first; s < first + count; ++s)
-          for (int i = part.rows[s] == a ? j : 0; i < Dim; ++i) {
-            rows.push_back(Dim * part.rows[s] + i);
-            values.push_back(part.blocks[s](i, j));
-          }
-        offsets.push_back(static_cast<Index>(rows.size()));
-      }
-      first += count;
+  SymmetricMatrix result(Dim * nodes, Dim * nodes);
+  Index* offsets = result.outerIndexPtr();
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const Index* row = parts[p].rows.data();
+    Index a = static_cast<Index>(p) * chunk;
+    for (const Index count : parts[p].count) {
+      const int has_diagonal = count > 0 && *row == a;
+      for (int j = 0; j < Dim; ++j) offsets[Dim * a + j + 1] = offsets[Dim * a + j] + Dim * count - j * has_diagonal;
+      row += count;
       ++a;
     }
   }
-  return Eigen::Map<const SymmetricMatrix>(Dim * nodes, Dim * nodes, static_cast<Index>(rows.size()), offsets.data(),
-                                           rows.data(), values.data());
+  result.resizeNonZeros(offsets[Dim * nodes]);
+  parallel_chunks(static_cast<Index>(parts.size()), 1, [&](Index p, Index) {
+    const Part& part = parts[p];
+    Index at = offsets[Dim * p * chunk], a = p * chunk;
+    std::size_t first = 0;
+    for (const Index count : part.count) {
+      for (int j = 0; j < Dim; ++j)
+        for (std::size_t s = first; s < first + count; ++s)
+          for (int i = part.rows[s] == a ? j : 0; i < Dim; ++i, ++at) {
+            result.innerIndexPtr()[at] = Dim * part.rows[s] + i;
+            result.valuePtr()[at] = part.blocks[s](i, j);
+          }
+      first += count;
+      ++a;
+    }
+  });
+  return result;
 }
 
 }  // namespace efree

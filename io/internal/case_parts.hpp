@@ -20,6 +20,7 @@ namespace efree::internal {
 struct Clock {
   std::optional<double> time;
   std::string why{};
+  bool runs = false;  ///< it is the first coordinate of where fields are asked for, which depend on no other
 };
 
 /// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.

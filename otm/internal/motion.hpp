@@ -33,6 +33,14 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   return std::sqrt(std::max(axes.eigenvalues()[0], 0.0));
 }
 
+/// Moment of a force about the origin.
+template <int Dim> Spin<Dim> torque_of(const Vec<Dim>& at, const Vec<Dim>& force) {
+  if constexpr (Dim == 2)
+    return Spin<2>(at[0] * force[1] - at[1] * force[0]);
+  else
+    return at.cross(force);
+}
+
 template <int Dim> struct Motion {
   struct BodyOf {
     SharedMaterial material;
@@ -69,9 +77,8 @@ template <int Dim> struct Motion {
   // By node: where its forces are.
   std::vector<Index> node_offsets;
   std::vector<std::pair<Index, Index>> node_places;
-  std::vector<OtmWall<Dim>> walls;
-  Points<Dim> wall_forces;
   std::vector<Prescribed> prescribed;
+  Points<Dim> free;            ///< 0 for what is prescribed, else 1
   bool changed_nodes = false;  ///< nodes are about to become one, or to come in
   bool held_anew = false;      ///< more is prescribed than the shape of the fastest vibration knows of
 
@@ -149,7 +156,7 @@ template <int Dim> struct Motion {
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
-  void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
+  void shock(OtmChunk<Dim>& chunk, Index p, double dt) const;
 
   // Contact of bodies.
   /// A node and its patch of another body's surface.
@@ -158,12 +165,15 @@ template <int Dim> struct Motion {
     double weight;   ///< of it in the point below the touching node
     Vec<Dim> lever;  ///< forces along the normal of this times s sum up to nothing, and to the moment s x normal
   };
+  /// A spring between them. It is compressed as far as the work it has taken allows: it gives back no more.
   struct Touch {
     Index node;
     double stiffness;
     Vec<Dim> normal;  ///< out of the other body
     std::vector<Held> patch;
-    double gap = 0.0;  ///< negative
+    double gap = 0.0;     ///< negative
+    double depth = 0.0;   ///< how far it is compressed, at most -gap
+    double energy = 0.0;  ///< work it has taken and not given back
   };
   struct Surface {
     Facets<Dim> facets;        ///< outwards; none on an axis
@@ -177,7 +187,14 @@ template <int Dim> struct Motion {
   Vector surface_area;            ///< by node; axisymmetric of the full turn
   std::vector<Near> near;
   Points<Dim> seen;  ///< where nodes were when these were found
+  Points<Dim> met;   ///< where nodes were when touches were found
   std::vector<Touch> touches;
+  std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
+  void seize();
+  void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
+  void build_tree(Index body) {
+    trees[body]->build(x.middleCols(bodies[body].first_node, bodies[body + 1].first_node - bodies[body].first_node));
+  }
   struct Cavity {
     OtmCavity<Dim> of;
     double volume;  ///< at the start; negative by orientation
@@ -191,7 +208,6 @@ template <int Dim> struct Motion {
   bool fixed = false;   ///< whether there are any; else what follows is empty
   SparseRows coupling;  ///< consistent mass between nodes of bodies with more than one term
   Points<Dim> nodal_momentum;
-  Points<Dim> free;  ///< 0 for what is prescribed, else 1
   Points<Dim> pull;  ///< coupling with all nodes that are free
   void find_masses();
   void raise_light_masses(Index body);
@@ -202,24 +218,55 @@ template <int Dim> struct Motion {
     return bodies[body_of_node[a]].mass_terms > 1 ? Vec<Dim>(nodal_momentum.col(a)) : Vec<Dim>(mass[a] * v.col(a));
   }
 
-  // Walls and the surfaces of bodies that have them.
-  struct AtWall {
-    std::vector<Index> near;  ///< points of surfaces that may come to the wall soon, ascending
-    Points<Dim> impulses;     ///< on them in the last step
+  // Walls and tools.
+  struct Tool {
+    OtmTool<Dim> of;
+    bool is_wall;  ///< a plane that stays where it is
+    ToolState<Dim> now, before;
+    std::vector<Index> near{};  ///< points of surfaces that may come to it soon, ascending
+    Points<Dim> impulses{};     ///< on them in the last step
+    double travelled = 0.0;     ///< since these were found [length]
+    // In this step.
+    Vec<Dim> pushed = Vec<Dim>::Zero();    ///< impulse of the bodies
+    Spin<Dim> turned = Spin<Dim>::Zero();  ///< its moment about the centre
+    void take(const Vec<Dim>& at, const Vec<Dim>& impulse);
+    /// Of what moves with it, a step ago and now, on average.
+    Vec<Dim> mean_velocity(const Vec<Dim>& at) const {
+      return 0.5 * (velocity_of<Dim>(before, at) + velocity_of<Dim>(now, at));
+    }
   };
+  /// A node that a tool holds back.
+  struct Hit {
+    std::size_t tool;
+    Index node;
+    Vec<Dim> impulse;
+  };
+  std::vector<Tool> tools;
+  std::vector<ToolGap<Dim>> gaps;  ///< by node, to the tool that is looked at
+  std::vector<Hit> hits;           ///< in this step
+  void add_tool(const OtmTool<Dim>& tool, bool is_wall);
+  void lead(Tool& tool, double at_time) const;
+  void find_gaps(const Tool& tool);
+  Vec<Dim> stop_at(const Tool& tool, Index a, double dt, Mat<Dim>* slope) const;
+  void yield_to_nodes(Tool& tool, double dt) const;
+  void hold_back(double dt);
+  void move_tools(double kick, double dt);
+
+  // The surfaces of bodies that have them, which walls and tools act on.
   SparseRows surface_points;   ///< functions at the points of all surfaces
   double surface_skin = 0.0;   ///< gap below which points are near [length]
   double surface_reach = 1.0;  ///< how much further than nodes such points may go, at the most
-  std::vector<AtWall> at_walls;
-  Points<Dim> looked;  ///< where nodes were when the points near walls were found
+  Points<Dim> looked;          ///< where nodes were when the points near tools were found
   void take_surfaces(const std::vector<OtmBody<Dim>>& of);
-  void find_near_walls();
-  void stop_surfaces(Index w, double kick, double dt);
-  bool has_contact() const { return options.contact.stiffness > 0.0 && bodies.size() > 2; }
+  Vec<Dim> at_surface_point(Index s, const Points<Dim>& of) const;
+  void find_near_tools();
+  void stop_surfaces(Tool& tool, double dt);
+  bool has_contact() const { return (options.contact.seizing || options.contact.stiffness > 0.0) && bodies.size() > 2; }
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
   bool find_touch(const Near& of, Touch& touch) const;
+  void soften(std::vector<Touch>& found) const;
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;
   void inflate();

@@ -113,6 +113,25 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nstretch = 2\n[[fracture]]\nstretch = 3\n"), says("fracture already"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = { D1 = 1, D6 = 2 }\n"), says("D6"));
   EXPECT_THAT(refuses(with("\"otm\"", "\"motion\"")), says("kind"));
+  EXPECT_THAT(refuses(rubber + "[contact]\nseizing = true\nfriction = 0.1\n"), says("friction means nothing"));
+  EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[contact]\nseizing = true\n"), says("seizing is for"));
+}
+
+TEST(OtmCase, ToolsThatAreNoneAreRefusedWithFileAndLine) {
+  const auto with_tool = [](const std::string& tool) { return refuses(rubber + "[[tool]]\n" + tool); };
+  EXPECT_THAT(with_tool("velocity = [0, 1]\n"), says("shape"));
+  EXPECT_THAT(with_tool("shape = \"cone\"\n"), says("polygon"));
+  EXPECT_THAT(with_tool("shape = \"ball\"\nradius = 1\n"), says("centre"));
+  EXPECT_THAT(with_tool("shape = \"ball\"\ncentre = [1, 3]\nradius = 0\n"), says("radius"));
+  EXPECT_THAT(with_tool("shape = \"ball\"\ncentre = [1, 3]\nradius = 1\nlevel = 1\n"), says("level means nothing"));
+  EXPECT_THAT(with_tool("shape = \"ball\"\ncentre = [1, 1.5]\nradius = 1\n"), says("reach into the tool by 0.5"));
+  EXPECT_THAT(with_tool("shape = \"plane\"\nnormal = [0, 0]\n"), says("normal is zero"));
+  EXPECT_THAT(with_tool("shape = \"polygon\"\npoints = [[0, 2], [1, 2], [2, 2]]\n"), says("enclose nothing"));
+  const std::string plane = "shape = \"plane\"\nnormal = [0, -1]\nlevel = -2\n";
+  EXPECT_THAT(with_tool(plane + "velocity = [0, \"x\"]\n"), says("time t alone"));
+  EXPECT_THAT(with_tool(plane + "spin = 1\n"), says("centre"));
+  EXPECT_THAT(with_tool(plane + "mass = -1\n"), says("mass"));
+  EXPECT_THAT(with_tool(plane + "friction = \"glue\"\n"), says("stick"));
 }
 
 TEST(OtmCase, CasesOfOneKindAreNoneOfTheOther) {
@@ -202,6 +221,42 @@ TEST(OtmRun, StripComesBackFromTheWallWithItsEnergyAccounted) {
   EXPECT_LT(*std::ranges::min_element(height), 0.95);
 }
 
+/// A strip that flies up between a plane that comes down and a ball with a mass below.
+const std::string between_tools = replaced(rubber, "[[wall]]\nnormal = [0, 2]\nlevel = -0.1\n", R"toml([definitions]
+quick = 0.1
+[[tool]]
+shape = "plane"
+normal = [0, -1]
+level = -1.05
+friction = "stick"
+velocity = ["0.1*quick*sin(t)", "-quick*t"]
+[[tool]]
+shape = "ball"
+centre = [1, -1.6]
+radius = 1.5
+mass = 1
+)toml");
+
+TEST(OtmRun, ToolsMoveAsTheCaseSaysAndTheirImpulseAndWorkAreAccounted) {
+  const Workspace workspace;
+  const auto done = run(workspace, between_tools);
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  const auto& plane = result["tools"][0];
+  EXPECT_NEAR(plane["centre"][1].get<double>(), -0.8, 1e-4);  // t^2 / 20
+  EXPECT_NEAR(plane["centre"][0].get<double>(), 0.01 * (1.0 - std::cos(4.0)), 1e-5);
+  EXPECT_NEAR(plane["work"].get<double>(), result["energy"]["prescribed"].get<double>(), 1e-12);
+  EXPECT_GT(plane["work"].get<double>(), 0.01);
+  // Nothing else pushes the strip and the ball.
+  EXPECT_NEAR(result["momentum"][1].get<double>(), -0.4 - plane["impulse"][1].get<double>(), 1e-12);
+  EXPECT_NEAR(result["tools"][1]["velocity"][1].get<double>(), result["tools"][1]["impulse"][1].get<double>(), 1e-12);
+  EXPECT_LT(result["tools"][1]["velocity"][1].get<double>(), -0.1);
+  EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+  EXPECT_EQ(column(workspace / "out/history.csv", "tool.0.work").back(), plane["work"].get<double>());
+  EXPECT_EQ(column(workspace / "out/history.csv", "tool.1.centre.y").back(), result["tools"][1]["centre"][1]);
+  EXPECT_EQ(column(workspace / "out/history.csv", "tool.0.force.y").back(), plane["force"][1].get<double>());
+}
+
 TEST(OtmRun, SolveIsTheSameAndHistoryDoesNotChangeSteps) {
   const Workspace one, other;
   ASSERT_EQ(run(one, rubber).status, 0);
@@ -289,6 +344,30 @@ Physical Surface("two") = {2};
   EXPECT_LT(result["probes"]["one"].get<double>(), 0.9);  // pushed away
 }
 
+TEST(OtmRun, BodiesThatSeizeMoveOnAsOne) {
+  const Workspace workspace;
+  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {1.1, 0, 0, 1, 1};
+Physical Surface("one") = {1};
+Physical Surface("two") = {2};
+)");
+  const std::string material = "density = 1\nmodel = \"j2\"\nE = 1\nnu = 0.3\nyield = 0.02\n";
+  const auto done =
+      run(workspace,
+          "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"otm\"\n"
+          "plane = \"strain\"\n[[material]]\nregion = \"one\"\n" +
+              material + "[[material]]\nregion = \"two\"\n" + material +
+              "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n[contact]\nseizing = true\n[time]\nend = 20\n"
+              "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
+              "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_NEAR(result["momentum"][0].get<double>(), -0.1, 1e-12);
+  EXPECT_NEAR(result["probes"]["gap"].get<double>() - result["probes"]["one"].get<double>(), 0.0, 0.07);
+  EXPECT_NEAR(result["energy"]["kinetic"].get<double>(), 0.0025, 0.0004);  // of 0.005
+}
+
 TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   const Workspace workspace;
   // Steps at the bound of stability of a body that is thrown to twice its size.
@@ -351,6 +430,15 @@ TEST(OtmRun, ThatWasStoppedGoesOnToTheSameEndBitForBit) {
   const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"});
   ASSERT_EQ(done.status, 0) << done.output;
   EXPECT_THAT(done.output, HasSubstr("goes on from step"));
+  expect_same(work / "whole", work / "out");
+}
+
+TEST(OtmRun, WithToolsGoesOnToTheSameEndBitForBitToo) {
+  const Workspace work(replaced(between_tools, "mesh_size = 0.25", "mesh_size = 0.1"));
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "whole", "--no-picture"}).status, 0);
+  const auto limited = work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--time-limit", "0.02"});
+  EXPECT_EQ(limited.status, 3);
+  ASSERT_EQ(work.efree({"run", "case.toml", "--out", "out", "--no-picture", "--resume"}).status, 0);
   expect_same(work / "whole", work / "out");
 }
 

@@ -3,6 +3,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/hyperelastic.hpp"
+#include "efree/materials/j2.hpp"
 #include "efree/otm/otm.hpp"
 
 #include <gmock/gmock.h>
@@ -124,6 +125,110 @@ TEST(OtmContact, BalloonsBounce) {
   expect_bounce(otm, 45.0, 0.02);
   EXPECT_NEAR(speed_of(otm, 0), -0.0185, 0.0005);
   EXPECT_NEAR(speed_of(otm, 0), -speed_of(otm, 1), 1e-4);
+}
+
+/// Runs two bodies that seize, and expects that both momenta and the energy stay, and that surfaces do not cross by
+/// more than a third of the spacing. Says how fast each body moved in the mean over the second half.
+template <int Dim> std::array<double, 2> expect_that_they_seize(Otm<Dim>& otm, double until, double spacing) {
+  const auto before = otm.balance();
+  const double scale = std::sqrt(2.0 * before.kinetic * otm.masses().sum());
+  const double mass = otm.masses().sum();
+  const auto middle = [&](Index body) {
+    const Index first = otm.first_node(body);
+    return otm.nodes().row(0).segment(first, otm.first_node(body + 1) - first).mean();
+  };
+  std::array<double, 2> from{}, result{};
+  double overlap = 0.0;
+  for (int k = 1; k <= 40; ++k) {
+    otm.run(until * k / 40.0);
+    const Index first = otm.first_node(1);
+    overlap = std::max(overlap, otm.nodes().row(0).head(first).maxCoeff() -
+                                    otm.nodes().row(0).tail(otm.num_nodes() - first).minCoeff());
+    if (k == 20) from = {middle(0), middle(1)};
+  }
+  for (const Index body : {0, 1}) result[body] = (middle(body) - from[body]) / (0.5 * until);
+  EXPECT_LT(overlap, spacing / 3.0);
+  const auto after = otm.balance();
+  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * scale);
+  EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * scale);
+  EXPECT_NEAR(otm.masses().sum(), mass, 1e-12 * mass);
+  EXPECT_NEAR(after.total(), before.total(), 0.01 * before.kinetic);
+  EXPECT_LT(gap_between(otm), 0.5 * spacing);
+  return result;
+}
+
+SharedMaterial rubber_or_metal(bool is_metal) {
+  if (is_metal) return J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.02, .strain = Strain::finite});
+  return NeoHookean({.E = 1.0, .nu = 0.3});
+}
+
+/// Blocks of mass 1 at 0.1 and of mass 3 at -0.1 have -0.05 in common, and 0.005 of their energy of 0.02.
+TEST(OtmSeizing, BlocksThatMeetMoveOnAsOne) {
+  const FineMesh<2> block = triangulate(shapes::rectangle(-0.5, -0.5, 0.5, 0.5), {.size = 0.15});
+  for (const bool is_metal : {false, true}) {
+    auto bodies = pair_of<2>(block, 0.55, 0.0, 0.1);
+    for (auto& body : bodies) body.material = rubber_or_metal(is_metal);
+    bodies[1].density = 3.0;
+    Otm<2> otm(bodies, {.contact = {.seizing = true}});
+    const auto speeds = expect_that_they_seize(otm, 60.0, 0.15);
+    EXPECT_NEAR(speeds[0], -0.05, 0.003);
+    EXPECT_NEAR(speeds[1], -0.05, 0.003);
+    const auto after = otm.balance();
+    const double lost = after.dissipated + after.renewal;
+    EXPECT_GE(after.kinetic, 0.005);
+    if (is_metal) {
+      EXPECT_LT(after.kinetic, 0.007);
+      EXPECT_GT(lost, 0.012);
+    } else {
+      // It vibrates.
+      EXPECT_NEAR(after.kinetic + after.stored + after.stabilising + after.renewal, 0.02, 2e-4);
+    }
+  }
+}
+
+TEST(OtmSeizing, DisksThatMeetOffTheirAxisTurnAsOne) {
+  const FineMesh<2> disk = triangulate(shapes::annulus(0.05, 1.0, 0.15), {.size = 0.15});
+  auto bodies = pair_of<2>(disk, 1.05, 0.5, 0.1);
+  for (auto& body : bodies) body.material = rubber_or_metal(true);
+  Otm<2> otm(bodies, {.contact = {.seizing = true}});
+  const double moment = otm.balance().moment[0];
+  otm.run(30.0);
+  EXPECT_NEAR(otm.balance().moment[0], moment, 1e-11);
+  EXPECT_NEAR(otm.balance().total(), 0.01 * 2.0 * otm.masses().sum() / 4.0, 0.01 * otm.balance().total());
+  EXPECT_LT(gap_between(otm), 0.075);
+  // Both turn about the common centre.
+  const auto centre = [&](Index body) {
+    const Index first = otm.first_node(body);
+    return Vec<2>(otm.nodes().middleCols(first, otm.first_node(body + 1) - first).rowwise().mean());
+  };
+  const Vec<2> before = centre(1) - centre(0);
+  otm.run(60.0);
+  const Vec<2> now = centre(1) - centre(0);
+  EXPECT_NEAR(now.norm(), before.norm(), 0.03);
+  EXPECT_GT(std::abs(before[0] * now[1] - before[1] * now[0]), 0.3 * before.squaredNorm() * 0.1);
+}
+
+TEST(OtmSeizing, SolidsSeizeToo) {
+  auto bodies = pair_of<3>(FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.34)), 0.55, 0.0, 0.1);
+  for (auto& body : bodies) body.material = rubber_or_metal(true);
+  Otm<3> otm(bodies, {.contact = {.seizing = true}});
+  const auto speeds = expect_that_they_seize(otm, 20.0, 0.34);
+  EXPECT_NEAR(speeds[0], 0.0, 0.005);
+  EXPECT_NEAR(speeds[1], 0.0, 0.005);
+}
+
+TEST(OtmSeizing, GoesOnFromAStateBitwise) {
+  const FineMesh<2> block = triangulate(shapes::rectangle(-0.5, -0.5, 0.5, 0.5), {.size = 0.2});
+  const auto bodies = pair_of<2>(block, 0.55, 0.1, 0.1);
+  const OtmOptions options{.contact = {.seizing = true}};
+  Otm<2> one(bodies, options), other(bodies, options);
+  one.run(1.0);
+  other.restore(one.state());
+  one.run(4.0);
+  other.run(4.0);
+  EXPECT_EQ(one.nodes(), other.nodes());
+  EXPECT_EQ(one.cauchy_stress(), other.cauchy_stress());
+  EXPECT_GT(one.counts().renewals, 0);
 }
 
 /// A gas in a box that is squeezed to half its length: p V^gamma.

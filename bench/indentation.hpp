@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// A rigid ball that is pressed slowly into an elastic half-space, axisymmetric, beside Hertz's (1882) force
+/// 4/3 E* sqrt(R) d^(3/2), for tests and benchmarks.
+#pragma once
+
+#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/otm/otm.hpp"
+
+#include <cmath>
+#include <numbers>
+
+namespace efree::bench {
+
+/// Lengths in contact radii, stresses in Young's moduli. The half-space ends at 30 contact radii, where it is held.
+struct Indentation {
+  static constexpr double radius = 25.0, depth = 1.0 / radius, far = 30.0, nu = 0.3;
+
+  /// Half of a ball's section below y = 0, nodes on its axis, cells that grow with the distance from the origin.
+  static FineMesh<2> mesh(Index n) {
+    const auto vertex = [n](Index i, Index j) { return i + j * (n + 1); };
+    MeshData<2> data;
+    data.vertices.resize(2, (n + 1) * (n + 1));
+    data.cells.resize(3, 2 * n * n);
+    Index c = 0;
+    for (Index j = 0; j <= n; ++j)
+      for (Index i = 0; i <= n; ++i) {
+        const double u = static_cast<double>(i) / n, w = static_cast<double>(j) / n;
+        const Vec<2> disk(u * std::sqrt(1.0 - 0.5 * w * w), -w * std::sqrt(1.0 - 0.5 * u * u));
+        const double s = disk.norm();
+        data.vertices.col(vertex(i, j)).setZero();
+        if (s > 0.0) data.vertices.col(vertex(i, j)) = far * std::sinh(growth * s) / std::sinh(growth) / s * disk;
+        if (i == n || j == n) continue;
+        const Index a = vertex(i, j), b = vertex(i + 1, j), d = vertex(i, j + 1), e = vertex(i + 1, j + 1);
+        data.cells.col(c++) << a, d, b;
+        data.cells.col(c++) << b, d, e;
+      }
+    return FineMesh<2>(std::move(data));
+  }
+  /// Of its nodes at the origin.
+  static double spacing(Index n) { return far * growth / std::sinh(growth) / n; }
+
+  struct Answer {
+    double force;   ///< over Hertz's
+    double energy;  ///< not accounted for, over the work
+    Index steps;
+  };
+  /// Pressed within six times that a wave takes to the end; the force is the mean over two more.
+  static Answer press(Index n) {
+    Otm<2> otm({otm_body(mesh(n), NeoHookean({.E = 1.0, .nu = nu}), 1.0, true)}, {.plane = Plane::axisymmetric});
+    const double crossing = far / std::sqrt((1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))), ramp = 6.0 * crossing;
+    for (Index a = 0; a < otm.num_nodes(); ++a) {
+      const Vec<2> x = otm.nodes().col(a);
+      for (int i = 0; i < 2; ++i)
+        if (x.norm() > 0.999 * far || (i == 0 && x[0] == 0.0)) otm.prescribe(a, i, 0.0);
+    }
+    otm.add_tool({.shape = tools::ball<2>({0.0, radius}, radius), .velocity = [ramp](double t) {
+                    const double s = std::sin(std::numbers::pi * t / ramp);
+                    return Vec<2>(0.0, t < ramp ? -2.0 * depth / ramp * s * s : 0.0);
+                  }});
+    otm.run(ramp);
+    const double before = otm.tools()[0].impulse[1];
+    otm.run(ramp + 2.0 * crossing);
+    const double force = (otm.tools()[0].impulse[1] - before) / (2.0 * crossing);
+    const double hertz = 4.0 / 3.0 / (1.0 - nu * nu) * std::sqrt(radius) * std::pow(depth, 1.5);
+    return {force / hertz, otm.balance().total() / otm.balance().prescribed, otm.counts().steps};
+  }
+
+ private:
+  static constexpr double growth = 4.5;
+};
+
+}  // namespace efree::bench
