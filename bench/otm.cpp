@@ -93,10 +93,10 @@ template <int Dim> void taylor(double size, std::map<std::string, double> key) {
   }
 }
 
-/// What a sequence with steps by the factor sqrt(2) comes to, of order 1 to 2 as its last three values say.
+/// What a sequence that is twice as fine every time comes to, of order 1 to 2 as its values say.
 double limit_of(double coarse, double middle, double fine) {
-  const double order = std::clamp(2.0 * std::log2(std::abs((middle - coarse) / (fine - middle))), 1.0, 2.0);
-  return fine + (fine - middle) / (std::pow(2.0, 0.5 * order) - 1.0);
+  const double order = std::clamp(std::log2(std::abs((middle - coarse) / (fine - middle))), 1.0, 2.0);
+  return fine + (fine - middle) / (std::exp2(order) - 1.0);
 }
 
 void chart(std::vector<double> sizes) {
@@ -124,7 +124,7 @@ void chart(std::vector<double> sizes) {
   // With the defaults twice as fine as any other.
   std::sort(sizes.rbegin(), sizes.rend());
   std::vector<End> ends;
-  for (const double factor : {1.0, std::sqrt(0.5), 0.5}) ends.push_back(run("default", 0, {}, factor * sizes.back()));
+  for (const double factor : {2.0, 1.0, 0.5}) ends.push_back(run("default", 0, {}, factor * sizes.back()));
   std::printf("limit,0,0,0,0,%.5f,%.5f,0,0\n", limit_of(ends[0].length, ends[1].length, ends[2].length),
               limit_of(ends[0].foot, ends[1].foot, ends[2].foot));
   const std::vector<std::pair<const char*, std::vector<double>>> choices{

@@ -446,6 +446,7 @@ template <int Dim> void Motion<Dim>::renew() {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
     put_rows(chunk, chunk.worn, changes[k].rows);
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
+    for (const auto& pair : chunk.pairs) chunk.narrowed.insert(chunk.narrowed.end(), {pair.first, pair.second});
   });
   fuse_pairs();
   find_places();

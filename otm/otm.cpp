@@ -11,6 +11,13 @@
 #include <cmath>
 
 namespace efree {
+namespace {
+
+/// How much smaller (its logarithm) a point may get in a step, at the rate of the last one: what is squeezed faster is
+/// turned inside out before its pressure says a word.
+constexpr double most_squeezed = 0.2;
+
+}  // namespace
 
 template <int Dim> Otm<Dim>::Otm(std::vector<OtmBody<Dim>> bodies, const OtmOptions& options)
     : motion_(std::make_unique<internal::Motion<Dim>>(std::move(bodies), options)) {}
@@ -108,9 +115,13 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
-  double damping = 0.0;
-  for (const auto& chunk : of.chunks) damping = std::max(damping, chunk.damping);
-  const double dt = std::min(of.stable * (std::sqrt(1.0 + damping * damping) - damping), at_most);
+  double damping = 0.0, squeeze = 0.0;
+  for (const auto& chunk : of.chunks) {
+    damping = std::max(damping, chunk.damping);
+    squeeze = std::max(squeeze, chunk.squeeze);
+  }
+  const double damped = of.stable * (std::sqrt(1.0 + damping * damping) - damping);
+  const double dt = std::min({damped, squeeze > 0.0 ? most_squeezed / squeeze : damped, at_most});
   if (!(dt > 0.0) || !std::isfinite(dt))
     throw NumericalError(fmt::format("at time {:.6g} the stable step is {:.3g}", of.time, dt));
   of.move(0.5 * (of.last_step + dt), dt);

@@ -45,10 +45,10 @@ template <int Dim> auto fields(OtmPair<Dim>& of) {
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, now, response, made, since, at, volume, mass, metric,
          moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach, unions,
-         worn, narrowed, pairs, damping, columns, seconds] = of;
+         worn, narrowed, pairs, damping, squeeze, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
-                  unions, worn, narrowed, pairs, damping, seconds);
+                  unions, worn, narrowed, pairs, damping, squeeze, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {

@@ -87,6 +87,9 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const bool shared = chunk.shares_dilatation();
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
+  thread_local std::vector<Mat<3>> before;
+  before = chunk.since;
+  chunk.squeeze = 0.0;
   for (Index p = 0; p < n; ++p) place(chunk, p);
   otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {
@@ -114,6 +117,8 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
                       "strains: take one for finite strains",
                       time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
+    if (dt > 0.0)
+      chunk.squeeze = std::max(chunk.squeeze, std::log(before[p].determinant() / chunk.since[p].determinant()) / dt);
     const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
@@ -121,8 +126,8 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
   if (worst <= options.renewal) chunk.worn.clear();
   if (shared && dt > 0.0) {
-    // Of points that share their dilatation nothing keeps one from being squeezed to nothing while the others grow: where
-    // that begins they part, each with what it has felt.
+    // Of points that share their dilatation nothing keeps one from being squeezed to nothing while the others grow:
+    // where that begins they part, each with what it has felt.
     std::vector<Index> parted;
     for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
       const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
@@ -149,7 +154,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   chunk.damping = 0.0;
   if (viscous_shocks) {
     for (Index p = 0; p < n; ++p)
-      if (!chunk.is_eroded(p)) shock(chunk, p, dt);
+      if (!chunk.is_eroded(p)) shock(chunk, p, before[p], dt);
     viscous[number] += chunk.now.heat.dot(chunk.volume);
   }
   chunk.seconds.kinematics += lap(start);
@@ -173,23 +178,29 @@ template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   push(chunk, chunk.since, chunk.at);
 }
 
-/// Viscous pressure of a point, and the heat it makes.
-template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, double dt) const {
+/// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
+template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const {
   const double J = chunk.now.gradient(p).determinant(), shrunk = -std::log(J / chunk.dilatation[p]);
   chunk.dilatation[p] = J;
   double pressure = 0.0;
   if (shrunk > 0.0) {
-    // As wide as functions are now across their narrowest: pressure acts along all axes, and where functions are narrower
-    // than that along one of them it damps too much for steps that are stable without it.
     const Mat<Dim> now = chunk.since[p].template topLeftCorner<Dim, Dim>();
-    const double width = smallest_width<Dim>(now * chunk.moment[p] * now.transpose());
-    const double l = std::sqrt(2.0 * options.lme.gamma) * width;
+    const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
+    Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+    axes.computeDirect(rate + rate.transpose());
+    const Vec<Dim> then = now.inverse() * axes.eigenvectors().col(0);
+    // Pressure acts along all axes: where functions are much narrower along another it would damp too much for steps
+    // that are stable without it.
+    const bool is_known = bodies[chunk.body].renewed && options.functions == OtmFunctions::lme;
+    const double width = is_known ? smallest_width<Dim>(now * chunk.moment[p] * now.transpose()) : 0.0;
+    double l = std::sqrt(options.lme.gamma / then.dot(chunk.metric[p] * then));
+    if (is_known) l = std::min(l, 2.0 * std::sqrt(2.0 * options.lme.gamma) * width);
     const double rho = chunk.mass[p] / chunk.volume[p], c = std::sqrt(chunk.modulus[p] / rho);
     const double speed = options.shock.linear * c + options.shock.quadratic * l * shrunk / dt;
     pressure = rho * l * shrunk / dt * speed;
     // Of the critical one at the highest frequency the point may have.
-    chunk.damping =
-        std::max(chunk.damping, 0.5 * std::min(2.0 * options.courant / stable, c / width) * l * speed / (c * c));
+    const double highest = 2.0 * options.courant / stable, fastest = is_known ? std::min(highest, c / width) : highest;
+    chunk.damping = std::max(chunk.damping, 0.5 * fastest * l * speed / (c * c));
   }
   chunk.now.heat[p] = 0.5 * (pressure + chunk.shock[p]) * shrunk;
   chunk.shock[p] = pressure;

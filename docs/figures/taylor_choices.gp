@@ -6,14 +6,15 @@ found = data.'/taylor_choices.csv'
 set datafile separator ','
 stats found skip 1 using (strcol(1) eq 'limit' ? $6 : 1/0) name 'length' nooutput
 stats found skip 1 using (strcol(1) eq 'limit' ? $7 : 1/0) name 'foot' nooutput
-limits(k) = k == 1 ? length_mean : foot_mean
 array choices[3] = ['gamma', 'cutoff', 'renewal']
 array titles[3] = ['{/Symbol g}', 'cutoff', 'renewal']
 array values[3] = ['1 1.8 2.5 3 4', '0.01 0.0001 1e-06', '0.02 0.05 0.1 0.2 0.4']
 array defaults[3] = ['2.5', '0.0001', '0.2']
 array names[2] = ['length', 'foot']
-array low[2] = [0.01, 0.3]
+array low[2] = [0.05, 0.4]
 array high[2] = [1, 15]
+off(row) = 100 * abs((row == 1 ? $6 / length_mean : $7 / foot_mean) - 1)
+colour(k, i) = word(values[k], i) eq defaults[k] ? blue : word(colours, i)
 colours = orange.' '.green.' '.pink.' '.yellow.' '.sky
 set multiplot
 set logscale xy
@@ -27,9 +28,9 @@ do for [row = 1:2] {
     set ylabel k == 1 ? names[row].' off its limit, %' : '' offset 1,0
     if (row == 1) { set key at graph 0.02,0.02 bottom left Left reverse samplen 1.6 font ",12" } else { unset key }
     plot for [i = 1:words(values[k])] found skip 1 \
-      using (strcol(1) eq choices[k] && $2 == word(values[k], i) + 0 ? $9 : 1/0):(100 * abs(column(row + 5) / limits(row) - 1)) \
+      using (strcol(1) eq choices[k] && strcol(2) eq word(values[k], i) ? $9 : 1/0):(off(row)) \
       with linespoints pt 7 lw (word(values[k], i) eq defaults[k] ? 3.5 : 1.8) \
-      lc rgb (word(values[k], i) eq defaults[k] ? blue : word(colours, i)) title word(values[k], i)
+      lc rgb colour(k, i) title word(values[k], i)
   }
 }
 unset multiplot

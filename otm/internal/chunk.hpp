@@ -62,6 +62,7 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> narrowed;      ///< those of them whose new functions are narrower
   std::vector<OtmPair<Dim>> pairs;  ///< of worn points, none in two
   double damping = 0.0;             ///< viscous pressure over that of sound, at the most
+  double squeeze = 0.0;             ///< rate of compression, at the most
   std::vector<double> columns;      ///< sixteen numbers a point: what kernels hand over
   OtmTimes seconds;                 ///< kinematics, materials, forces
 

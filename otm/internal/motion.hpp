@@ -156,7 +156,7 @@ template <int Dim> struct Motion {
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
-  void shock(OtmChunk<Dim>& chunk, Index p, double dt) const;
+  void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
 
   // Contact of bodies.
   /// A node and its patch of another body's surface.

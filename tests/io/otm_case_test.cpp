@@ -257,6 +257,49 @@ TEST(OtmRun, ToolsMoveAsTheCaseSaysAndTheirImpulseAndWorkAreAccounted) {
   EXPECT_EQ(column(workspace / "out/history.csv", "tool.0.force.y").back(), plane["force"][1].get<double>());
 }
 
+TEST(OtmRun, InSpaceToolsAreSurfacesOfFilesAndRoundBars) {
+  const Workspace workspace;
+  workspace.write("wedge.off",
+                  "OFF\n6 8 0\n-1 -1 -0.2\n2 -1 -0.2\n2 2 -0.2\n-1 2 -0.2\n0.5 0.5 -0.05\n0.5 0.5 -1\n3 0 1 4\n"
+                  "3 1 2 4\n3 2 3 4\n3 3 0 4\n3 1 0 5\n3 2 1 5\n3 3 2 5\n3 0 3 5\n");
+  const auto done = run(workspace, R"toml([geometry]
+shape = "box"
+parameters = { width = 1, depth = 1, height = 1 }
+mesh_size = 0.4
+[analysis]
+kind = "otm"
+[material]
+model = "neo_hookean"
+E = 1
+nu = 0.3
+density = 1
+[[tool]]
+shape = "surface"
+file = "wedge.off"
+velocity = [0, 0, 0.2]
+friction = 0.3
+[[tool]]
+shape = "cylinder"
+centre = [0.5, 0.5, 1.55]
+axis = [0, 1, 0]
+radius = 0.5
+mass = 2
+inertia = 0.25
+spin = [0, 0.5, 0]
+[time]
+end = 2
+)toml");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  const auto &wedge = result["tools"][0], &bar = result["tools"][1];
+  EXPECT_NEAR(wedge["centre"][2].get<double>(), 0.4, 1e-12);
+  EXPECT_GT(bar["impulse"][2].get<double>(), 0.01);
+  EXPECT_NEAR(2.0 * bar["velocity"][2].get<double>(), bar["impulse"][2].get<double>(), 1e-12);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(result["momentum"][i].get<double>(), -wedge["impulse"][i].get<double>(), 1e-12);
+  EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+}
+
 TEST(OtmRun, SolveIsTheSameAndHistoryDoesNotChangeSteps) {
   const Workspace one, other;
   ASSERT_EQ(run(one, rubber).status, 0);

@@ -68,6 +68,12 @@ template <int Dim> void expect_bounce(Otm<Dim>& otm, double until, double speed)
   EXPECT_NEAR(after.total(), before.total(), 0.01 * before.total());
 }
 
+/// Without friction springs give back what they took, but for what steps of finite length make of their ends.
+template <int Dim> void expect_given_back(const Otm<Dim>& otm) {
+  EXPECT_GE(otm.balance().contact, 0.0);
+  EXPECT_LT(otm.balance().contact, 3e-4 * otm.balance().total());
+}
+
 TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
   const FineMesh<2> disk = triangulate(shapes::annulus(0.05, 1.0, 0.15), {.size = 0.15});
   {
@@ -76,7 +82,7 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
     // Some of it goes on as vibration.
     EXPECT_NEAR(speed_of(otm, 0), -0.094, 0.002);
     EXPECT_NEAR(speed_of(otm, 1), 0.094, 0.002);
-    EXPECT_NEAR(otm.balance().contact, 0.0, 1e-12);
+    expect_given_back(otm);
   }
   double spin = 0.0;
   for (const double friction : {0.0, 0.3}) {
@@ -90,7 +96,7 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
     }
     if (friction == 0.0) {
       spin = moment;
-      EXPECT_NEAR(otm.balance().contact, 0.0, 1e-12);
+      expect_given_back(otm);
     } else {
       EXPECT_GT(std::abs(moment), 5.0 * std::abs(spin));
       EXPECT_GT(otm.balance().contact, 1e-4);
@@ -128,8 +134,9 @@ TEST(OtmContact, BalloonsBounce) {
 }
 
 /// Runs two bodies that seize, and expects that both momenta and the energy stay, and that surfaces do not cross by
-/// more than a third of the spacing. Says how fast each body moved in the mean over the second half.
-template <int Dim> std::array<double, 2> expect_that_they_seize(Otm<Dim>& otm, double until, double spacing) {
+/// more than half of the spacing. Says how fast each body moved in the mean over the second half.
+template <int Dim>
+std::array<double, 2> expect_that_they_seize(Otm<Dim>& otm, double until, double spacing, double energy = 0.01) {
   const auto before = otm.balance();
   const double scale = std::sqrt(2.0 * before.kinetic * otm.masses().sum());
   const double mass = otm.masses().sum();
@@ -147,12 +154,12 @@ template <int Dim> std::array<double, 2> expect_that_they_seize(Otm<Dim>& otm, d
     if (k == 20) from = {middle(0), middle(1)};
   }
   for (const Index body : {0, 1}) result[body] = (middle(body) - from[body]) / (0.5 * until);
-  EXPECT_LT(overlap, spacing / 3.0);
+  EXPECT_LT(overlap, 0.5 * spacing);
   const auto after = otm.balance();
   EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * scale);
   EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * scale);
   EXPECT_NEAR(otm.masses().sum(), mass, 1e-12 * mass);
-  EXPECT_NEAR(after.total(), before.total(), 0.01 * before.kinetic);
+  EXPECT_NEAR(after.total(), before.total(), energy * before.kinetic);
   EXPECT_LT(gap_between(otm), 0.5 * spacing);
   return result;
 }
@@ -208,13 +215,20 @@ TEST(OtmSeizing, DisksThatMeetOffTheirAxisTurnAsOne) {
   EXPECT_GT(std::abs(before[0] * now[1] - before[1] * now[0]), 0.3 * before.squaredNorm() * 0.1);
 }
 
+/// Functions change at once where they meet, half a step off: energy is off by the step.
 TEST(OtmSeizing, SolidsSeizeToo) {
   auto bodies = pair_of<3>(FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.34)), 0.55, 0.0, 0.1);
   for (auto& body : bodies) body.material = rubber_or_metal(true);
-  Otm<3> otm(bodies, {.contact = {.seizing = true}});
-  const auto speeds = expect_that_they_seize(otm, 20.0, 0.34);
-  EXPECT_NEAR(speeds[0], 0.0, 0.005);
-  EXPECT_NEAR(speeds[1], 0.0, 0.005);
+  const auto off = [&](double courant, double bound) {
+    Otm<3> otm(bodies, {.courant = courant, .contact = {.seizing = true}});
+    const auto before = otm.balance();
+    const auto speeds = expect_that_they_seize(otm, 16.0, 0.34, bound);
+    EXPECT_NEAR(speeds[0], 0.0, 0.005);
+    EXPECT_NEAR(speeds[1], 0.0, 0.005);
+    return std::abs(otm.balance().total() / before.total() - 1.0);
+  };
+  const double coarse = off(0.5, 0.04);
+  EXPECT_LT(off(0.25, 0.02), 0.7 * coarse);
 }
 
 TEST(OtmSeizing, GoesOnFromAStateBitwise) {

@@ -165,6 +165,30 @@ TEST(OtmErosion, ASphereGoesThroughAPlateAndBalancesClose) {
   EXPECT_LT(std::abs(end.momentum_error), 1e-11);
 }
 
+/// A fragment of a few squashed cells slides along the sphere: contact takes energy, and gives back no more.
+TEST(OtmErosion, FragmentsOfSquashedCellsGetNoEnergyFromContact) {
+  auto otm = bench::Perforation::bodies<2>(0.5e-3, 700.0, true, bench::Perforation::fracture());
+  const auto before = otm.balance();
+  const auto end = bench::Perforation::run(otm);
+  EXPECT_TRUE(end.through);
+  EXPECT_GT(end.speed, 500.0);
+  EXPECT_LT(end.speed, 650.0);
+  EXPECT_LT(std::abs(end.error), 0.01);
+  EXPECT_GE(otm.balance().contact, 0.0);
+  EXPECT_LT(otm.balance().contact, 0.1 * before.kinetic);
+}
+
+TEST(OtmErosion, ASphereThatBreaksGoesThroughAPlateInSpace) {
+  auto otm = bench::Perforation::bodies<3>(3e-3, 700.0, false, bench::Perforation::fracture());
+  const auto end = bench::Perforation::run(otm, 12e-6);
+  EXPECT_GT(end.speed, 500.0);
+  EXPECT_LT(end.speed, 680.0);
+  EXPECT_GT(otm.counts().eroded, 50);
+  EXPECT_LT(std::abs(end.error), 0.01);
+  EXPECT_LT(std::abs(end.mass_error), 1e-12);
+  EXPECT_LT(std::abs(end.momentum_error), 1e-11);
+}
+
 TEST(OtmErosion, GoesOnFromAStateBitwiseAndOnAnyNumberOfThreads) {
   const auto made = [] { return bench::Perforation::bodies<2>(1.25e-3, 600.0, true, bench::Perforation::fracture()); };
   auto otm = made(), other = made();

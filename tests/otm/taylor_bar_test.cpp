@@ -79,5 +79,23 @@ TEST(TaylorBar, AtThreeTimesTheSpeedNodesThatComeInCarryItToTheEnd) {
   }
 }
 
+/// Points next to the wall are squeezed while others of their unions grow; a shock of 25 GPa passes.
+TEST(TaylorBar, AtThreeTimesTheSpeedPointsNextToTheWallHoldInSpaceToo) {
+  for (const bool is_quarter : {false, true}) {
+    auto otm = is_quarter ? TaylorBar::bar<3>(TaylorBar::quarter(1.6e-3), 750.0, {.injection = 2.0}, true,
+                                              TaylorBar::copper(), true)
+                          : TaylorBar::bar<3>(TaylorBar::mesh<3>(2e-3), 750.0, {.injection = 2.0});
+    const auto before = otm.balance();
+    const double mass = otm.masses().sum();
+    otm.run(is_quarter ? 20e-6 : 3e-6);
+    EXPECT_NEAR(otm.balance().total(), before.total(), 0.005 * before.total());
+    EXPECT_NEAR(otm.masses().sum(), mass, 1e-12 * mass);
+    EXPECT_GT(otm.counts().injected, 20);
+    const Tensors F = otm.deformation();
+    for (Index p = 0; p < otm.num_points(); ++p)
+      EXPECT_GT(Eigen::Map<const Mat<3>>(F.col(p).data()).determinant(), 0.2);
+  }
+}
+
 }  // namespace
 }  // namespace efree

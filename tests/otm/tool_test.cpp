@@ -244,10 +244,11 @@ TEST(OtmTool, ABlockOnAnAcceleratedPlateSlidesWithMuTimesItsAcceleration) {
   const Vec<2> speed = otm.balance().momentum / otm.masses().sum();
   EXPECT_NEAR(speed[1], g * otm.time(), g);
   EXPECT_NEAR(speed[0], 0.3 - mu * g * otm.time(), mu * g);
-  EXPECT_NEAR(otm.balance().contact, 0.3 * mu * 2.0 * g * 20.0 - 0.5 * 2.0 * std::pow(mu * g * 20.0, 2), 2e-3);
+  EXPECT_NEAR(otm.balance().contact, 0.3 * mu * 2.0 * g * 20.0 - 0.5 * 2.0 * std::pow(mu * g * 20.0, 2), 3e-3);
 }
 
-/// And it goes with a plate that slides away with less than mu g, or sticks.
+/// And it goes with a plate that slides away with less than mu g, or sticks. While it bounces on the plate it slips now
+/// and then.
 TEST(OtmTool, ABlockGoesWithAPlateThatAcceleratesByLessThanFrictionBears) {
   const double g = 0.02, along = 0.002;
   for (const double friction : {0.25, std::numeric_limits<double>::infinity()}) {
@@ -258,7 +259,7 @@ TEST(OtmTool, ABlockGoesWithAPlateThatAcceleratesByLessThanFrictionBears) {
     const double start = otm.nodes().row(0).mean();
     otm.run(20.0);
     EXPECT_NEAR(otm.balance().momentum[0] / otm.masses().sum(), along * 20.0, 2.0 * along) << friction;
-    EXPECT_NEAR(otm.nodes().row(0).mean() - start, 0.5 * along * 400.0, 4.0 * along) << friction;
+    EXPECT_NEAR(otm.nodes().row(0).mean() - start, 0.5 * along * 400.0, 8.0 * along) << friction;
   }
 }
 
@@ -289,20 +290,22 @@ TEST(OtmTool, ARigidMassThatHitsABarIsSlowedDownAsSaintVenantSaysAndBounces) {
   EXPECT_GT(coarse / fine, 1.4) << coarse << " " << fine;
 }
 
-/// Contact radii of 4 and 8 spacings. The end of the half-space alone makes it stiffer by 4 / (3 pi 30) or so.
+/// Contact radii of 4 and 8 spacings. Where the half-space ends a point load would push it by 0.0058 of the depth, in
+/// the mean over axis and surface (Boussinesq 1885), so the force is larger by 1.5 times that.
 TEST(OtmTool, ABallThatIsPressedIntoAHalfSpaceFeelsTheForceOfHertz) {
   const auto off = [](Index cells) {
     const bench::Indentation::Answer answer = bench::Indentation::press(cells);
-    EXPECT_LT(std::abs(answer.energy), 0.01);
-    return answer.force - 1.0;
+    EXPECT_LT(std::abs(answer.energy), 1e-4);
+    return answer.force - 1.0087;
   };
   const double coarse = off(12), fine = off(24);
-  EXPECT_LT(std::abs(fine), 0.04) << coarse;
-  EXPECT_GT(coarse / fine, 1.5) << coarse << " " << fine;
-  EXPECT_LT(coarse / fine, 4.0) << coarse << " " << fine;
+  EXPECT_LT(std::abs(coarse), 0.02);
+  EXPECT_LT(std::abs(fine), 0.008);
+  EXPECT_LT(std::abs(fine), 0.7 * std::abs(coarse)) << coarse << " " << fine;
 }
 
-/// A cylinder of metal between plates: the mean pressure over the yield stress.
+/// A cylinder of metal between plates, pressed by a tenth so slowly that inertia takes 0.3 %: the mean pressure over
+/// the yield stress.
 double upsetting_pressure(double friction, double size) {
   const double R = 2.0, h = 1.0, yield = 1.0;
   const J2 metal({.moduli = {.E = 500.0, .nu = 0.3}, .yield = Hardening::linear(yield, 0.0), .strain = Strain::finite});
@@ -314,12 +317,12 @@ double upsetting_pressure(double friction, double size) {
   for (const double side : {-1.0, 1.0})
     otm.add_tool({.shape = tools::half_space<2>(-side * Vec<2>::Unit(1), side > 0.0 ? -h : 0.0),
                   .friction = friction,
-                  .velocity = [=](double t) { return Vec<2>(0.0, -side * 0.05 * std::min(1.0, t)); }});
-  otm.run(1.5);
+                  .velocity = [=](double t) { return Vec<2>(0.0, -side * 0.025 * std::min(1.0, t)); }});
+  otm.run(2.5);
   const Vec<2> before = otm.tools()[1].impulse;
   const double start = otm.time(), height = otm.tools()[1].centre[1] - otm.tools()[0].centre[1] + h;
   EXPECT_NEAR(height, 0.9, 1e-6);
-  otm.run(1.7);
+  otm.run(2.9);
   const double force = (otm.tools()[1].impulse - before)[1] / (otm.time() - start);
   const double radius2 = R * R * h / (height - 0.01);
   const auto now = otm.balance();
