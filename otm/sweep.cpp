@@ -92,9 +92,14 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   thread_local std::vector<Mat<3>> before;
-  before = chunk.since;
-  chunk.squeeze = 0.0;
-  for (Index p = 0; p < n; ++p) place(chunk, p);
+  thread_local std::vector<double> size;  // of points a step ago, since their functions were made
+  if (viscous_shocks) before = chunk.since;
+  size.resize(static_cast<std::size_t>(n));
+  for (Index p = 0; p < n; ++p) {
+    size[p] = chunk.since[p].determinant();
+    place(chunk, p);
+  }
+  double shrunk = 1.0;
   otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {
     if (chunk.is_eroded(p)) continue;
@@ -121,12 +126,12 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
                       "strains: take one for finite strains",
                       time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
-    if (dt > 0.0)
-      chunk.squeeze = std::max(chunk.squeeze, std::log(before[p].determinant() / chunk.since[p].determinant()) / dt);
+    shrunk = std::max(shrunk, size[p] / chunk.since[p].determinant());
     const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
   }
+  chunk.squeeze = dt > 0.0 ? std::log(shrunk) / dt : 0.0;
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
   if (worst <= options.renewal) chunk.worn.clear();
   if (shared && dt > 0.0) {
