@@ -92,11 +92,11 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   thread_local std::vector<Mat<3>> before;
-  thread_local std::vector<double> size;  // of points a step ago, since their functions were made
+  thread_local std::vector<double> sizes;  // of points a step ago, since their functions were made
   if (viscous_shocks) before = chunk.since;
-  size.resize(static_cast<std::size_t>(n));
+  sizes.resize(static_cast<std::size_t>(n));
   for (Index p = 0; p < n; ++p) {
-    size[p] = chunk.since[p].determinant();
+    sizes[p] = chunk.since[p].determinant();
     place(chunk, p);
   }
   double shrunk = 1.0;
@@ -126,7 +126,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
                       "strains: take one for finite strains",
                       time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
-    shrunk = std::max(shrunk, size[p] / chunk.since[p].determinant());
+    shrunk = std::max(shrunk, sizes[p] / chunk.since[p].determinant());
     const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
