@@ -13,9 +13,9 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/materials/hyperelastic.hpp"
 
 #include "clock.hpp"
+#include "elastic_block.hpp"
 #include "indentation.hpp"
 #include "taylor_bar.hpp"
 
@@ -26,7 +26,6 @@
 #include <cstring>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -159,19 +158,6 @@ void chart(std::vector<double> sizes) {
       }
 }
 
-/// A block of rubber, length x 1 (x 1).
-template <int Dim> OtmBody<Dim> block(double length, double size, double nu) {
-  const auto mesh = [&]() -> FineMesh<Dim> {
-    if constexpr (Dim == 2)
-      return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
-    else
-      return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
-  }();
-  OtmBody<Dim> body = otm_body(mesh, NeoHookean({.E = 1.0, .nu = nu}), 1.0);
-  body.velocity.setZero(Dim, body.nodes.cols());
-  return body;
-}
-
 /// Momenta of a body, in sums that do not round, and what they are measured by.
 template <int Dim> struct Momenta {
   std::array<long double, 3> linear{}, centre{}, angular{}, about_origin{};  ///< angular: about the centre of mass
@@ -219,7 +205,8 @@ template <int Dim> void momenta(double size, double steps, const OtmOptions& opt
   };
   for (const auto& [name, speed, spin] :
        {Case{"vibrates", 0.0, 0.0}, Case{"flies", 0.3, 0.0}, Case{"spins", 0.1, 0.1}}) {
-    OtmBody<Dim> body = block<Dim>(2.0, size, 0.3);
+    OtmBody<Dim> body = otm_body(bench::block<Dim>(2.0, size), bench::soft(), 1.0);
+    body.velocity.setZero(Dim, body.nodes.cols());
     for (Index a = 0; a < body.nodes.cols(); ++a) {
       const auto x = body.nodes.col(a);
       body.velocity(0, a) = speed - spin * (x[1] - 0.5) + 0.02 * std::sin(2.0 * x[0]);
@@ -248,36 +235,13 @@ template <int Dim> void momenta(double size, double steps, const OtmOptions& opt
   }
 }
 
-/// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
-template <int Dim> double frequency_error(const OtmBody<Dim>& at_rest, double length, const OtmOptions& options) {
-  OtmBody<Dim> body = at_rest;
-  for (Index a = 0; a < body.nodes.cols(); ++a)
-    body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
-  const Points<Dim> shape = body.velocity;
-  body.velocity *= 1e-4;
-  Otm<Dim> otm({body}, options);
-  // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
-  double last = 1.0, last_time = 0.0, crossing = 0.0;
-  for (int crossings = 0; crossings < 8;) {
-    const double dt = otm.step(), time = otm.time() - 0.5 * dt;
-    const double now = (otm.velocities().cwiseProduct(shape) * otm.masses().asDiagonal()).sum();
-    if (now * last < 0.0) {
-      ++crossings;
-      crossing = last_time + (time - last_time) * last / (last - now);
-    }
-    last = now;
-    last_time = time;
-  }
-  return 2.0 * length / (crossing / 3.75) - 1.0;
-}
-
 template <int Dim> void bar(double size, const OtmOptions& options) {
   const double begin = bench::cpu_seconds();
-  const OtmBody<Dim> body = block<Dim>(4.0, size, 0.0);
+  const OtmBody<Dim> body = otm_body(bench::block<Dim>(4.0, size), bench::soft(0.0), 1.0);
   const double meshed = bench::cpu_seconds();
   const Otm<Dim> otm({body}, options);
   const double made = bench::cpu_seconds();
-  const double error = frequency_error(body, 4.0, options);
+  const double error = bench::frequency_error(body, 4.0, options);
   std::printf("size %g, %d nodes, %d points, set up in %.3f s, first step %.4g: frequency %.4f %% off (%.2f s)\n", size,
               otm.num_nodes(), otm.num_points(), made - meshed, otm.stable_step(), 100.0 * error,
               bench::cpu_seconds() - begin);

@@ -339,14 +339,20 @@ TEST(OtmRun, PointsThatBreakAreCountedAndTheirEnergyIsToo) {
   EXPECT_EQ(column(workspace / "out/history.csv", "fracture").back(), result["energy"]["fracture"].get<double>());
 }
 
+/// two.geo: a unit square "one" at the origin and another, "two", that begins at x.
+void write_two_squares(const Workspace& workspace, double x) {
+  workspace.write("two.geo", fmt::format(R"(SetFactory("OpenCASCADE");
+Rectangle(1) = {{0, 0, 0, 1, 1}};
+Rectangle(2) = {{{}, 0, 0, 1, 1}};
+Physical Surface("one") = {{1}};
+Physical Surface("two") = {{2}};
+)",
+                                         x));
+}
+
 TEST(OtmRun, RegionsAreBodiesOfTheirOwn) {
   const Workspace workspace;
-  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
-Rectangle(1) = {0, 0, 0, 1, 1};
-Rectangle(2) = {3, 0, 0, 1, 1};
-Physical Surface("one") = {1};
-Physical Surface("two") = {2};
-)");
+  write_two_squares(workspace, 3);
   const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
   const auto done = run(workspace,
                         "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.3\n[analysis]\nkind = \"otm\"\n"
@@ -365,12 +371,7 @@ Physical Surface("two") = {2};
 
 TEST(OtmRun, BodiesThatMeetPushEachOtherAndMassVariesAsTheCaseSays) {
   const Workspace workspace;
-  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
-Rectangle(1) = {0, 0, 0, 1, 1};
-Rectangle(2) = {1.1, 0, 0, 1, 1};
-Physical Surface("one") = {1};
-Physical Surface("two") = {2};
-)");
+  write_two_squares(workspace, 1.1);
   const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
   const auto done =
       run(workspace,
@@ -389,12 +390,7 @@ Physical Surface("two") = {2};
 
 TEST(OtmRun, BodiesThatSeizeMoveOnAsOne) {
   const Workspace workspace;
-  workspace.write("two.geo", R"(SetFactory("OpenCASCADE");
-Rectangle(1) = {0, 0, 0, 1, 1};
-Rectangle(2) = {1.1, 0, 0, 1, 1};
-Physical Surface("one") = {1};
-Physical Surface("two") = {2};
-)");
+  write_two_squares(workspace, 1.1);
   const std::string material = "density = 1\nmodel = \"j2\"\nE = 1\nnu = 0.3\nyield = 0.02\n";
   const auto done =
       run(workspace,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Bodies in motion on coarse clouds: masses by a series, walls that act on the fine surface.
+#include "efree/bench/elastic_block.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
@@ -20,19 +21,10 @@
 namespace efree {
 namespace {
 
+using bench::block;
+using bench::soft;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-
-SharedMaterial soft(double nu = 0.3) {
-  return NeoHookean({.E = 1.0, .nu = nu});
-}
-
-template <int Dim> FineMesh<Dim> block(double length, double size) {
-  if constexpr (Dim == 2)
-    return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
-  else
-    return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
-}
 
 template <int Dim> OtmBody<Dim> on_cloud(double length, double spacing, const SharedMaterial& material) {
   return otm_body(approximate(block<Dim>(length, spacing / 3.0), {.spacing = spacing, .support = otm_support}),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/otm/otm.hpp"
 
+#include "efree/bench/elastic_block.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
@@ -22,19 +23,11 @@
 namespace efree {
 namespace {
 
+using bench::block;
+using bench::frequency_error;
+using bench::soft;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-
-SharedMaterial soft(double nu = 0.3) {
-  return NeoHookean({.E = 1.0, .nu = nu});
-}
-
-template <int Dim> FineMesh<Dim> block(double length, double size) {
-  if constexpr (Dim == 2)
-    return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
-  else
-    return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
-}
 
 template <class T> class OtmBlock : public testing::Test {};
 using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
@@ -201,30 +194,6 @@ FineMesh<2> lattice(double length, double size) {
       }
     }
   return FineMesh<2>(std::move(mesh));
-}
-
-/// Free vibration of a bar with free ends, u = cos(pi x / L): its frequency over pi c / L, less one.
-template <int Dim> double frequency_error(OtmBody<Dim> body, double length, const OtmOptions& options = {}) {
-  body.velocity.setZero(Dim, body.nodes.cols());
-  for (Index a = 0; a < body.nodes.cols(); ++a)
-    body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
-  const Points<Dim> shape = body.velocity;
-  body.velocity *= 1e-4;
-  Otm<Dim> otm({body}, options);
-  // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
-  double last = 1.0, last_time = 0.0, crossing = 0.0;
-  for (int crossings = 0; crossings < 8;) {
-    const double dt = otm.step();
-    const double time = otm.time() - 0.5 * dt;
-    const double now = (otm.velocities().cwiseProduct(shape) * otm.masses().asDiagonal()).sum();
-    if (now * last < 0.0) {
-      ++crossings;
-      crossing = last_time + (time - last_time) * last / (last - now);
-    }
-    last = now;
-    last_time = time;
-  }
-  return 2.0 * length / (crossing / 3.75) - 1.0;
 }
 
 TEST(OtmBar, FrequencyOfABarConvergesWithOrderTwo) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Rigid tools: shapes, momentum, energy, and closed forms of what they do to bodies.
+#include "efree/bench/elastic_block.hpp"
 #include "efree/bench/indentation.hpp"
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
@@ -17,19 +18,10 @@
 namespace efree {
 namespace {
 
+using bench::block;
+using bench::soft;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-
-SharedMaterial soft(double nu = 0.3) {
-  return NeoHookean({.E = 1.0, .nu = nu});
-}
-
-template <int Dim> FineMesh<Dim> block(double length, double size) {
-  if constexpr (Dim == 2)
-    return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size});
-  else
-    return FineMesh<3>(solids::box({length, 1.0, 1.0}, size));
-}
 
 template <int Dim> OtmBody<Dim> thrown(const FineMesh<Dim>& mesh, const Vec<Dim>& velocity, double nu = 0.3) {
   OtmBody<Dim> body = otm_body(mesh, soft(nu), 1.0);
@@ -39,16 +31,6 @@ template <int Dim> OtmBody<Dim> thrown(const FineMesh<Dim>& mesh, const Vec<Dim>
 
 template <int Dim> std::function<Vec<Dim>(double)> always(const Vec<Dim>& velocity) {
   return [velocity](double) { return velocity; };
-}
-
-/// A regular polygon about the origin with its middles of edges at that radius.
-ToolShape<2> round_polygon(double radius, int corners) {
-  Points<2> at(2, corners);
-  for (int k = 0; k < corners; ++k) {
-    const double angle = 2.0 * std::numbers::pi * (k + 0.5) / corners;
-    at.col(k) = radius / std::cos(std::numbers::pi / corners) * Vec<2>(std::cos(angle), std::sin(angle));
-  }
-  return tools::solid<2>(at, tools::polygon(corners));
 }
 
 TEST(ToolShapes, GapsAreSignedDistancesAndNormalsTheirGradients) {
@@ -149,7 +131,7 @@ Points<2> gear() {
   return corners;
 }
 template <int Dim> OtmTool<Dim> turning() {
-  OtmTool<Dim> tool{.friction = 0.3, .velocity = always<Dim>(-0.15 * Vec<Dim>::Unit(1))};
+  OtmTool<Dim> tool{.shape = {}, .friction = 0.3, .velocity = always<Dim>(-0.15 * Vec<Dim>::Unit(1))};
   if constexpr (Dim == 2) {
     tool.shape = tools::solid<2>(gear(), tools::polygon(8));
     tool.centre = Vec<2>(1.5, 1.6);
