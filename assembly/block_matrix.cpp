@@ -61,17 +61,13 @@ template <int Dim> void BlockMatrix<Dim>::multiply(const Eightfold<Dim>& x, Eigh
 
 template <int Dim>
 void BlockMatrix<Dim>::multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const {
-  if (x.size() >= worth_packing) {
-    const std::size_t count = std::min<std::size_t>(x.size(), 8);
-    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(x.data(), count));
-    Eightfold<Dim> to(size());
-    multiply(from, to);
-    to.unpack(std::span<Points<Dim>* const>(y.data(), count));
-    if (count < x.size())
-      multiply(std::vector(x.begin() + static_cast<std::ptrdiff_t>(count), x.end()),
-               std::vector(y.begin() + static_cast<std::ptrdiff_t>(count), y.end()));
-    return;
-  }
+  in_eights<Dim>(
+      x, y, [&](const Eightfold<Dim>& from, Eightfold<Dim>& to) { multiply(from, to); },
+      [&](const auto& from, const auto& to) { multiply_few(from, to); });
+}
+
+template <int Dim> void BlockMatrix<Dim>::multiply_few(const std::vector<const Points<Dim>*>& x,
+                                                       const std::vector<Points<Dim>*>& y) const {
   for (Points<Dim>* one : y) one->resize(Dim, size());
   for_few(x.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
     using Column = Eigen::Map<Vec<Dim>>;

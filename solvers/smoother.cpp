@@ -176,17 +176,14 @@ void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Eightfold
 template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree,
                                              const std::vector<const Points<Dim>*>& r,
                                              const std::vector<Points<Dim>*>& z) const {
-  if (r.size() >= worth_packing) {
-    const std::size_t count = std::min<std::size_t>(r.size(), 8);
-    const Eightfold<Dim> from(std::span<const Points<Dim>* const>(r.data(), count));
-    Eightfold<Dim> to(K.size());
-    apply(K, degree, from, to);
-    to.unpack(std::span<Points<Dim>* const>(z.data(), count));
-    if (count < r.size())
-      apply(K, degree, std::vector(r.begin() + static_cast<std::ptrdiff_t>(count), r.end()),
-            std::vector(z.begin() + static_cast<std::ptrdiff_t>(count), z.end()));
-    return;
-  }
+  in_eights<Dim>(
+      r, z, [&](const Eightfold<Dim>& from, Eightfold<Dim>& to) { apply(K, degree, from, to); },
+      [&](const auto& from, const auto& to) { apply_to_few(K, degree, from, to); });
+}
+
+template <int Dim> void Smoother<Dim>::apply_to_few(const BlockMatrix<Dim>& K, int degree,
+                                                    const std::vector<const Points<Dim>*>& r,
+                                                    const std::vector<Points<Dim>*>& z) const {
   const double lower = lower_share(degree);
   const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
   const std::size_t count = r.size();

@@ -64,6 +64,8 @@ template <int Dim> struct BlockMatrix {
   /// The same for several, none of which is another one's product; as one by one but for rounding.
   void multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
   void multiply(const Eightfold<Dim>& x, Eightfold<Dim>& y) const;
+  /// Of fewer than are worth packing.
+  void multiply_few(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
   /// Those of a chunk as kernels see them.
   BlockRows rows_of(Index chunk) const {
     const Chunk& of = chunks[chunk];

@@ -4,8 +4,11 @@
 
 #include "efree/core/types.hpp"
 
+#include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <span>
+#include <vector>
 
 namespace efree {
 
@@ -33,6 +36,24 @@ template <int Dim> class Eightfold {
   Index nodes_;
   std::unique_ptr<double[]> values_;
 };
+
+/// Makes y of x: side by side, by packed(from, to), as long as there are enough of them, and the rest by few(x, y).
+template <int Dim, class Packed, class Few> void in_eights(const std::vector<const Points<Dim>*>& x,
+                                                           const std::vector<Points<Dim>*>& y, const Packed& packed,
+                                                           const Few& few) {
+  std::size_t done = 0;
+  while (x.size() - done >= worth_packing) {
+    const std::size_t count = std::min<std::size_t>(x.size() - done, 8);
+    const auto given = std::span(x).subspan(done, count);
+    const Eightfold<Dim> from(given);
+    Eightfold<Dim> to(from.nodes());
+    packed(from, to);
+    to.unpack(std::span(y).subspan(done, count));
+    done += count;
+  }
+  const auto rest = static_cast<std::ptrdiff_t>(done);
+  if (done < x.size()) few(std::vector(x.begin() + rest, x.end()), std::vector(y.begin() + rest, y.end()));
+}
 
 /// Rows of a chunk of a BlockMatrix as the kernels see them.
 struct BlockRows {

@@ -26,6 +26,8 @@ template <int Dim> class Smoother {
 
  private:
   void apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r, Eightfold<Dim>& z) const;
+  void apply_to_few(const BlockMatrix<Dim>& K, int degree, const std::vector<const Points<Dim>*>& r,
+                    const std::vector<Points<Dim>*>& z) const;
   void sweep(const BlockMatrix<Dim>& K, const Eightfold<Dim>& r, Eightfold<Dim>& z) const;
   void sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,
              const std::vector<Points<Dim>*>& z) const;
