@@ -32,15 +32,17 @@ inline std::vector<double> graded_line(double first, double last, double dense, 
 }
 /// Name of a part by the middle of an edge of the boundary.
 using NameOfPart = std::function<std::string(const Vec<2>&)>;
-/// The grid of these lines, every rectangle cut in two, in turn one way and the other.
-inline FineMesh<2> grid(const std::vector<double>& x, const std::vector<double>& y, const NameOfPart& name) {
+/// The grid of these lines, every rectangle cut in two, in turn one way and the other, and its vertices placed.
+inline FineMesh<2> grid(
+    const std::vector<double>& x, const std::vector<double>& y, const NameOfPart& name,
+    const std::function<Vec<2>(const Vec<2>&)>& placed = [](const Vec<2>& at) { return at; }) {
   const Index nx = static_cast<Index>(x.size()), ny = static_cast<Index>(y.size());
   MeshData<2> data;
   data.vertices.resize(2, nx * ny);
   data.cells.resize(3, 2 * (nx - 1) * (ny - 1));
   const auto vertex = [&](Index i, Index j) { return i + nx * j; };
   for (Index j = 0; j < ny; ++j)
-    for (Index i = 0; i < nx; ++i) data.vertices.col(vertex(i, j)) << x[i], y[j];
+    for (Index i = 0; i < nx; ++i) data.vertices.col(vertex(i, j)) = placed({x[i], y[j]});
   Index cell = 0;
   for (Index j = 0; j + 1 < ny; ++j)
     for (Index i = 0; i + 1 < nx; ++i) {

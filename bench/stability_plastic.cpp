@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Where plastic, softening and strongly deformed bodies break methods, case by case (docs/stability.md).
 //
-//   bench_stability_plastic CASE [DIRECTORY]
+//   bench_stability_plastic CASE [DIRECTORY] [FUNCTIONS]
 //
 // unload    a thick sphere is loaded past yield and unloaded: residual stress
 // bend      a bar is bent past yield and let go: moment, residual stress
@@ -9,9 +9,10 @@
 // limit     strip footing, notched strip: limit load and what comes after
 // wall      thick tube and sphere: the whole load path
 // large     rubber and metal at large strains: how far methods come
+// neck      the necking bar with functions that are dense where it necks
 // tear      a strip that softens, torn: dissipated energy over the spacing of the cloud
 //
-// Prints a table; a DIRECTORY gets the paths as CSV.
+// Prints a table; a DIRECTORY gets the paths as CSV (none: ""). FUNCTIONS: only those whose name contains this.
 #include "clock.hpp"
 #include "large_strains.hpp"
 #include "plastic_limits.hpp"
@@ -40,6 +41,11 @@ struct Method {
   std::string name;
   ApproximationOptions options;
 };
+/// Part of the names of those that are wanted.
+std::string wanted;
+bool left_out(const Method& method) {
+  return method.name.find(wanted) == std::string::npos;
+}
 Method cloud(double spacing) {
   return {fmt::format("cloud H={:g}", spacing), {.spacing = spacing}};
 }
@@ -110,6 +116,7 @@ template <int Dim> Vec<2> around_centre(const Voigt<Dim>& stress, const Vec<Dim>
 }
 
 template <int Dim> void unload_one(const Method& method, Wall wall, double size, Lines& lines) {
+  if (left_out(method)) return;
   const Metal metal;
   const double most = 0.8 * sphere_limit(metal);
   const FineMesh<Dim> mesh = mesh_of<Dim>(wall, size);
@@ -146,6 +153,7 @@ template <int Dim> void unload_one(const Method& method, Wall wall, double size,
   fmt::print("| {} | {} | {} | {:.2f} | {:+.2f} | {:.2f} | {:+.2f} | {:.1f} |\n",
              Dim == 3 ? "in space" : "of revolution", method.name, result.approximation.nodes.cols(),
              100.0 * std::sqrt(error / size_of), 100.0 * mean / area, 100.0 * worst, 100.0 * moved / area, seconds);
+  std::fflush(stdout);
 }
 void unload(const std::filesystem::path& directory) {
   Lines lines(directory, "unload", "method,r,radial,hoop,exact_radial,exact_hoop");
@@ -156,11 +164,14 @@ void unload(const std::filesystem::path& directory) {
   for (const double H : {0.1, 1.0 / 15.0, 0.05})
     for (const Method& method : {cloud(H), on_linear(H), pointwise(H)})
       unload_one<2>(method, Wall::sphere_of_revolution, H / 4.0, lines);
+  for (const double H : {0.033, 0.025, 0.02, 0.0165})
+    unload_one<2>(cloud(H), Wall::sphere_of_revolution, H / 4.0, lines);
   unload_one<2>(elements(BasisKind::p2, 0.1), Wall::sphere_of_revolution, 0.1, lines);
   unload_one<3>(cloud(0.2), Wall::sphere_in_space, 0.1, lines);
 }
 
 template <int Dim> void cycle_one(const Method& method, Wall wall, double size, Lines& lines) {
+  if (left_out(method)) return;
   const Metal metal{.kinematic = 20.0};
   const double u = 0.008;
   const auto bore = zigzag({u, -u, u, -u, u});
@@ -213,6 +224,7 @@ void bend(const std::filesystem::path& directory) {
       "largest | CPU s |\n|---|---|---|---|---|---|\n");
   const BentBar bar;
   const auto one = [&](const Method& method, double size) {
+    if (left_out(method)) return;
     const FineMesh<2> mesh = bar.mesh(size);
     const auto [result, seconds] = run<2>(mesh, bar.settings(method.options));
     double moment = 0.0;
@@ -235,11 +247,13 @@ void bend(const std::filesystem::path& directory) {
   };
   for (const double H : {0.1, 1.0 / 15.0, 0.05})
     for (const Method& method : {cloud(H), on_linear(H)}) one(method, H / 4.0);
+  for (const double H : {0.033, 0.025}) one(cloud(H), H / 4.0);
   one(elements(BasisKind::p2, 0.1), 0.1);
 }
 
 using MakeLimit = LimitCase (*)(const ApproximationOptions&, const Resolution&);
 void limit_one(const char* body, const Method& method, MakeLimit make, const Resolution& resolution, Lines& lines) {
+  if (left_out(method)) return;
   LimitCase body_at_limit = make(method.options, resolution);
   body_at_limit.settings.time->path.max_steps = 100;  // of elements it takes many at the limit
   const auto [result, seconds] = run<2>(body_at_limit.mesh, body_at_limit.settings);
@@ -283,6 +297,7 @@ void limit(const std::filesystem::path& directory) {
 
 template <int Dim>
 void wall_one(const char* name, Wall wall, const Metal& metal, const Method& method, double size, Lines& lines) {
+  if (left_out(method)) return;
   const double u = is_sphere(wall) ? 0.015 : 0.006;
   const FineMesh<Dim> mesh = mesh_of<Dim>(wall, size);
   const auto [result, seconds] =
@@ -334,13 +349,15 @@ void wall(const std::filesystem::path& directory) {
   wall_one<3>("sphere in space", Wall::sphere_in_space, metal, cloud(0.2), 0.1, lines);
 }
 
-void large_one(const LargeCase& body, const Method& method, double size, Lines& lines) {
+void large_one(const LargeCase& body, const Method& method, const FineMesh<2>& mesh, Lines& lines,
+               Index max_steps = 400) {
+  if (left_out(method)) return;
   Settings<2> settings = body.settings;
   settings.approximation = method.options;
-  settings.time->path.max_steps = 400;
+  settings.time->path.max_steps = max_steps;
   const double start = cpu_seconds();
   try {
-    const auto [result, seconds] = run<2>(triangulate(body.domain, {.size = size}), settings);
+    const auto [result, seconds] = run<2>(mesh, settings);
     double least = 1.0, half = 0.0;
     for (const auto& step : result.history) {
       least = std::min(least, step.smallest_jacobian);
@@ -359,21 +376,58 @@ void large_one(const LargeCase& body, const Method& method, double size, Lines& 
   }
   std::fflush(stdout);
 }
-void large(const std::filesystem::path& directory) {
-  Lines lines(directory, "large", "body,method,t,force,stored,dissipated");
+void head_of_large() {
   fmt::print(
       "| body | functions | nodes | comes to t | force (Cook: displacement) on the way | at the end | energy | "
       "probe, x | least J | steps | CPU s |\n|---|---|---|---|---|---|---|---|---|---|---|\n");
+}
+void large(const std::filesystem::path& directory) {
+  Lines lines(directory, "large", "body,method,t,force,stored,dissipated");
+  head_of_large();
   const auto all = [&](const LargeCase& body, double H) {
-    for (const double h : {H, 0.5 * H}) large_one(body, cloud(h), h / 3.0, lines);
-    for (const double h : {0.5 * H, 0.25 * H}) large_one(body, elements(BasisKind::p2, h), h, lines);
-    large_one(body, elements(BasisKind::p1, 0.25 * H), 0.25 * H, lines);
+    const auto one = [&](const Method& method, double size) {
+      large_one(body, method, triangulate(body.domain, {.size = size}), lines);
+    };
+    for (const double h : {H, 0.5 * H}) one(cloud(h), h / 3.0);
+    for (const double h : {0.5 * H, 0.25 * H}) one(elements(BasisKind::p2, h), h);
+    one(elements(BasisKind::p1, 0.25 * H), 0.25 * H);
   };
   all(pressed_block(), 0.2);
   all(pulled_square(), 0.2);
   all(bent_to_circle(), 0.4);
   all(necking_bar(), 1.6);
   all(cook_rubber(), 5.0);
+}
+
+/// The necking bar with clouds and elements that are dense where it necks.
+void neck(const std::filesystem::path& directory) {
+  Lines lines(directory, "neck", "body,method,t,force,stored,dissipated");
+  head_of_large();
+  const LargeCase body = necking_bar();
+  const auto& side = body.domain.boundary[1].points;  // from the neck to the end
+  const auto mesh = [&](double least, double most) {
+    const double R = side[0].x(), end = side[1].y();
+    std::vector<double> x;
+    const int columns = static_cast<int>(std::ceil(R / least));
+    for (int i = 0; i <= columns; ++i) x.push_back(R * i / columns);
+    const NameOfPart name = [=](const Vec<2>& at) -> std::string {
+      if (at[1] < 1e-9) return "bottom";
+      return at[1] > end - 1e-9 ? "top" : at[0] < 1e-9 ? "axis" : "side";
+    };
+    return grid(x, graded_line(0.0, end, 0.0, least, most), name, [&](const Vec<2>& at) -> Vec<2> {
+      return {at[0] * (1.0 + (side[1].x() / R - 1.0) * at[1] / end), at[1]};
+    });
+  };
+  for (const double H : {0.8, 0.4, 0.25}) {
+    Method method{fmt::format("cloud H={:g} at the neck", H), {.spacing = 1.6}};
+    method.options.grading.boxes = {{{0.0, 0.0}, {6.5, 3.5}, H}};
+    large_one(body, method, mesh(H / 4.0, 0.4), lines, 1500);
+  }
+  for (const double h : {0.8, 0.4, 0.2}) {
+    Method method = elements(BasisKind::p2, h);
+    method.name += " at the neck";
+    large_one(body, method, mesh(h, 3.0 * h), lines, 1500);
+  }
 }
 
 /// A strip in plane strain with a soft middle, drawn apart: what it dissipates over G_c times its section. The width of
@@ -425,11 +479,12 @@ void tear(const std::filesystem::path& directory) {
 int main(int argc, char** argv) {
   const std::map<std::string, void (*)(const std::filesystem::path&)> cases{
       {"unload", unload}, {"bend", bend},   {"cycle", cycle}, {"limit", limit},
-      {"wall", wall},     {"large", large}, {"tear", tear}};
+      {"wall", wall},     {"large", large}, {"neck", neck},   {"tear", tear}};
   const auto found = argc > 1 ? cases.find(argv[1]) : cases.end();
   if (found == cases.end()) {
-    fmt::print(stderr, "expected a case: unload, bend, cycle, limit, wall, large, tear\n");
+    fmt::print(stderr, "expected a case: unload, bend, cycle, limit, wall, large, neck, tear\n");
     return 2;
   }
+  if (argc > 3) wanted = argv[3];
   found->second(argc > 2 ? argv[2] : "");
 }

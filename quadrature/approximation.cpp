@@ -10,7 +10,11 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
 #include <numeric>
+#include <queue>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -189,20 +193,94 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
 /// Unions that carry the volumetric part: few enough not to lock.
 constexpr double unions_per_node = 0.5;
 
+/// How many nodes each union holds: integrals of their functions over it, as shares of those over the body.
+template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& union_of, Index unions) {
+  Vector whole = Vector::Zero(points.shape.num_nodes()), held = Vector::Zero(unions);
+  const auto for_each = [&](const auto& visit) {
+    for (Index K = 0; K < points.size(); ++K) {
+      const auto row = points.shape.row(K);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) visit(K, row.nodes[k], points.weights[K] * row.N[k]);
+    }
+  };
+  for_each([&](Index, Index I, double part) { whole[I] += part; });
+  for_each([&](Index K, Index I, double part) {
+    if (whole[I] > 0.0) held[union_of[K]] += part / whole[I];
+  });
+  return held;
+}
+
+/// Merges unions that hold less than one node, the smallest first, with the neighbour that they share most of their
+/// surface with. Seeds on the boundary, in corners above all, get such unions, whose pressures too few displacements
+/// work on: the smallest inf-sup value of a cloud is theirs.
+template <int Dim>
+void merge_small(const FineMesh<Dim>& mesh, const SecondaryBasis<Dim>& secondary, Approximation<Dim>& result) {
+  constexpr double fewest = 1.0;
+  auto& union_of = result.union_of;
+  const Index unions = 1 + *std::ranges::max_element(union_of);
+  Vector held = nodes_held(result.quadrature, union_of, unions);
+  const auto per_cell = static_cast<Index>(secondary.rule.weights.size());
+  const auto union_at = [&](Index c) {
+    return union_of[secondary.in_cells.innerIndexPtr()[secondary.in_cells.outerIndexPtr()[c * per_cell]]];
+  };
+  std::vector<std::map<Index, double>> shared(unions);  // about the surface between two of them
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int i = 0; i <= Dim; ++i) {
+      const Index other = mesh.neighbour(i, c);
+      if (other < 0 || mesh.region(other) != mesh.region(c)) continue;
+      const Index a = union_at(c), b = union_at(other);
+      if (a == b) continue;
+      const double facet = std::pow(mesh.volume(c), (Dim - 1.0) / Dim);
+      shared[a][b] += facet;
+      shared[b][a] += facet;
+    }
+
+  std::vector<Index> into(unions);
+  std::iota(into.begin(), into.end(), 0);
+  using Small = std::pair<double, Index>;
+  std::priority_queue<Small, std::vector<Small>, std::greater<>> small;
+  for (Index g = 0; g < unions; ++g)
+    if (held[g] < fewest) small.emplace(held[g], g);
+  while (!small.empty()) {
+    const auto [then, g] = small.top();
+    small.pop();
+    if (into[g] != g || held[g] != then || shared[g].empty()) continue;
+    const Index to = std::ranges::max_element(shared[g], {}, [](const auto& other) { return other.second; })->first;
+    into[g] = to;
+    held[to] += held[g];
+    if (held[to] < fewest) small.emplace(held[to], to);
+    for (const auto& [other, surface] : shared[g]) {
+      shared[other].erase(g);
+      if (other == to) continue;
+      shared[other][to] += surface;
+      shared[to][other] += surface;
+    }
+    shared[g].clear();
+  }
+
+  std::vector<Index> number(unions, -1);
+  Index left = 0;
+  for (Index& g : union_of) {
+    while (into[g] != g) g = into[g];
+    if (number[g] < 0) number[g] = left++;
+    g = number[g];
+  }
+}
+
 /// Joins quadrature points, each of a cluster around one of these vertices, into unions around the nearest seeds;
 /// where there are no seeds, those of the same cluster.
 template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
-                                    const std::vector<Index>& vertices, Approximation<Dim>& result) {
+                                    const SecondaryBasis<Dim>& secondary, Approximation<Dim>& result) {
   NearestSource owner;
   if (seeds.size() > 0) owner = nearest_source(mesh, seeds.vertices);
   std::vector<Index> renumbered(mesh.num_vertices(), -1);
   Index unions = 0;
-  for (const Index v : vertices) {
+  for (const Index v : secondary.vertices) {
     Index& number = renumbered[seeds.size() > 0 ? seeds.vertices[owner.source[v]] : v];
     if (number < 0) number = unions++;
     result.union_of.push_back(number);
   }
-  result.dilatation = merge(result.quadrature, result.union_of, unions);
+  if (seeds.size() > 0) merge_small(mesh, secondary, result);
+  result.dilatation = merge(result.quadrature, result.union_of, 1 + *std::ranges::max_element(result.union_of));
 }
 
 template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<const FineMesh<Dim>>& mesh,
@@ -327,7 +405,7 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
     const bool whole = second_cloud && seeds_per_node <= unions_per_node;  // clusters are few enough as they are
     const auto seeds =
         whole ? NodeCloud<Dim>{} : sample_points(mesh, cloud, nearest, unions_per_node, options.seed + 1);
-    join_unions(mesh, seeds, secondary.vertices, result);
+    join_unions(mesh, seeds, secondary, result);
   }
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));

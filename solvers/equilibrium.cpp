@@ -13,8 +13,11 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <mutex>
+#include <optional>
 #include <tuple>
 
 namespace efree {
@@ -43,6 +46,62 @@ template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const 
           model.plane.value_or(Plane::strain)};
 }
 
+template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
+  constexpr double bearable_lambda = 3.0;  // over the shear modulus: docs/stability.md
+  std::vector<int> there;
+  Voigt<Dim> m = Voigt<Dim>::Zero(), mandel = Voigt<Dim>::Constant(std::sqrt(2.0));
+  for (int k = 0; k < voigt_size<Dim>; ++k) {
+    if (k < 3) mandel[k] = 1.0;
+    if (!(stiffness.S(k, k) > 0.0)) continue;
+    there.push_back(k);
+    if (k < 3) m[k] = 1.0;
+  }
+  const VoigtMatrix<Dim> rest =
+      mandel.asDiagonal() * (stiffness.C - stiffness.kappa * m * m.transpose()) * mandel.asDiagonal();
+  // The smallest eigenvalue is that of the strain by pressure, zero; those of shear are twice the modulus.
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(rest(there, there)), Eigen::EigenvaluesOnly);
+  return std::min(stiffness.kappa, (bearable_lambda + 2.0 / m.sum()) * 0.5 * solver.eigenvalues()[1]);
+}
+
+template <int Dim>
+std::vector<double> bearable_kappas(const Approximation<Dim>& approximation, const Materials<Dim>& materials) {
+  const auto& points = approximation.quadrature;
+  std::vector<double> result(points.size(), 0.0);
+  if (approximation.shape.num_nodes() == approximation.space.size()) return result;
+  std::vector<std::optional<double>> uniform(materials.num_regions());
+  for (Index K = 0; K < points.size(); ++K) {
+    const Index region = points.region[K];
+    if (uniform[region]) {
+      result[K] = *uniform[region];
+      continue;
+    }
+    Stiffness<Dim> room;
+    result[K] = bearable_kappa(materials.stiffness(region, points.points.col(K), room));
+    if (materials.is_uniform(region)) uniform[region] = result[K];
+  }
+  return result;
+}
+
+namespace {
+
+/// Adds factor * kappa m m^T to the tangents at points.
+template <int Dim>
+void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, double factor, PointTangents<Dim>& tangents) {
+  PointTangents<Dim> sum;
+  for (std::size_t K = 0; K < kappa.size(); ++K) {
+    // Points of one tangent mostly have one kappa, and follow each other.
+    if (K > 0 && tangents.at[K] == tangents.at[K - 1] && kappa[K] == kappa[K - 1]) {
+      sum.at.push_back(sum.at.back());
+      continue;
+    }
+    sum.at.push_back(static_cast<Index>(sum.values.size()));
+    sum.values.push_back(tangents[static_cast<Index>(K)] + factor * kappa[K] * m * m.transpose());
+  }
+  tangents = std::move(sum);
+}
+
+}  // namespace
+
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
                                                                    const Materials<Dim>& materials,
                                                                    double stabilisation) {
@@ -60,6 +119,16 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
         {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
   const auto& volumetric = unions ? approximation.dilatation : approximation.quadrature;
   terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
+  if (unions && materials.linear()) {
+    const std::vector<double> bearable = bearable_kappas(approximation, materials);
+    std::vector<double> of_union(volumetric.size(), 0.0);
+    for (Index K = 0; K < approximation.quadrature.size(); ++K) {
+      const Index g = approximation.union_of[K];
+      of_union[g] += approximation.quadrature.weights[K] / volumetric.weights[g] * bearable[K];
+    }
+    add_bulk(materials.trace(), bearable, 1.0, terms.front().tangents);
+    add_bulk(materials.trace(), of_union, -1.0, terms.back().tangents);
+  }
   return terms;
 }
 
@@ -464,6 +533,10 @@ template <int Dim> Points<Dim> Equilibrium<Dim>::held_part(const Points<Dim>& U)
 
 template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
 template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
+template double bearable_kappa<2>(const Stiffness<2>&);
+template double bearable_kappa<3>(const Stiffness<3>&);
+template std::vector<double> bearable_kappas<2>(const Approximation<2>&, const Materials<2>&);
+template std::vector<double> bearable_kappas<3>(const Approximation<3>&, const Materials<3>&);
 template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double);
 template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double);
 template Points<2> forces_of<2>(const std::vector<StiffnessTerm<2>>&, const Points<2>&);

@@ -77,6 +77,26 @@ Ragged<Index> members(const std::vector<Index>& union_of, Index unions) {
   return result;
 }
 
+/// The energy by which a dilatation at a point resists being another than the mean of its union, with its derivatives:
+/// of finite strains k/2 ((x^2 - 1)/2 - ln x), x = J / mean (Simo & Taylor 1982), of small ones k/2 (tr - mean)^2.
+struct Unevenness {
+  double energy = 0.0, by_own = 0.0, by_mean = 0.0, own_own = 0.0, own_mean = 0.0, mean_mean = 0.0;
+
+  static Unevenness of_volumes(double k, double J, double mean) {
+    const double a = 0.5 * k, x = J / mean, f = x - 1.0 / x, ff = 1.0 + 1.0 / (x * x);
+    return {a * (0.5 * (x * x - 1.0) - std::log(x)),
+            a * f / mean,
+            -a * f * x / mean,
+            a * ff / (mean * mean),
+            -a * (f + x * ff) / (mean * mean),
+            a * (2.0 * x * f + x * x * ff) / (mean * mean)};
+  }
+  static Unevenness of_traces(double k, double own, double mean) {
+    const double d = k * (own - mean);
+    return {0.5 * d * (own - mean), d, -d, k, -k, k};
+  }
+};
+
 }  // namespace
 
 template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
@@ -125,7 +145,10 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   FollowerPressures<Dim> followers;
-  std::vector<bool> finite;   ///< by region
+  std::vector<bool> finite;  ///< by region
+  /// By point: stiffness against a dilatation that is another than the mean, of what is elastic. What flows keeps its
+  /// volume whatever its stiffness, and would lock by it.
+  std::vector<double> bearable;
   std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
   Ragged<Index> members;      ///< points by union; no rows without averages
   Vector volumes;             ///< of unions
@@ -154,6 +177,12 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Index nodes = of.shape.num_nodes();
     weak = held.penalty();
     if (of.dilatation.size() > 0) {
+      const auto elastic = [&](Index region) {
+        return (model.regions.empty() ? model.material : model.regions[region])->elastic();
+      };
+      bearable = bearable_kappas(of, materials);
+      for (Index K = 0; K < held.size(); ++K)
+        if (!elastic(held.quadrature().region[K])) bearable[K] = 0.0;
       members = efree::members(of.union_of, of.dilatation.size());
       volumes = Vector::Zero(members.rows());
       std::vector<Index> all;
@@ -253,6 +282,22 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
+  Unevenness unevenness(const Answer& answer, Index K) const {
+    const double mean = answer.dilatation[approximation.union_of[K]];
+    if (bearable[K] == 0.0) return {};
+    return is_finite(K)
+               ? Unevenness::of_volumes(bearable[K], in_space<Dim>(deformation(answer.H, K)).determinant(), mean)
+               : Unevenness::of_traces(bearable[K], materials.trace().dot(answer.H.col(K)), mean);
+  }
+
+  /// Stored at the points, per volume.
+  Vector energies(const Answer& answer) const {
+    Vector result = answer.of.energy;
+    if (averaged())
+      for (Index K = 0; K < held.size(); ++K) result[K] += unevenness(answer, K).energy;
+    return result;
+  }
+
   /// What averages make of a point of finite strains: it sees F stretched by r, which gives it the mean volume.
   struct Stretch {
     Gradient<Dim> F;
@@ -299,8 +344,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         for (const Index K : members[g])
           answer.pressure[g] +=
               points.weights[K] / volumes[g] *
-              (is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / (3.0 * answer.dilatation[g])
-                            : swelling(K).dot(answer.of.P.col(K)));
+              (unevenness(answer, K).by_mean +
+               (is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / (3.0 * answer.dilatation[g])
+                             : swelling(K).dot(answer.of.P.col(K))));
     }
     return answer;
   }
@@ -331,11 +377,13 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     parallel_for(held.size(), [&](Index K) {
       const Index g = approximation.union_of[K];
       const Gradient<Dim> of = answer.of.P.col(K);
+      const double own = unevenness(answer, K).by_own;
       if (is_finite(K)) {
         const Stretch at = stretch(answer, K);
-        P.col(K) = at.r * of + (answer.pressure[g] * at.of.J - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
+        P.col(K) =
+            at.r * of + ((answer.pressure[g] + own) * at.of.J - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
       } else {
-        P.col(K) = of + (answer.pressure[g] - swelling(K).dot(of)) * trace;
+        P.col(K) = of + (answer.pressure[g] + own - swelling(K).dot(of)) * trace;
       }
     });
     return P;
@@ -372,9 +420,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     if (is_finite(K)) at = stretch(answer, K);
     const auto [M, s, d] = at ? seen(answer, K, *at) : seen(answer, K);
     const Gradient<Dim> change = A * s;
-    result = {M.transpose() * A * M, d, M.transpose() * change, s.dot(change)};
+    const Unevenness uneven = unevenness(answer, K);
+    result = {M.transpose() * A * M + uneven.own_own * d * d.transpose(), d,
+              M.transpose() * change + uneven.own_mean * d, s.dot(change) + uneven.mean_mean};
     if (!at) return result;
-    const double pressure = answer.pressure[approximation.union_of[K]];
+    const double pressure = answer.pressure[approximation.union_of[K]] + uneven.by_own;
     const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
     const double work = P.dot(deformation(answer.seen, K));
     const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
@@ -634,7 +684,7 @@ template <int Dim> const std::vector<Index>& NonlinearEquilibrium<Dim>::node_of_
 }
 
 template <int Dim> double NonlinearEquilibrium<Dim>::energy(const State& state) const {
-  return data_->held.quadrature().weights.dot(data_->ask(state, false)->of.energy);
+  return data_->held.quadrature().weights.dot(data_->energies(*data_->ask(state, false)));
 }
 
 template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const State& state) const {
@@ -645,7 +695,7 @@ template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const Stat
                           data_->stresses(*answer),
                           VoigtPoints<Dim>(voigt_size<Dim>, size),
                           VoigtPoints<Dim>(voigt_size<Dim>, size),
-                          answer->of.energy,
+                          data_->energies(*answer),
                           answer->of.dissipated,
                           answer->of.history};
   if constexpr (Dim == 2)
