@@ -47,7 +47,6 @@ template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const 
 }
 
 template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
-  constexpr double bearable_lambda = 3.0;  // over the shear modulus: docs/stability.md
   std::vector<int> there;
   Voigt<Dim> m = Voigt<Dim>::Zero(), mandel = Voigt<Dim>::Constant(std::sqrt(2.0));
   for (int k = 0; k < voigt_size<Dim>; ++k) {
@@ -60,7 +59,7 @@ template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
       mandel.asDiagonal() * (stiffness.C - stiffness.kappa * m * m.transpose()) * mandel.asDiagonal();
   // The smallest eigenvalue is that of the strain by pressure, zero; those of shear are twice the modulus.
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(rest(there, there)), Eigen::EigenvaluesOnly);
-  return std::min(stiffness.kappa, (bearable_lambda + 2.0 / m.sum()) * 0.5 * solver.eigenvalues()[1]);
+  return std::min(stiffness.kappa, solver.eigenvalues()[1] / m.sum());
 }
 
 template <int Dim>

@@ -77,26 +77,6 @@ Ragged<Index> members(const std::vector<Index>& union_of, Index unions) {
   return result;
 }
 
-/// The energy by which a dilatation at a point resists being another than the mean of its union, with its derivatives:
-/// of finite strains k/2 ((x^2 - 1)/2 - ln x), x = J / mean (Simo & Taylor 1982), of small ones k/2 (tr - mean)^2.
-struct Unevenness {
-  double energy = 0.0, by_own = 0.0, by_mean = 0.0, own_own = 0.0, own_mean = 0.0, mean_mean = 0.0;
-
-  static Unevenness of_volumes(double k, double J, double mean) {
-    const double a = 0.5 * k, x = J / mean, f = x - 1.0 / x, ff = 1.0 + 1.0 / (x * x);
-    return {a * (0.5 * (x * x - 1.0) - std::log(x)),
-            a * f / mean,
-            -a * f * x / mean,
-            a * ff / (mean * mean),
-            -a * (f + x * ff) / (mean * mean),
-            a * (2.0 * x * f + x * x * ff) / (mean * mean)};
-  }
-  static Unevenness of_traces(double k, double own, double mean) {
-    const double d = k * (own - mean);
-    return {0.5 * d * (own - mean), d, -d, k, -k, k};
-  }
-};
-
 }  // namespace
 
 template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
@@ -124,7 +104,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Gradients<Dim> H;     ///< of the points themselves
     Gradients<Dim> seen;  ///< by the materials
     PointResponses<Dim> of;
-    Vector dilatation;  ///< by union: mean J (finite strains) or trace (small ones); empty without averages
+    Vector dilatation;  ///< by union: mean ln J (finite strains) or trace (small ones); empty without averages
     Vector pressure;    ///< by union: work on its dilatation per volume
   };
 
@@ -282,12 +262,49 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
-  Unevenness unevenness(const Answer& answer, Index K) const {
-    const double mean = answer.dilatation[approximation.union_of[K]];
-    if (bearable[K] == 0.0) return {};
-    return is_finite(K)
-               ? Unevenness::of_volumes(bearable[K], in_space<Dim>(deformation(answer.H, K)).determinant(), mean)
-               : Unevenness::of_traces(bearable[K], materials.trace().dot(answer.H.col(K)), mean);
+  /// What averages take the mean of over a union.
+  double dilatation(const Gradients<Dim>& H, Index K) const {
+    return is_finite(K) ? std::log(volume(H, K).J) : materials.trace().dot(H.col(K));
+  }
+  /// The energy by which a dilatation at a point resists being another than the mean of its union, k/2 (own - mean)^2,
+  /// of finite strains times I - 2, I = J^(-2/3) F : F: pressures that feed such dilatations grow with what distorts
+  /// the body. With its derivatives by the gradient and the mean, second ones (mean_mean, mixed, A) if asked for.
+  struct Unevenness {
+    double energy = 0.0, by_mean = 0.0, mean_mean = 0.0;
+    Gradient<Dim> P = Gradient<Dim>::Zero(), mixed = Gradient<Dim>::Zero();
+    Tangent<Dim> A = Tangent<Dim>::Zero();
+  };
+  Unevenness unevenness(const Answer& answer, Index K, bool second = false) const {
+    Unevenness result;
+    const double k = bearable[K];
+    if (k == 0.0) return result;
+    const double off = dilatation(answer.H, K) - answer.dilatation[approximation.union_of[K]];
+    Gradient<Dim> g = materials.trace(), dI = Gradient<Dim>::Zero();  // by F: of the point's dilatation, of I
+    Tangent<Dim> G = Tangent<Dim>::Zero(), ddI = G;                   // and second ones, -G of the dilatation
+    double grown = k;
+    if (is_finite(K)) {
+      const Gradient<Dim> F = deformation(answer.H, K);
+      const Volume<Dim> of(F);
+      const double scale = std::pow(of.J, -2.0 / 3.0), I = scale * in_space<Dim>(F).squaredNorm();
+      g = of.g;
+      dI = 2.0 * scale * F - 2.0 / 3.0 * I * g;
+      grown = k * (I - 2.0);
+      if (second) {
+        const Tangent<Dim> gF = g * F.transpose();
+        G = of.G();
+        ddI = 2.0 * scale * (Tangent<Dim>::Identity() - 2.0 / 3.0 * (gF + gF.transpose())) +
+              I * (4.0 / 9.0 * g * g.transpose() + 2.0 / 3.0 * G);
+      }
+    }
+    result.energy = 0.5 * grown * off * off;
+    result.by_mean = -grown * off;
+    result.P = grown * off * g + 0.5 * k * off * off * dI;
+    if (!second) return result;
+    const Tangent<Dim> gI = g * dI.transpose();
+    result.mean_mean = grown;
+    result.mixed = -grown * g - k * off * dI;
+    result.A = grown * (g * g.transpose() - off * G) + k * off * (gI + gI.transpose() + 0.5 * off * ddI);
+    return result;
   }
 
   /// Stored at the points, per volume.
@@ -302,9 +319,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   struct Stretch {
     Gradient<Dim> F;
     Volume<Dim> of;
-    double mean, r;
-    Stretch(const Gradient<Dim>& at, double mean_volume)
-        : F(at), of(at), mean(mean_volume), r(std::cbrt(mean_volume / of.J)) {}
+    double r;
+    Stretch(const Gradient<Dim>& at, double mean) : F(at), of(at), r(std::exp(mean / 3.0) / std::cbrt(of.J)) {}
   };
   Stretch stretch(const Answer& answer, Index K) const {
     return {deformation(answer.H, K), answer.dilatation[approximation.union_of[K]]};
@@ -324,14 +340,12 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       answer.dilatation = Vector::Zero(members.rows());
       parallel_for(members.rows(), [&](Index g) {
         double sum = 0.0;
-        for (const Index K : members[g])
-          sum += points.weights[K] * (is_finite(K) ? volume(answer.H, K).J : trace.dot(answer.H.col(K)));
+        for (const Index K : members[g]) sum += points.weights[K] * dilatation(answer.H, K);
         answer.dilatation[g] = sum / volumes[g];
         for (const Index K : members[g])
           if (is_finite(K)) {
-            const Gradient<Dim> F = deformation(answer.H, K);
-            const double r = std::cbrt(answer.dilatation[g] / in_space<Dim>(F).determinant());
-            answer.seen.col(K) += (r - 1.0) * F;
+            const Stretch at = stretch(answer, K);
+            answer.seen.col(K) += (at.r - 1.0) * at.F;
           } else {
             answer.seen.col(K) += (answer.dilatation[g] - trace.dot(answer.H.col(K))) * swelling(K);
           }
@@ -340,13 +354,13 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     answer.of = materials.respond(points, answer.seen, state.history, state.dt, tangents);
     if (averaged()) {
       answer.pressure = Vector::Zero(members.rows());
-      for (Index g = 0; g < members.rows(); ++g)
+      parallel_for(members.rows(), [&](Index g) {
         for (const Index K : members[g])
-          answer.pressure[g] +=
-              points.weights[K] / volumes[g] *
-              (unevenness(answer, K).by_mean +
-               (is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / (3.0 * answer.dilatation[g])
-                             : swelling(K).dot(answer.of.P.col(K))));
+          answer.pressure[g] += points.weights[K] / volumes[g] *
+                                ((is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / 3.0
+                                               : swelling(K).dot(answer.of.P.col(K))) +
+                                 unevenness(answer, K).by_mean);
+      });
     }
     return answer;
   }
@@ -377,14 +391,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     parallel_for(held.size(), [&](Index K) {
       const Index g = approximation.union_of[K];
       const Gradient<Dim> of = answer.of.P.col(K);
-      const double own = unevenness(answer, K).by_own;
+      const double pressure = answer.pressure[g];
       if (is_finite(K)) {
         const Stretch at = stretch(answer, K);
-        P.col(K) =
-            at.r * of + ((answer.pressure[g] + own) * at.of.J - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
+        P.col(K) = at.r * of + (pressure - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
       } else {
-        P.col(K) = of + (answer.pressure[g] + own - swelling(K).dot(of)) * trace;
+        P.col(K) = of + (pressure - swelling(K).dot(of)) * trace;
       }
+      P.col(K) += unevenness(answer, K).P;
     });
     return P;
   }
@@ -396,8 +410,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Gradient<Dim> s, d;
   };
   Seen seen(const Answer& answer, Index K, const Stretch& at) const {
-    return {at.r * (Tangent<Dim>::Identity() - at.F * at.of.g.transpose() / 3.0),
-            deformation(answer.seen, K) / (3.0 * at.mean), at.of.J * at.of.g};
+    return {at.r * (Tangent<Dim>::Identity() - at.F * at.of.g.transpose() / 3.0), deformation(answer.seen, K) / 3.0,
+            at.of.g};
   }
   Seen seen(const Answer& answer, Index K) const {
     if (is_finite(K)) return seen(answer, K, stretch(answer, K));
@@ -420,18 +434,17 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     if (is_finite(K)) at = stretch(answer, K);
     const auto [M, s, d] = at ? seen(answer, K, *at) : seen(answer, K);
     const Gradient<Dim> change = A * s;
-    const Unevenness uneven = unevenness(answer, K);
-    result = {M.transpose() * A * M + uneven.own_own * d * d.transpose(), d,
-              M.transpose() * change + uneven.own_mean * d, s.dot(change) + uneven.mean_mean};
+    const Unevenness uneven = unevenness(answer, K, true);
+    result = {M.transpose() * A * M + uneven.A, d, M.transpose() * change + uneven.mixed,
+              s.dot(change) + uneven.mean_mean};
     if (!at) return result;
-    const double pressure = answer.pressure[approximation.union_of[K]] + uneven.by_own;
+    const double pressure = answer.pressure[approximation.union_of[K]];
     const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
     const double work = P.dot(deformation(answer.seen, K));
     const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
-    result.A +=
-        -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + work / 3.0 * G + pressure * at->of.J * (gg - G);
-    result.mixed += M.transpose() * P / (3.0 * at->mean);
-    result.bulk -= 2.0 / 9.0 * work / (at->mean * at->mean);
+    result.A += -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + (work / 3.0 - pressure) * G;
+    result.mixed += M.transpose() * P / 3.0;
+    result.bulk += work / 9.0;
     return result;
   }
 

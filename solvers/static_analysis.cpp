@@ -116,8 +116,6 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
   const std::size_t count = coefficients.size();
   std::vector<Solution<Dim>> solutions(count);
   std::vector<VoigtPoints<Dim>> mean(unions ? count : 0);
-  const std::vector<double> bearable =
-      unions && materials.linear() ? bearable_kappas(approximation, materials) : std::vector<double>{};
   for (std::size_t k = 0; k < count; ++k) {
     solutions[k].coefficients = std::move(coefficients[k]);
     solutions[k].strain.resize(voigt_size<Dim>, quadrature.size());
@@ -140,11 +138,8 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
         Voigt<Dim> eps = strain_of<Dim>(H);
         solution.strain.col(K) = eps;
         solution.strain(2, K) += stiffness.thinning.dot(eps);
-        if (unions) {  // what of the pressure the points do not bear lives on the unions
-          const double averaged = bearable.empty() ? 1.0 : 1.0 - bearable[K] / stiffness.kappa;
-          eps +=
-              averaged * (mean[k].col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
-        }
+        if (unions)  // the pressure lives on the unions
+          eps += (mean[k].col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
         const Voigt<Dim> stress = stiffness.C * eps;
         solution.stress.col(K) = stress;
         energy[k] += 0.5 * quadrature.weights[K] * stress.dot(eps);

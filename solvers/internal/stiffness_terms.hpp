@@ -17,10 +17,9 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
                                                                    const Materials<Dim>& materials,
                                                                    double stabilisation = 0.0);
 
-/// Of a stiffness against dilatation, what functions bear without locking, however much more there is of it: that of
-/// nu = 3/8 with the same (least) shear modulus, lambda = 3 mu. Where dilatations of elastic materials are averaged
-/// only the rest is on the unions, and this on the points; so waves as short as a union do not find a body that has no
-/// stiffness against them.
+/// Of a stiffness against dilatation, what the points bear where dilatations of elastic materials are averaged: what
+/// twice its (least) shear modulus has of it. The rest, lambda of an isotropic solid, is on the unions, as in selective
+/// integration (Hughes 1980); so waves as short as a union do not find a body that has no stiffness against them.
 template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness);
 
 /// By quadrature point, on unions of a cloud; zero for finite elements, whose unions are single cells.
