@@ -192,6 +192,8 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
 
 /// Unions that carry the volumetric part: few enough not to lock.
 constexpr double unions_per_node = 0.5;
+/// Seeds of them, some of which are merged: about as many unions are left.
+constexpr double seeds_per_node_of_unions = 0.6;
 
 /// How many nodes each union holds: integrals of their functions over it, as shares of those over the body.
 template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& union_of, Index unions) {
@@ -404,7 +406,7 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
   if (result.averaged) {
     const bool whole = second_cloud && seeds_per_node <= unions_per_node;  // clusters are few enough as they are
     const auto seeds =
-        whole ? NodeCloud<Dim>{} : sample_points(mesh, cloud, nearest, unions_per_node, options.seed + 1);
+        whole ? NodeCloud<Dim>{} : sample_points(mesh, cloud, nearest, seeds_per_node_of_unions, options.seed + 1);
     join_unions(mesh, seeds, secondary, result);
   }
   if (options.fine && options.secondary != SecondaryKind::full)
