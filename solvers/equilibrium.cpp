@@ -62,14 +62,16 @@ template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
   return std::min(stiffness.kappa, solver.eigenvalues()[1] / m.sum());
 }
 
-template <int Dim>
-std::vector<double> bearable_kappas(const Approximation<Dim>& approximation, const Materials<Dim>& materials) {
+template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>& approximation,
+                                                       const Materials<Dim>& materials, const ElasticModel& model) {
   const auto& points = approximation.quadrature;
+  const bool elements = approximation.shape.num_nodes() == approximation.space.size();
+  if (approximation.dilatation.size() == 0 || elements) return {};
   std::vector<double> result(points.size(), 0.0);
-  if (approximation.shape.num_nodes() == approximation.space.size()) return result;
   std::vector<std::optional<double>> uniform(materials.num_regions());
   for (Index K = 0; K < points.size(); ++K) {
     const Index region = points.region[K];
+    if (!(model.regions.empty() ? model.material : model.regions[region])->elastic()) continue;
     if (uniform[region]) {
       result[K] = *uniform[region];
       continue;
@@ -103,7 +105,8 @@ void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, double f
 
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
                                                                    const Materials<Dim>& materials,
-                                                                   double stabilisation) {
+                                                                   double stabilisation,
+                                                                   const std::vector<double>& bearable) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
   const bool unions = approximation.dilatation.size() > 0;
@@ -118,8 +121,7 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
         {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
   const auto& volumetric = unions ? approximation.dilatation : approximation.quadrature;
   terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
-  if (unions && materials.linear()) {
-    const std::vector<double> bearable = bearable_kappas(approximation, materials);
+  if (!bearable.empty()) {
     std::vector<double> of_union(volumetric.size(), 0.0);
     for (Index K = 0; K < approximation.quadrature.size(); ++K) {
       const Index g = approximation.union_of[K];
@@ -184,6 +186,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   bool weakly;  ///< rigid restraints are set by Nitsche
   std::vector<Restraint<Dim>> rigid, elastic;
   std::vector<TiedFacets> ties;
+  std::vector<double> bearable;             ///< by point: bearable_kappas
   std::vector<StiffnessTerm<Dim>> initial;  ///< the stiffness where nothing has happened yet
   std::vector<WorkTerm<Dim>> work;
   SymmetricMatrix weak;         ///< what holds the boundary weakly, and ties regions; empty if nothing does
@@ -211,9 +214,12 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     PointResponses<Dim> of;
     Gradients<Dim> swelling;  ///< by point: strain s that pressure makes, per dilatation; empty: own dilatations
     Gradient<Dim> trace;
+    std::vector<double> bearable{};  ///< by point; empty: nothing
+    Vector uneven{};                 ///< by point: the stress by which it resists another dilatation than its union's
 
     /// s . P, the stress that works on the dilatation of the union (or on none).
-    double pressure(Index K) const { return swelling.col(K).dot(of.P.col(K)); }
+    double pressure(Index K) const { return swelling.col(K).dot(of.P.col(K)) - (bearable.empty() ? 0.0 : uneven[K]); }
+    Gradient<Dim> borne(Index K) const { return bearable.empty() ? 0.0 * trace : bearable[K] * trace; }
     /// What works on the gradient of the point itself.
     Gradient<Dim> stress(Index K) const {
       return swelling.cols() == 0 ? Gradient<Dim>(of.P.col(K)) : Gradient<Dim>(of.P.col(K) - pressure(K) * trace);
@@ -221,14 +227,16 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     Tangent<Dim> tangent(Index K) const {
       if (swelling.cols() == 0) return of.A[K];
       const Tangent<Dim> left = Tangent<Dim>::Identity() - swelling.col(K) * trace.transpose();
-      return left.transpose() * of.A[K] * left;
+      return left.transpose() * of.A[K] * left + borne(K) * trace.transpose();
     }
     /// Change of `stress` by the dilatation of the union.
     Gradient<Dim> stress_by_dilatation(Index K) const {
       const Gradient<Dim> change = of.A[K] * swelling.col(K);
-      return change - swelling.col(K).dot(change) * trace;
+      return change - swelling.col(K).dot(change) * trace - borne(K);
     }
-    double bulk(Index K) const { return swelling.col(K).dot(of.A[K] * swelling.col(K)); }
+    double bulk(Index K) const {
+      return swelling.col(K).dot(of.A[K] * swelling.col(K)) + (bearable.empty() ? 0.0 : bearable[K]);
+    }
   };
 
   Answer ask(const WorkTerm<Dim>& term, const State& state, Index first_history, bool tangents) const {
@@ -241,17 +249,22 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       Gradients<Dim> mean;
       if (term.trace == Trace::averaged) mean = gradient(approximation.dilatation, U);
       answer.swelling.resizeLike(H);
+      if (term.trace == Trace::averaged) answer.bearable = bearable;
+      answer.uneven = Vector::Zero(static_cast<Index>(answer.bearable.size()));
       parallel_for(points.size(), [&](Index K) {
         Stiffness<Dim> room;
         const Gradient<Dim> s =
             gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
         const double wanted = mean.cols() > 0 ? answer.trace.dot(mean.col(approximation.union_of[K])) : 0.0;
         answer.swelling.col(K) = s;
+        if (!answer.bearable.empty()) answer.uneven[K] = bearable[K] * (answer.trace.dot(H.col(K)) - wanted);
         H.col(K) += (wanted - answer.trace.dot(H.col(K))) * s;
       });
     }
     answer.of = materials.respond(points, H, state.history.segment(first_history, materials.history_size(points)),
                                   state.dt, tangents);
+    for (Index K = 0; K < answer.uneven.size(); ++K)
+      if (bearable[K] > 0.0) answer.of.energy[K] += 0.5 * answer.uneven[K] * answer.uneven[K] / bearable[K];
     return answer;
   }
 
@@ -371,7 +384,8 @@ template <int Dim> Equilibrium<Dim>::Equilibrium(const Approximation<Dim>& appro
   require_decided(approximation, model);
   const Index nodes = approximation.shape.num_nodes();
   auto materials = materials_of(model, approximation.space.mesh());
-  auto initial = efree::stiffness_terms(approximation, materials, model.stabilisation);
+  auto bearable = bearable_kappas(approximation, materials, model);
+  auto initial = efree::stiffness_terms(approximation, materials, model.stabilisation, bearable);
   const auto restrained = restraints(conditions);
   std::vector<Restraint<Dim>> rigid, elastic;
   for (const auto& restraint : restrained) (restraint.is_elastic() ? elastic : rigid).push_back(restraint);
@@ -390,10 +404,10 @@ template <int Dim> Equilibrium<Dim>::Equilibrium(const Approximation<Dim>& appro
   for (const auto& term : initial) tables.push_back(&term.discretization->shape);
   MatrixPattern<Dim> pattern(nodes, tables, weak.matrix);
   const bool linear = materials.linear();
-  data_ =
-      std::make_shared<const Data>(Data{approximation, std::move(materials), linear, weakly, rigid, elastic, ties,
-                                        std::move(initial), work_terms(approximation, model.stabilisation),
-                                        std::move(weak.matrix), prescribed, std::move(unknowns), std::move(pattern)});
+  data_ = std::make_shared<const Data>(Data{approximation, std::move(materials), linear, weakly, rigid, elastic, ties,
+                                            std::move(bearable), std::move(initial),
+                                            work_terms(approximation, model.stabilisation), std::move(weak.matrix),
+                                            prescribed, std::move(unknowns), std::move(pattern)});
 }
 
 template <int Dim> Equilibrium<Dim> Equilibrium<Dim>::with(const Loads<Dim>& loads) const {
@@ -534,10 +548,12 @@ template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
 template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
 template double bearable_kappa<2>(const Stiffness<2>&);
 template double bearable_kappa<3>(const Stiffness<3>&);
-template std::vector<double> bearable_kappas<2>(const Approximation<2>&, const Materials<2>&);
-template std::vector<double> bearable_kappas<3>(const Approximation<3>&, const Materials<3>&);
-template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double);
-template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double);
+template std::vector<double> bearable_kappas<2>(const Approximation<2>&, const Materials<2>&, const ElasticModel&);
+template std::vector<double> bearable_kappas<3>(const Approximation<3>&, const Materials<3>&, const ElasticModel&);
+template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double,
+                                                          const std::vector<double>&);
+template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double,
+                                                          const std::vector<double>&);
 template Points<2> forces_of<2>(const std::vector<StiffnessTerm<2>>&, const Points<2>&);
 template Points<3> forces_of<3>(const std::vector<StiffnessTerm<3>>&, const Points<3>&);
 template class Equilibrium<2>;

@@ -122,13 +122,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   Program<Dim> program;
   bool weakly;
   Materials<Dim> materials;
+  std::vector<double> bearable;  ///< by point: bearable_kappas
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   FollowerPressures<Dim> followers;
-  std::vector<bool> finite;  ///< by region
-  /// By point: stiffness against a dilatation that is another than the mean, of what is elastic. What flows keeps its
-  /// volume whatever its stiffness, and would lock by it.
-  std::vector<double> bearable;
+  std::vector<bool> finite;   ///< by region
   std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
   Ragged<Index> members;      ///< points by union; no rows without averages
   Vector volumes;             ///< of unions
@@ -145,7 +143,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         program(std::move(acts)),
         weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
         materials(materials_of(model, of.space.mesh())),
-        initial(stiffness_terms(of, materials, 0.0)),
+        bearable(bearable_kappas(of, materials, model)),
+        initial(stiffness_terms(of, materials, 0.0, bearable)),
         held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(program.full_at))),
              tied_facets(of.space.mesh(), model.open_interface)),
         followers(of.space, of.shape, program.loads(program.full_at).followers),
@@ -157,12 +156,6 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Index nodes = of.shape.num_nodes();
     weak = held.penalty();
     if (of.dilatation.size() > 0) {
-      const auto elastic = [&](Index region) {
-        return (model.regions.empty() ? model.material : model.regions[region])->elastic();
-      };
-      bearable = bearable_kappas(of, materials);
-      for (Index K = 0; K < held.size(); ++K)
-        if (!elastic(held.quadrature().region[K])) bearable[K] = 0.0;
       members = efree::members(of.union_of, of.dilatation.size());
       volumes = Vector::Zero(members.rows());
       std::vector<Index> all;
@@ -276,7 +269,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   };
   Unevenness unevenness(const Answer& answer, Index K, bool second = false) const {
     Unevenness result;
-    const double k = bearable[K];
+    const double k = bearable.empty() ? 0.0 : bearable[K];
     if (k == 0.0) return result;
     const double off = dilatation(answer.H, K) - answer.dilatation[approximation.union_of[K]];
     Gradient<Dim> g = materials.trace(), dI = Gradient<Dim>::Zero();  // by F: of the point's dilatation, of I

@@ -210,8 +210,10 @@ template <int Dim> std::vector<Solution<Dim>> evaluate_all(const Approximation<D
                                                            const ElasticModel& model,
                                                            std::vector<Points<Dim>> coefficients) {
   const auto materials = materials_of(model, approximation.space.mesh());
-  return derived(approximation, materials, stiffness_terms(approximation, materials, model.stabilisation),
-                 std::move(coefficients));
+  return derived(
+      approximation, materials,
+      stiffness_terms(approximation, materials, model.stabilisation, bearable_kappas(approximation, materials, model)),
+      std::move(coefficients));
 }
 
 template <int Dim> Solution<Dim> ElasticSolver<Dim>::solve(const Loads<Dim>& loads) const {

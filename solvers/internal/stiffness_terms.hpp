@@ -4,27 +4,30 @@
 
 #include "efree/assembly/nitsche.hpp"
 #include "efree/quadrature/approximation.hpp"
+#include "efree/solvers/equilibrium.hpp"
 
 #include <vector>
 
 namespace efree {
 
 /// The stiffness as a sum of terms with their own quadrature: the share `stabilisation` of the deviatoric part by full
-/// integration, the volumetric part on coarser unions where the approximation has them (of linear materials less
-/// bearable_kappa). They refer to the approximation. Throws InputError for a stabilisation out of range or without full
-/// integration.
+/// integration, the volumetric part on coarser unions where the approximation has them, less what points bear of it
+/// (bearable_kappas; empty: nothing). They refer to the approximation. Throws InputError for a stabilisation out of
+/// range or without full integration.
 template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
                                                                    const Materials<Dim>& materials,
-                                                                   double stabilisation = 0.0);
+                                                                   double stabilisation = 0.0,
+                                                                   const std::vector<double>& bearable = {});
 
 /// Of a stiffness against dilatation, what the points bear where dilatations of elastic materials are averaged: what
 /// twice its (least) shear modulus has of it. The rest, lambda of an isotropic solid, is on the unions, as in selective
 /// integration (Hughes 1980); so waves as short as a union do not find a body that has no stiffness against them.
 template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness);
 
-/// By quadrature point, on unions of a cloud; zero for finite elements, whose unions are single cells.
-template <int Dim>
-std::vector<double> bearable_kappas(const Approximation<Dim>& approximation, const Materials<Dim>& materials);
+/// By quadrature point, on unions of a cloud; zero where materials flow, since these would lock by it. Empty without
+/// unions, and for finite elements, whose unions are single cells.
+template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>& approximation,
+                                                       const Materials<Dim>& materials, const ElasticModel& model);
 
 /// Forces by which these terms answer coefficients U (Dim x N).
 template <int Dim> Points<Dim> forces_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U);
