@@ -85,7 +85,7 @@ template <int Dim> struct Approximation {
   Points<Dim> nodes;             ///< Dim x N
   std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on, all different
   Quadrature<Dim> quadrature;    ///< secondary basis: points, weights, projected gradients, traces
-  Quadrature<Dim> dilatation;    ///< unions of the above, 0.4 to 0.5 per node; empty unless averaged
+  Quadrature<Dim> dilatation;    ///< unions of the above, about 0.5 per node; empty unless averaged
   std::vector<Index> union_of;   ///< M, union each quadrature point belongs to; empty unless averaged
   bool averaged = false;         ///< whether the volumetric part is on unions (B-bar)
   bool undecided = false;        ///< Dilatation::automatic: nobody who knows the material said that it need not be
