@@ -15,7 +15,6 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <mutex>
-#include <tuple>
 
 namespace efree {
 
@@ -417,7 +416,9 @@ template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
 
 template <int Dim>
 Resultants<Dim> Equilibrium<Dim>::reactions(const State& state, const VoigtPoints<Dim>* stress) const {
-  const auto& [space, shape, nodes] = std::tie(approximation().space, approximation().shape, approximation().node_dofs);
+  const FineSpace<Dim>& space = approximation().space;
+  const ShapeTable<Dim>& shape = approximation().shape;
+  const std::vector<Index>& nodes = approximation().node_dofs;
   auto& [once, weakly, nodally] = *data_->holding;
   std::call_once(once, [&, &weakly = weakly, &nodally = nodally] {
     std::vector<Restraint<Dim>> weak = data_->elastic;
