@@ -3,6 +3,7 @@
 
 #include "efree/assembly/internal/boundary_points.hpp"
 #include "efree/core/internal/disjoint_sets.hpp"
+#include "efree/core/internal/spectrum.hpp"
 
 #include <Eigen/Geometry>
 #include <functional>
@@ -51,9 +52,9 @@ template <int Dim> std::vector<std::string> motion_names(const Matrix& free, con
   const Index missing = free.cols() - static_cast<Index>(names.size());
   if (missing <= 0) return names;
   // What is left has no axis of its own: the dominant motions of the remainder.
-  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(rest * rest.transpose());
+  const Matrix of_rest = internal::spectrum<Eigen::Dynamic>(rest * rest.transpose()).vectors;
   for (Index k = 0; k < missing; ++k) {
-    const Motion<Dim> motion = eigen.eigenvectors().col(rigid_motions<Dim> - 1 - k);
+    const Motion<Dim> motion = of_rest.col(rigid_motions<Dim> - 1 - k);
     const Vec<Dim> shift = motion.template head<Dim>();
     const auto spin = motion.template tail<rigid_motions<Dim> - Dim>().eval();
     if (spin.norm() <= 1e-6) {
@@ -131,14 +132,13 @@ template <int Dim> Bodies<Dim> find_bodies(const FineSpace<Dim>& space, const st
       gram[body] = std::max(held[body], 1e-300) * Gram::Identity();
       gram[body](1, 1) = along_axis;
     }
-    const Eigen::SelfAdjointEigenSolver<Gram> eigen(gram[body]);
-    const double scale = std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
-    const int nullity = static_cast<int>((eigen.eigenvalues().array() < 1e-10 * scale).count());
+    const auto [stiffness, motions] = internal::spectrum<rigid_motions<Dim>>(gram[body]);
+    const double scale = std::max(stiffness.maxCoeff(), 1e-300);
+    const int nullity = static_cast<int>((stiffness.array() < 1e-10 * scale).count());
     if (nullity == 0) continue;
-    bodies.free_motions[body] =
-        space.axisymmetric()
-            ? std::vector<std::string>{"translation along the axis of revolution, y"}
-            : motion_names<Dim>(eigen.eigenvectors().leftCols(nullity), centre.col(body), radius(body));
+    bodies.free_motions[body] = space.axisymmetric()
+                                    ? std::vector<std::string>{"translation along the axis of revolution, y"}
+                                    : motion_names<Dim>(motions.leftCols(nullity), centre.col(body), radius(body));
   }
   return bodies;
 }

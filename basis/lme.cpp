@@ -3,13 +3,13 @@
 
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/internal/vectors.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -240,8 +240,7 @@ template <int Dim> void LmeFunctions<Dim>::finish(const Vec<Dim>& step, const Ve
   gradient_ = inverse_moment_;
   if (moment_.determinant() > 0.03 * std::pow(moment_.trace() / Dim, Dim)) return;
   // By a face of the hull: in J's axes, what lies on the face does not drown what lies across.
-  const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(moment_);
-  const Mat<Dim>& Q = axes.eigenvectors();
+  const Mat<Dim> Q = internal::spectrum<Dim>(moment_).vectors;
   for (Index a = 0; a < count; ++a) put(a, Q.transpose() * at(a));
   const Mat<Dim> along = rescale(1.0, 1.0, Vec<Dim>::Zero());
   const Vec<Dim> scale = along.diagonal().cwiseSqrt().cwiseInverse();

@@ -3,12 +3,12 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/internal/setting_error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -73,12 +73,12 @@ template <int Dim, int Order> RowQuality solve_row(const Vec<Dim>& X, const Poin
   if (cholesky.info() == Eigen::Success && pivots.minCoeff() > 1e-4 * pivots.maxCoeff()) {
     residual = apply([&](const VecG& r) -> VecG { return cholesky.solve(r); });
   } else {
-    const Eigen::SelfAdjointEigenSolver<MatG> eigen(A);
-    VecG inverse = eigen.eigenvalues();
+    const auto eigen = internal::spectrum<VecG::RowsAtCompileTime>(A);
+    VecG inverse = eigen.values;
     const double cutoff = 1e-11 * inverse.maxCoeff();
     inverse = inverse.unaryExpr([&](double x) { return x > cutoff ? 1.0 / x : 0.0; });
     residual = apply([&](const VecG& r) -> VecG {
-      return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * r));
+      return eigen.vectors * (inverse.asDiagonal() * (eigen.vectors.transpose() * r));
     });
   }
   if (!(residual < 1e-13)) return RowQuality::singular;
@@ -324,7 +324,7 @@ template <int Dim> bool determine_polynomials(const Points<Dim>& points, int ord
     else
       values.row(k) = monomials<Dim, 2>(xi).transpose();
   }
-  const Vector spread = Eigen::SelfAdjointEigenSolver<Matrix>(values.transpose() * values).eigenvalues();
+  const Vector spread = internal::eigenvalues<Eigen::Dynamic>(values.transpose() * values);
   return spread[0] > 1e-8 * spread[n - 1];
 }
 

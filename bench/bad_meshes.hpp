@@ -29,7 +29,8 @@ inline FineMesh<2> jittered(const FineMesh<2>& mesh, double size, unsigned seed 
   for (Index v = 0; v < mesh.num_vertices(); ++v) {
     if (fixed[v]) continue;
     const Vec<2> before = data.vertices.col(v);
-    data.vertices.col(v) += Vec<2>(uniform(random), uniform(random));
+    const double up = uniform(random), along = uniform(random);  // arguments are evaluated in any order
+    data.vertices.col(v) += Vec<2>(along, up);
     for (const Index c : around[v])
       if (!(area(c) > 1e-6 * size * size)) data.vertices.col(v) = before;
   }

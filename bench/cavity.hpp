@@ -11,10 +11,10 @@
 
 namespace efree::bench {
 
-/// Infinite body with a spherical cavity of radius 1 under unit tension along z, E = 1.
-template <double Nu> struct CavityIn {
+/// Infinite body with a spherical cavity of radius 1 under unit tension along z, E = 1, nu in ten thousandths.
+template <int TenThousandths> struct CavityIn {
   static constexpr double half_width = 2.0;  ///< of the eighth that is analysed
-  static constexpr IsotropicModuli material{1.0, Nu};
+  static constexpr IsotropicModuli material{1.0, TenThousandths / 1e4};
 
   /// u = f(r, c) n + g(r, c) e + the uniform field, with n = x / r, e the axis of tension, c = n . e.
   static Vec<3> displacement(const Vec<3>& x) {
@@ -76,6 +76,6 @@ template <double Nu> struct CavityIn {
     }
   };
 };
-using Cavity = CavityIn<0.3>;
+using Cavity = CavityIn<3000>;
 
 }  // namespace efree::bench

@@ -112,7 +112,8 @@ int main(int argc, char** argv) {
   const auto run = [&](const std::string& name, double nu, const auto& make) {
     if (wanted == "all" || name.find(wanted) != std::string::npos) study(name, nu, make(), ratio, most);
   };
-  const auto all = [&]<double nu>() {
+  const auto all = [&]<int ten_thousandths>() {
+    constexpr double nu = ten_thousandths / 1e4;
     run("cylinder", nu, [&] {
       const ThickWall wall{false, {1.0, nu}};
       const double h = 0.05;
@@ -146,7 +147,7 @@ int main(int argc, char** argv) {
     });
     for (const double h : {0.3, 0.15})
       run(h == 0.3 ? "cavity coarse" : "cavity fine", nu, [&] {
-        using Cavity = CavityIn<nu>;
+        using Cavity = CavityIn<ten_thousandths>;
         return Problem<3>{Cavity::mesh(h),
                           h,
                           {.material = LinearElastic(Cavity::material)},
@@ -165,9 +166,9 @@ int main(int argc, char** argv) {
         return Problem<3>{*made.mesh, h, model, analysis.supports, analysis.loads};
       });
   };
-  all.operator()<0.3>();
-  all.operator()<0.45>();
-  all.operator()<0.49>();
-  all.operator()<0.499>();
-  all.operator()<0.4999>();
+  all.operator()<3000>();
+  all.operator()<4500>();
+  all.operator()<4900>();
+  all.operator()<4990>();
+  all.operator()<4999>();
 }

@@ -67,7 +67,7 @@ class Clipped {
 Panorama::OnCube::OnCube(const Vec<3>& x) {
   const double ax = std::abs(x[0]), ay = std::abs(x[1]), az = std::abs(x[2]);
   const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
-  const double over = 1.0 / std::abs(x[axis]);
+  const double over = x[axis] != 0.0 ? 1.0 / std::abs(x[axis]) : 0.0;  // where another vertex lies at the source
   side = 2 * axis + (x[axis] > 0.0);
   u = x[axis == 2 ? 0 : axis + 1] * over;
   v = x[axis == 0 ? 2 : axis - 1] * over;

@@ -2,12 +2,12 @@
 #include "efree/materials/equation_of_state.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/materials/internal/finite_deformation.hpp"
 #include "efree/materials/internal/near_identity.hpp"
 #include "efree/materials/internal/principal.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 
@@ -50,9 +50,8 @@ Mat<3> log_stretch(const Mat<3>& f) {
   const Mat<3> H = f - unit, growth = H + H.transpose() + H * H.transpose();
   Mat<3> log;
   if (!log_near_identity(growth, log)) {
-    const Eigen::SelfAdjointEigenSolver<Mat<3>> eigen(growth);
-    log = eigen.eigenvectors() * eigen.eigenvalues().array().log1p().matrix().asDiagonal() *
-          eigen.eigenvectors().transpose();
+    const auto [values, axes] = internal::spectrum<3>(growth);
+    log = axes * values.array().log1p().matrix().asDiagonal() * axes.transpose();
   }
   return 0.5 * log;
 }

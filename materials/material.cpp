@@ -2,11 +2,11 @@
 #include "efree/materials/material.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
@@ -46,7 +46,7 @@ double incompressibility(const MaterialResponse::Tangent& A) {
   const double K = 1.0 / m.dot(C.ldlt().solve(m));
   const Mat<6> rest = C - K * m * m.transpose();
   // The smallest eigenvalue is that of the strain by pressure, zero.
-  return 2.0 * K / Eigen::SelfAdjointEigenSolver<Mat<6>>(rest, Eigen::EigenvaluesOnly).eigenvalues()[1];
+  return 2.0 * K / internal::eigenvalues<6>(rest)[1];
 }
 
 const Material& SharedMaterial::operator*() const {
@@ -155,10 +155,9 @@ void PlaneStress::respond(const Deformation& given, MaterialResponse& response) 
       const bool newton = !has_potential || r.dot(step) < 0.0;
       if (!newton) {
         // Not convex here: downhill, as far as the curvature's size says.
-        const Eigen::SelfAdjointEigenSolver<Mat<3>> curvature(Mat<3>(0.5 * (stiffness + stiffness.transpose())));
-        const Vec<3> size = curvature.eigenvalues().cwiseAbs();
-        step = -curvature.eigenvectors() *
-               (curvature.eigenvectors().transpose() * r).cwiseQuotient(size.cwiseMax(1e-3 * size.maxCoeff()));
+        const auto [curvature, axes] = internal::spectrum<3>(0.5 * (stiffness + stiffness.transpose()));
+        const Vec<3> size = curvature.cwiseAbs();
+        step = -axes * (axes.transpose() * r).cwiseQuotient(size.cwiseMax(1e-3 * size.maxCoeff()));
       }
       step *= std::min(1.0, 0.9 * thickness / step.norm());
       if (k == most || !step.allFinite() || !advance(strain, step, newton)) fail();

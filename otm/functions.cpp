@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Functions of points: made, given, and made anew, with what nodes carry of the points.
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/otm/internal/motion.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -15,10 +15,6 @@
 
 namespace efree::internal {
 namespace {
-
-template <int Dim> double smallest_eigenvalue(const Mat<Dim>& of) {
-  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(of, Eigen::EigenvaluesOnly).eigenvalues()[0];
-}
 
 /// A node's function as kernels read it; `hoop` is over the radius.
 template <int Dim> OtmEntry entry_of(double N, const Vec<Dim>& dN, double hoop) {
@@ -34,8 +30,7 @@ template <int Dim> void complete(std::vector<std::pair<Index, OtmEntry>>& row) {
 
 /// The metric with the same determinant whose axes have lengths of at most that ratio.
 template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
-  const Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes(metric);
-  Vec<Dim> value = axes.eigenvalues();  // ascending, 1 / length^2
+  auto [value, axes] = spectrum<Dim>(metric);  // values ascending, 1 / length^2
   const double most = ratio * ratio;
   if (value[Dim - 1] <= most * value[0]) return metric;
   const double product = value.prod();
@@ -47,7 +42,7 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
   if constexpr (Dim == 3) log[1] = std::clamp(log[1], log[0], log[2]);
   value = log.array().exp();
   value *= std::pow(product / value.prod(), 1.0 / Dim);
-  return axes.eigenvectors() * value.asDiagonal() * axes.eigenvectors().transpose();
+  return axes * value.asDiagonal() * axes.transpose();
 }
 
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
@@ -78,7 +73,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
   const auto look = [&](double share) {
     used.clear();
     for (const Index b : seen_bodies) {
-      trees[b]->within(at, std::sqrt(furthest * share / smallest_eigenvalue<Dim>(metric)) + drift[b], around);
+      trees[b]->within(at, std::sqrt(furthest * share / eigenvalues<Dim>(metric)[0]) + drift[b], around);
       for (const Index near_by : around) {
         const Index a = bodies[b].first_node + near_by;
         const Vec<Dim> d = x.col(a) - at;
@@ -146,7 +141,7 @@ bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std:
     for (const auto& [a, N] : weights) at += N * x.col(a);
     Mat<Dim> spread = Mat<Dim>::Zero();
     for (const auto& [a, N] : weights) spread += N * (x.col(a) - at) * (x.col(a) - at).transpose();
-    if (!(smallest_eigenvalue<Dim>(spread) > 1e-3 * smallest_eigenvalue<Dim>(moment))) return false;
+    if (!(eigenvalues<Dim>(spread)[0] > 1e-3 * eigenvalues<Dim>(moment)[0])) return false;
     const Mat<Dim> slopes = spread.inverse();
     row.clear();
     for (const auto& [a, N] : weights)
@@ -225,8 +220,8 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
     complete<Dim>(row);
     if (!first) {
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-      if (smallest_eigenvalue<Dim>(functions.moment()) <
-          0.8 * smallest_eigenvalue<Dim>(since * chunk.moment[p] * since.transpose()))
+      if (eigenvalues<Dim>(functions.moment())[0] <
+          0.8 * eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0])
         chunk.narrowed.push_back(p);
     }
     if (first) {

@@ -2,11 +2,11 @@
 #include "efree/solvers/internal/cell_problem.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/input/box_averages.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -380,10 +380,9 @@ void require_held_where_loaded(const CellProblem& problem) {
         front.push_back({a, b, c});
       });
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> motions(held);
+    const auto [stiffness, motions] = internal::spectrum<6>(held);
     for (int m = 0; m < 6; ++m)
-      if (motions.eigenvalues()[m] < 1e-9 * std::max(1.0, held.trace()) &&
-          std::abs(motions.eigenvectors().col(m).dot(load)) > 1e-6 * forces) {
+      if (stiffness[m] < 1e-9 * std::max(1.0, held.trace()) && std::abs(motions.col(m).dot(load)) > 1e-6 * forces) {
         const Vec<3> at = problem.place({i0, j0, k0});
         throw InputError(fmt::format(
             "the body at ({:.6g}, {:.6g}, {:.6g}) is loaded, but free to move: prescribe displacements that "

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/coarse_space.hpp"
 
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <ranges>
 
@@ -45,7 +45,7 @@ double slimness(const ShapeTable<Dim>& shape, std::span<const NodePlace> rows, c
     const Vec<Dim> away = places.col(v) - mean;
     spread += N * N * away * away.transpose();
   }
-  const Vec<Dim> extents = Eigen::SelfAdjointEigenSolver<Mat<Dim>>(spread, Eigen::EigenvaluesOnly).eigenvalues();
+  const Vec<Dim> extents = internal::eigenvalues<Dim>(spread);
   return extents[0] / extents[Dim - 1];
 }
 

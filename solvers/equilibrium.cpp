@@ -6,6 +6,7 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
@@ -13,12 +14,10 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <mutex>
 #include <optional>
-#include <tuple>
 
 namespace efree {
 
@@ -58,8 +57,8 @@ template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
   const VoigtMatrix<Dim> rest =
       mandel.asDiagonal() * (stiffness.C - stiffness.kappa * m * m.transpose()) * mandel.asDiagonal();
   // The smallest eigenvalue is that of the strain by pressure, zero; those of shear are twice the modulus.
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(rest(there, there)), Eigen::EigenvaluesOnly);
-  return std::min(stiffness.kappa, solver.eigenvalues()[1] / m.sum());
+  const Vector least = internal::eigenvalues<Eigen::Dynamic>(rest(there, there));
+  return std::min(stiffness.kappa, least[1] / m.sum());
 }
 
 template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>& approximation,
@@ -499,7 +498,9 @@ template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
 
 template <int Dim>
 Resultants<Dim> Equilibrium<Dim>::reactions(const State& state, const VoigtPoints<Dim>* stress) const {
-  const auto& [space, shape, nodes] = std::tie(approximation().space, approximation().shape, approximation().node_dofs);
+  const FineSpace<Dim>& space = approximation().space;
+  const ShapeTable<Dim>& shape = approximation().shape;
+  const std::vector<Index>& nodes = approximation().node_dofs;
   auto& [once, weakly, nodally] = *data_->holding;
   std::call_once(once, [&, &weakly = weakly, &nodally = nodally] {
     std::vector<Restraint<Dim>> weak = data_->elastic;

@@ -5,11 +5,11 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/geometry/mesh/locator.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/QR>
 #include <cmath>
 #include <map>
 
@@ -77,7 +77,7 @@ template <int Dim, class AtNodes> Points<Dim> motion_of(const FineSpace<Dim>& sp
   for (Index dof = 0; dof < space.size(); ++dof) {
     const Index node = nodes.at[dof];
     if (own[node].isZero(0.0)) continue;
-    motion.col(dof) = Eigen::CompleteOrthogonalDecomposition<Mat<Dim>>(all[node]).solve(own[node] * direction);
+    motion.col(dof) = internal::pseudo_inverse<Dim>(all[node]) * (own[node] * direction);
   }
   return motion;
 }
@@ -106,8 +106,8 @@ template <int Dim> double work_beyond(const FineSpace<Dim>& space, const Restrai
   for (const auto& [f, on_facet] : facets) {
     const auto dofs = space.cell(space.mesh().facet_cell(f)), places = space.places(space.mesh().facet_cell(f));
     const Vec<Dim> n = space.mesh().facet_normal(f);
-    const Eigen::CompleteOrthogonalDecomposition<Mat<Dim>> shares(on_facet.all);
-    const Vec<Dim> of_part = shares.solve(on_facet.own * direction);
+    const Mat<Dim> shares = internal::pseudo_inverse<Dim>(on_facet.all);
+    const Vec<Dim> of_part = shares * (on_facet.own * direction);
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const auto at = space.facet_point(f, rule.points.col(q));
       const auto N = space.values(at);
@@ -117,7 +117,7 @@ template <int Dim> double work_beyond(const FineSpace<Dim>& space, const Restrai
         beyond += N[static_cast<Index>(i)] * motion.col(dofs[i]);
         sigma += N[static_cast<Index>(i)] * stress.col(places[i]);
       }
-      const Vec<Dim> held_part = shares.solve(on_facet.all * beyond);
+      const Vec<Dim> held_part = shares * (on_facet.all * beyond);
       work += space.mesh().facet_measure(f) * rule.weights[q] *
               space.measure(space.position(space.mesh().facet_cell(f), at)) * traction<Dim>(sigma, n).dot(held_part);
     }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/modes.hpp"
 
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/solvers/cholesky.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
 #include <random>
@@ -26,7 +26,7 @@ Vector softest_mode(const Equations& equations, const State& at) {
     X = factor.solve(X);
     X = Eigen::HouseholderQR<Matrix>(X).householderQ() * Matrix::Identity(size, count);
     const Matrix projected = X.transpose() * (K.selfadjointView<Eigen::Lower>() * X);
-    X *= Eigen::SelfAdjointEigenSolver<Matrix>(projected).eigenvectors();  // values ascend
+    X *= internal::spectrum<Eigen::Dynamic>(projected).vectors;  // values ascend
   }
   State nowhere = at;
   nowhere.u.setZero();

@@ -10,13 +10,13 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/reactions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -717,9 +717,8 @@ template <int Dim> PointFields<Dim> NonlinearEquilibrium<Dim>::fields(const Stat
     result.F.col(K) += trace_direction<Dim>();
     if (!data_->is_finite(K)) continue;
     const Mat<3> F = in_space<Dim>(result.F.col(K));
-    const Eigen::SelfAdjointEigenSolver<Mat<3>> stretch(F * F.transpose());
-    const Mat<3> log = stretch.eigenvectors() * (0.5 * stretch.eigenvalues().array().log()).matrix().asDiagonal() *
-                       stretch.eigenvectors().transpose();
+    const auto [squares, axes] = internal::spectrum<3>(F * F.transpose());
+    const Mat<3> log = axes * (0.5 * squares.array().log()).matrix().asDiagonal() * axes.transpose();
     result.strain.col(K) = strain_of<Dim>(components<Dim>(log));
     result.stress.col(K) = stress_of<Dim>(components<Dim>(in_space<Dim>(P) * F.transpose() / F.determinant()));
   }

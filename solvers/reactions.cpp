@@ -4,9 +4,9 @@
 #include "efree/assembly/internal/finite_elements.hpp"
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 
@@ -153,7 +153,7 @@ template <int Dim> NodalReactions<Dim>::NodalReactions(const FineSpace<Dim>& spa
       impl->inverse[place] += own;
     }
   for (Mat<Dim>& all : impl->inverse) {
-    const Mat<Dim> inverse = Eigen::CompleteOrthogonalDecomposition<Mat<Dim>>(all).pseudoInverse();
+    const Mat<Dim> inverse = internal::pseudo_inverse<Dim>(all);
     impl->free.push_back(Mat<Dim>::Identity() - inverse * all);
     all = inverse;
   }

@@ -2,10 +2,10 @@
 #include "efree/solvers/internal/smoother.hpp"
 
 #include "efree/assembly/internal/few.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -81,8 +81,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     r -= alpha * q;
     held.release(r);  // what is held takes no part
   }
-  if (done > 0)
-    largest_ = 1.15 * Eigen::SelfAdjointEigenSolver<Matrix>(T.topLeftCorner(done, done)).eigenvalues().maxCoeff();
+  if (done > 0) largest_ = 1.15 * internal::eigenvalues<Eigen::Dynamic>(T.topLeftCorner(done, done)).maxCoeff();
 }
 
 template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,

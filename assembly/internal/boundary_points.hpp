@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -60,15 +59,7 @@ template <int Dim> double prescribed(const Restraint<Dim>& restraint, const Vec<
 }
 
 /// Adds sum_v phi_I(v) fine_v to the nodes.
-template <int Dim> Points<Dim> to_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& fine) {
-  Points<Dim> nodal = Points<Dim>::Zero(Dim, shape.num_nodes());
-  for (Index v = 0; v < shape.num_points(); ++v) {
-    if (fine.col(v).isZero(0.0)) continue;
-    const auto row = shape.row(v);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) nodal.col(row.nodes[k]) += row.N[k] * fine.col(v);
-  }
-  return nodal;
-}
+template <int Dim> Points<Dim> to_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& fine);
 
 /// The displacement that conditions d_k . u = g_k prescribe: a frame whose first `rank` columns span the directions,
 /// and u in that span.
@@ -79,28 +70,8 @@ template <int Dim> struct Held {
 };
 /// Nothing if the conditions contradict each other.
 template <int Dim>
-std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>& directions, const std::vector<double>& values) {
-  const Index count = static_cast<Index>(values.size());
-  Eigen::Matrix<double, Dim, Eigen::Dynamic> d(Dim, count);
-  for (Index k = 0; k < count; ++k) d.col(k) = directions[k];
-  const Vector g = Eigen::Map<const Vector>(values.data(), count);
-  const Eigen::SelfAdjointEigenSolver<Mat<Dim>> eigen(d * d.transpose());
-  Held<Dim> held{eigen.eigenvectors().rowwise().reverse(), 0, Vec<Dim>::Zero()};
-  const Vec<Dim> strength = eigen.eigenvalues().reverse();
-  held.rank = static_cast<int>((strength.array() > 1e-12 * strength[0]).count());
-  Vec<Dim> fixed = held.frame.transpose() * (d * g);
-  for (int i = 0; i < Dim; ++i) fixed[i] = i < held.rank ? fixed[i] / strength[i] : 0.0;
-  held.value = held.frame * fixed;
-  if ((d.transpose() * held.value - g).norm() > 1e-9 * (g.norm() + 1e-300)) return std::nullopt;
-  return held;
-}
+std::optional<Held<Dim>> held_by(const std::vector<Vec<Dim>>& directions, const std::vector<double>& values);
 
-[[noreturn]] inline void contradict(const std::vector<std::string>& parts, const std::string& place) {
-  std::vector<std::string> once;
-  for (const std::string& part : parts)
-    if (std::ranges::find(once, part) == once.end()) once.push_back(part);
-  throw InputError(fmt::format("displacements prescribed on \"{}\" contradict each other at {}",
-                               fmt::join(once, "\" and \""), place));
-}
+[[noreturn]] void contradict(const std::vector<std::string>& parts, const std::string& place);
 
 }  // namespace efree::internal

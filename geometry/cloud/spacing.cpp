@@ -108,7 +108,7 @@ template <int Dim> void add_thickness(const FineMesh<Dim>& mesh, double largest,
     const auto [d, v] = queue.top();
     queue.pop();
     if (d > distance[v]) continue;
-    for_each_neighbour(mesh, v, [&](Index w) {
+    for_each_neighbour(mesh, v, [&, v = v](Index w) {
       const double there = (mesh.vertex(w) - mesh.vertex(foot[v])).norm();
       if (there >= distance[w] || there > 0.75 * largest) return;  // half the thickness and some way beyond the middle
       distance[w] = there;
@@ -182,7 +182,7 @@ template <int Dim> Vector limit_growth(const FineMesh<Dim>& mesh, Vector spacing
     const auto [s, v] = queue.top();
     queue.pop();
     if (s > spacing[v]) continue;
-    const auto limit = [&](Index w) {
+    const auto limit = [&, s = s, v = v](Index w) {
       const double allowed = s + growth * (mesh.vertex(w) - mesh.vertex(v)).norm();
       if (allowed >= spacing[w]) return;
       spacing[w] = allowed;

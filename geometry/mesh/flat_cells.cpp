@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -73,11 +73,10 @@ Mat<3> within(const MeshData<3>& mesh, const std::vector<Facet>& facets) {
     const Vec<3> normal = area_vector(mesh, facet).stableNormalized();
     normals += normal * normal.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Mat<3>> axes(normals);
+  const auto [shares, axes] = internal::spectrum<3>(normals);
   Mat<3> projector = Mat<3>::Zero();
   for (int k = 0; k < 3; ++k)
-    if (axes.eigenvalues()[k] < as_good_as_parallel)
-      projector += axes.eigenvectors().col(k) * axes.eigenvectors().col(k).transpose();
+    if (shares[k] < as_good_as_parallel) projector += axes.col(k) * axes.col(k).transpose();
   return projector;
 }
 

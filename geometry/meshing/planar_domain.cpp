@@ -377,7 +377,9 @@ class Lattice {
         if (x >= crossings_[k + 1].low) break;
         for (; shadow != shadows_.end() && std::tie(shadow->row, shadow->low) <= std::tie(row, x); ++shadow)
           if (shadow->row == row) covered = std::max(covered, shadow->high);
-        if (x > covered) out.emplace_back(x + jitter(), ordinate(row) + jitter());
+        if (!(x > covered)) continue;
+        const double up = jitter(), along = jitter();  // drawn one by one: arguments are evaluated in any order
+        out.emplace_back(x + along, ordinate(row) + up);
       }
     }
     return out;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/materials/internal/principal.hpp"
 
-#include <Eigen/Eigenvalues>
+#include "efree/core/internal/spectrum.hpp"
+
 #include <cmath>
 
 namespace efree::internal {
@@ -24,20 +25,20 @@ PrincipalStress PrincipalStress::linear(const Vec<3>& strain, double kappa, doub
 }
 
 PrincipalFrame::PrincipalFrame(const Mat<3>& small_strain) : stretch_(Vec<3>::Ones()), finite_(false) {
-  const Eigen::SelfAdjointEigenSolver<Mat<3>> eigen(small_strain);
-  strain_ = eigen.eigenvalues();
-  current_ = reference_ = eigen.eigenvectors();
+  const auto [values, axes] = internal::spectrum<3>(small_strain);
+  strain_ = values;
+  current_ = reference_ = axes;
 }
 
 PrincipalFrame::PrincipalFrame(const Mat<3>& F, const Mat<3>& G) : finite_(true) {
   // By Green's strain, so that small strains keep their digits.
   const Mat<3> elastic = F * G, H = elastic - Mat<3>::Identity();
   const Mat<3> green = 0.5 * (H + H.transpose() + H.transpose() * H);
-  const Eigen::SelfAdjointEigenSolver<Mat<3>> eigen(green);
-  for (int a = 0; a < 3; ++a) strain_[a] = 0.5 * std::log1p(2.0 * eigen.eigenvalues()[a]);
-  stretch_ = (1.0 + 2.0 * eigen.eigenvalues().array()).sqrt();
-  current_ = elastic * eigen.eigenvectors() * stretch_.cwiseInverse().asDiagonal();
-  reference_ = G * eigen.eigenvectors();
+  const auto [values, axes] = internal::spectrum<3>(green);
+  for (int a = 0; a < 3; ++a) strain_[a] = 0.5 * std::log1p(2.0 * values[a]);
+  stretch_ = (1.0 + 2.0 * values.array()).sqrt();
+  current_ = elastic * axes * stretch_.cwiseInverse().asDiagonal();
+  reference_ = G * axes;
 }
 
 Mat<3> PrincipalFrame::stress(const Vec<3>& principal) const {

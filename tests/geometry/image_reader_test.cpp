@@ -241,13 +241,14 @@ TEST_F(ReadImage, RefusesBadFilesWithOneClearMessage) {
   EXPECT_INPUT_ERROR(read_image<2>(put("a.jpg", "abc")), "unknown ending");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.raw", "abc")), "give size and type");
   EXPECT_INPUT_ERROR(read_image<2>(put("a.png", grey_png), {.raw = RawImage<2>{}}), "this one has a header");
-  for (const auto& [name, format] : std::vector<std::pair<std::string, std::string>>{{"a.png", "PNG"},
-                                                                                     {"a.tif", "TIFF"},
-                                                                                     {"a.ppm", "PNM"},
-                                                                                     {"a.nrrd", "NRRD"},
-                                                                                     {"a.mha", "MetaImage"},
-                                                                                     {"a.inr", "INR"}})
-    EXPECT_INPUT_ERROR(read_image<2>(put(name, "something else altogether")), "it is no " + format + " file");
+  for (const auto& file : std::vector<std::pair<std::string, std::string>>{{"a.png", "PNG"},
+                                                                           {"a.tif", "TIFF"},
+                                                                           {"a.ppm", "PNM"},
+                                                                           {"a.nrrd", "NRRD"},
+                                                                           {"a.mha", "MetaImage"},
+                                                                           {"a.inr", "INR"}})
+    EXPECT_INPUT_ERROR(read_image<2>(put(file.first, "something else altogether")),
+                       "it is no " + file.second + " file");
   EXPECT_INPUT_ERROR(read_image<2>(put("red.png", colour_png)), "it is a colour image");
   EXPECT_INPUT_ERROR(read_image<2>(put("void.pgm", "P2 2 2 1 0 0 0 0")), "all of it is background");
   EXPECT_INPUT_ERROR(read_image<2>(put("stack.tif", tiff(2, 2, {"\1\1\1\1"s, "\1\1\1\1"s}))), "it has 2 layers");
@@ -271,7 +272,7 @@ TEST_F(ReadImage, RefusesBadFilesWithOneClearMessage) {
 TEST_F(ReadImage, RefusesTruncatedFiles) {
   const std::string meta = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\n";
   const std::string nrrd = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nendian: little\n\n";
-  for (const auto& [name, bytes] :
+  for (const auto& file :
        std::vector<std::pair<std::string, std::string>>{{"a.png", grey_png.substr(0, grey_png.size() - 14)},
                                                         {"b.png", grey_png.substr(0, 40)},
                                                         {"a.tif", tiff(3, 2, {"\0\1\2\2\2\0"s}).substr(0, 125)},
@@ -279,14 +280,14 @@ TEST_F(ReadImage, RefusesTruncatedFiles) {
                                                         {"a.pgm", "P5 3 2 255 \0\1"s},
                                                         {"b.pgm", "P2 3 2 255 0 1"},
                                                         {"c.pgm", "P5 3"}})
-    EXPECT_INPUT_ERROR(read_image<2>(put(name, bytes)), "truncated") << name;
-  for (const auto& [name, bytes] :
+    EXPECT_INPUT_ERROR(read_image<2>(put(file.first, file.second)), "truncated") << file.first;
+  for (const auto& file :
        std::vector<std::pair<std::string, std::string>>{{"a.mha", meta + "ElementDataFile = LOCAL\n123"},
                                                         {"a.nrrd", nrrd + "123"},
                                                         {"b.nrrd", nrrd.substr(0, 30)},
                                                         {"a.inr", inr("unsigned fixed", 8, "decm", "123")},
                                                         {"b.inr", inr("unsigned fixed", 8, "decm", "").substr(0, 100)}})
-    EXPECT_INPUT_ERROR(read_image<3>(put(name, bytes)), "truncated") << name;
+    EXPECT_INPUT_ERROR(read_image<3>(put(file.first, file.second)), "truncated") << file.first;
   EXPECT_INPUT_ERROR(read_image<3>(put("a.mhd", meta + "ElementDataFile = none.raw\n")), "which does not exist");
 }
 

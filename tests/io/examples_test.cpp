@@ -20,7 +20,8 @@ std::vector<Vec<2>> plate_points(double margin) {
   std::uniform_real_distribution<double> coordinate(margin, 4.0 - margin);
   std::vector<Vec<2>> points;
   while (points.size() < 200) {
-    const Vec<2> x(coordinate(random), coordinate(random));
+    const double up = coordinate(random), along = coordinate(random);  // arguments are evaluated in any order
+    const Vec<2> x(along, up);
     if (x.norm() > 1.0 + margin) points.push_back(x);
   }
   return points;

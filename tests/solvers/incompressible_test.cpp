@@ -87,8 +87,8 @@ Found cylinder(double size, double spacing) {
       {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")}, wall.loads<2>(),
       {[&](const Vec<2>& x) { return wall.displacement<2>(x); }, [&](const Vec<2>& x) { return wall.stress<2>(x); }});
 }
-template <double Nu> Found cavity(double size, double spacing) {
-  using Cavity = bench::CavityIn<Nu>;
+template <int TenThousandths> Found cavity(double size, double spacing) {
+  using Cavity = bench::CavityIn<TenThousandths>;
   return corrected<3>(Cavity::mesh(size), spacing, {.material = LinearElastic(Cavity::material)},
                       {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
                       Cavity::loads(), {Cavity::displacement, Cavity::stress});
@@ -111,7 +111,7 @@ TEST(NearlyIncompressible, CorrectedCylinderIsThatOfLame) {
 }
 /// Most of the displacement's error is that of the chords across the sphere, whatever Poisson's ratio.
 TEST(NearlyIncompressible, CorrectedCavityIsThatOfGoodier) {
-  const Found found = cavity<nu>(0.4, 1.2), compressible = cavity<0.3>(0.4, 1.2);
+  const Found found = cavity<4999>(0.4, 1.2), compressible = cavity<3000>(0.4, 1.2);
   EXPECT_LT(found.largest, 0.025);
   EXPECT_LT(*found.errors.energy_norm, 0.04);
   EXPECT_LT(*found.errors.l2_displacement, 1.1 * *compressible.errors.l2_displacement);

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Decompositions of small symmetric matrices (only their lower triangles are read). Compiled once, since Eigen's take
+/// a compiler seconds wherever they stand; N = 2, 3, 4, 6, 10 or Eigen::Dynamic (eigenvalues alone: 2, 3, 6 or that).
+#pragma once
+
+#include "efree/core/types.hpp"
+
+namespace efree::internal {
+
+template <int N> struct Spectrum {
+  Vec<N> values;   ///< ascending
+  Mat<N> vectors;  ///< by column
+};
+template <int N> Spectrum<N> spectrum(const Mat<N>& symmetric);
+template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric);  ///< ascending
+
+/// Of Moore and Penrose, of any square matrix; N = 2 or 3.
+template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix);
+
+}  // namespace efree::internal

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/internal/spectrum.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+namespace efree::internal {
+
+/// Larger ones by the code for any size.
+template <int N> constexpr int compiled_size = N <= 3 ? N : Eigen::Dynamic;
+
+template <int N> Spectrum<N> spectrum(const Mat<N>& symmetric) {
+  if constexpr (N == compiled_size<N>) {
+    const Eigen::SelfAdjointEigenSolver<Mat<N>> eigen(symmetric);
+    return {eigen.eigenvalues(), eigen.eigenvectors()};
+  } else {
+    const auto of = spectrum<compiled_size<N>>(symmetric);
+    return {of.values, of.vectors};
+  }
+}
+
+template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric) {
+  if constexpr (N == compiled_size<N>)
+    return Eigen::SelfAdjointEigenSolver<Mat<N>>(symmetric, Eigen::EigenvaluesOnly).eigenvalues();
+  else
+    return eigenvalues<compiled_size<N>>(symmetric);
+}
+
+template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix) {
+  return Eigen::CompleteOrthogonalDecomposition<Mat<N>>(matrix).pseudoInverse();
+}
+
+template Spectrum<2> spectrum<2>(const Mat<2>&);
+template Spectrum<3> spectrum<3>(const Mat<3>&);
+template Spectrum<4> spectrum<4>(const Mat<4>&);
+template Spectrum<6> spectrum<6>(const Mat<6>&);
+template Spectrum<10> spectrum<10>(const Mat<10>&);
+template Spectrum<Eigen::Dynamic> spectrum<Eigen::Dynamic>(const Matrix&);
+template Vec<2> eigenvalues<2>(const Mat<2>&);
+template Vec<3> eigenvalues<3>(const Mat<3>&);
+template Vec<6> eigenvalues<6>(const Mat<6>&);
+template Vector eigenvalues<Eigen::Dynamic>(const Matrix&);
+template Mat<2> pseudo_inverse<2>(const Mat<2>&);
+template Mat<3> pseudo_inverse<3>(const Mat<3>&);
+
+}  // namespace efree::internal
