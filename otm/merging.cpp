@@ -84,7 +84,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
 /// come nearer to each other, their centre of mass where it is.
 template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
   const auto is_free = [&](Index q) {
-    return std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
+    return !chunk.is_crushed(q) && std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
                         [&](const auto& pair) { return pair.first == q || pair.second == q; });
   };
   if (!is_free(p)) return;
