@@ -20,9 +20,16 @@ template <int Dim> void Motion<Dim>::pair_points() {
       const auto cell = body.cells.col(chunk.number[p]);
       return std::set<Index>(cell.begin(), cell.end());
     };
+    const auto is_collapsed = [&](Index p) {
+      const auto cell = body.cells.col(chunk.number[p]);
+      for (int i = 0; i <= Dim; ++i)
+        for (int j = 0; j < i; ++j)
+          if (cell[i] == cell[j]) return true;
+      return false;
+    };
     std::vector<Index> collapsed;
     for (Index p = 0; p < chunk.size(); ++p)
-      if (!chunk.is_eroded(p) && !chunk.is_crushed(p) && corners(p).size() <= Dim) collapsed.push_back(p);
+      if (!chunk.is_eroded(p) && !chunk.is_crushed(p) && is_collapsed(p)) collapsed.push_back(p);
     if (collapsed.empty()) continue;
     std::set<Index> busy(collapsed.begin(), collapsed.end());
     busy.insert(chunk.crushed.begin(), chunk.crushed.end());

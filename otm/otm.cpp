@@ -67,7 +67,7 @@ template <int Dim> void Otm<Dim>::add_wall(const OtmWall<Dim>& wall) {
 }
 template <int Dim> void Otm<Dim>::add_tool(const OtmTool<Dim>& tool) {
   motion_->add_tool(tool, false);
-  motion_->energy.begun = false;
+  motion_->watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::add_cavity(const OtmCavity<Dim>& cavity) {
@@ -88,7 +88,7 @@ template <int Dim> void Otm<Dim>::add_cavity(const OtmCavity<Dim>& cavity) {
   if (!(std::abs(volume) > 0.0)) throw InputError("a cavity: its facets enclose nothing");
   of.cavities.push_back({cavity, volume, 0.0});
   of.inflate();
-  of.energy.begun = false;
+  of.watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocity) {
@@ -97,7 +97,7 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
   motion_->prescribed.push_back({node, axis, velocity});
   motion_->v(axis, node) = velocity;
   motion_->held_anew = true;
-  motion_->energy.begun = false;
+  motion_->watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::erode(Index point) {
@@ -135,7 +135,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     of.shake(100);
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
-  if (!of.energy.begun) of.energy.look(balance());
+  if (!of.watch.begun) of.watch.look(balance());
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
   double damping = 0.0, squeeze = 0.0;
   for (auto& chunk : of.chunks) {
@@ -152,7 +152,9 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   // Points are of no two pairs: what pairs them takes turns.
   const Index turn = of.counts.steps % 32;
-  if (turn == 31 && of.stable < of.options.merging * of.first_stable)
+  if (turn == 1)
+    of.give_up_nodes();
+  else if (turn == 31 && of.stable < of.options.merging * of.first_stable)
     of.merge_nodes();
   else if (of.options.injection > 0.0 && turn % 8 == 7)
     of.inject();
@@ -165,8 +167,8 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   if (of.breaks()) of.fracture();
   if (++of.counts.steps % between_looks == 0) {
     of.stiffen();
-    of.energy.look(balance());
-    if (const double error = of.energy.error(); !(std::abs(error) <= of.options.imbalance))
+    of.watch.look(balance());
+    if (const double error = of.watch.error(); !(std::abs(error) <= of.options.imbalance))
       throw NumericalError(fmt::format(
           "at time {:.6g} the energy is off by {:.2g} %, more than the imbalance of {:.2g} %: smaller steps (courant) "
           "or finer bodies may help",
@@ -270,7 +272,7 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
 }
 
 template <int Dim> EnergyWatch Otm<Dim>::energy() const {
-  EnergyWatch result = motion_->energy;
+  EnergyWatch result = motion_->watch;
   result.look(balance());
   return result;
 }

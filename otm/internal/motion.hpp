@@ -94,7 +94,7 @@ template <int Dim> struct Motion {
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
   Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
-  EnergyWatch energy;  ///< when it was last looked at
+  EnergyWatch watch;  ///< of energy, when it was last looked at
   OtmCounts counts;
   OtmTimes times;
 
@@ -155,9 +155,11 @@ template <int Dim> struct Motion {
   void pair_points();
   void fuse_pairs();
   void find_points();
+  bool holds_as(Index a, Index other) const;
+  void give_up_nodes();
   void merge_nodes();
   void spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const;
-  std::set<std::pair<Index, Index>> outer_edges(Index of_body) const;
+  std::vector<std::pair<Index, Index>> outer_edges(Index of_body) const;
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   struct PointRow {
     Index point;
