@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -416,7 +417,8 @@ template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const
         turn -= part * v.col(a) * d.transpose();
         moment += part * d * d.transpose();
       }
-    turn *= moment.inverse();
+    // Where functions are narrow the inverse would keep fewer digits of the moment of momentum.
+    turn = moment.ldlt().solve(turn.transpose()).transpose().eval();
   }
   for (const auto& [p, row] : rows)
     for (const auto& [a, entry] : *row) {

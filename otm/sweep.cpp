@@ -61,12 +61,15 @@ template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const 
   if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
-/// The step is none for a point that it would turn inside out or nearly so: it stays as it is, by its F `before`, until
-/// it joins another. The work that its stress has done all the same is lost.
+/// The step is none for a point that it would turn inside out or nearly so: until it joins another it stays as it is, by
+/// its F `before`, and pushes nothing, since the moments of forces are right only where F is that of the nodes. What its
+/// stress has done by then, and what its nodes did unseen, is lost.
 template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const {
   const Mat<3> rate = (chunk.since[p] - before) * before.inverse();
   const Mat<3> tau = chunk.response.stress(p) * chunk.now.gradient(p).transpose();
-  chunk.lost += chunk.volume[p] * (tau.cwiseProduct(rate).sum() - chunk.shock[p] * rate.trace());
+  chunk.lost += 0.5 * chunk.volume[p] * (tau.cwiseProduct(rate).sum() - chunk.shock[p] * rate.trace());
+  chunk.lost += unseen(chunk, p);
+  chunk.penalty[p] = chunk.shock[p] = 0.0;
   chunk.since[p] = before;
   chunk.crushed.push_back(p);
 }
@@ -166,7 +169,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
         if (chunk.is_eroded(p)) continue;
         chunk.growth[p] /= mean;
         F.col(p) /= std::cbrt(chunk.growth[p]);
-        parts = parts || chunk.growth[p] < least_growth;
+        parts = parts || chunk.growth[p] < least_growth || chunk.is_crushed(p);
       }
       for (Index p = begin; p < begin + size && parts; ++p) {
         if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
@@ -202,6 +205,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
+  for (const Index p : chunk.crushed) std::fill_n(chunk.columns.begin() + 16 * p, 12, 0.0);
   push(chunk, chunk.since, chunk.from_origin);
 }
 
