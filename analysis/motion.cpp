@@ -414,11 +414,12 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
       if (monitor.detail)
         monitor.detail(fmt::format("time {:.4g} of {:.4g}, step {} of {:.3g}, energy off by {:.2g} %, {:.0f} s to go",
                                    otm.time(), motion.end, otm.counts().steps, otm.stable_step(),
-                                   100.0 * otm.energy().error(), now * (motion.end - otm.time()) / (otm.time() - from)));
+                                   100.0 * otm.energy().error(),
+                                   now * (motion.end - otm.time()) / (otm.time() - from)));
     }
     if (const double error = otm.energy().largest_error(); last && !(std::abs(error) <= refused_imbalance)) {
-      result.refusal = fmt::format("the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help",
-                                   100.0 * error);
+      result.refusal = fmt::format(
+          "the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help", 100.0 * error);
       break;
     }
     if (!last && now >= motion.time_limit) {

@@ -263,9 +263,9 @@ template class OtmRun<2>;
 template class OtmRun<3>;
 template std::vector<std::string> warnings_of(const OtmCase<2>&, const MovingBodies<2>&);
 template std::vector<std::string> warnings_of(const OtmCase<3>&, const MovingBodies<3>&);
-template void write_otm_result(const fs::path&, const OtmCase<2>&, const MovingBodies<2>&,
-                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
-template void write_otm_result(const fs::path&, const OtmCase<3>&, const MovingBodies<3>&,
-                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
+template void write_otm_result(const fs::path&, const OtmCase<2>&, const MovingBodies<2>&, const MotionEnd&,
+                               const std::vector<std::string>&, const StageTimes&);
+template void write_otm_result(const fs::path&, const OtmCase<3>&, const MovingBodies<3>&, const MotionEnd&,
+                               const std::vector<std::string>&, const StageTimes&);
 
 }  // namespace efree

@@ -56,7 +56,8 @@ template <int Dim> void Motion<Dim>::pair_points() {
       // The larger goes on, in the cell that is left.
       const bool is_larger = chunk.mass[p] > chunk.mass[with];
       if (is_larger) std::swap(chunk.number[p], chunk.number[with]);
-      chunk.pairs.push_back({.first = is_larger ? p : with, .second = is_larger ? with : p, .pairing = OtmPairing::fuse});
+      chunk.pairs.push_back(
+          {.first = is_larger ? p : with, .second = is_larger ? with : p, .pairing = OtmPairing::fuse});
       chunk.wear(p);
       chunk.wear(with);
       found = true;

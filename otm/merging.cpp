@@ -92,7 +92,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
 template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
   const auto is_free = [&](Index q) {
     return !chunk.is_crushed(q) && std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
-                        [&](const auto& pair) { return pair.first == q || pair.second == q; });
+                                                [&](const auto& pair) { return pair.first == q || pair.second == q; });
   };
   if (!is_free(p)) return;
   Index with = -1;
@@ -109,8 +109,8 @@ template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const
   chunk.wear(with);
 }
 
-/// Nodes that have left the points behind, as those at a rim that is thrown off, bear next to no mass, and fly anywhere:
-/// each becomes one with the nearest of those that its points see, on the surface if it is on it.
+/// Nodes that have left the points behind, as those at a rim that is thrown off, bear next to no mass, and fly
+/// anywhere: each becomes one with the nearest of those that its points see, on the surface if it is on it.
 template <int Dim> void Motion<Dim>::give_up_nodes() {
   Vector seen_most = Vector::Zero(x.cols());
   for (const auto& chunk : chunks)

@@ -61,9 +61,9 @@ template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const 
   if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
-/// The step is none for a point that it would turn inside out or nearly so: until it joins another it stays as it is, by
-/// its F `before`, and pushes nothing, since the moments of forces are right only where F is that of the nodes. What its
-/// stress has done by then, and what its nodes did unseen, is lost.
+/// The step is none for a point that it would turn inside out or nearly so: until it joins another it stays as it is,
+/// by its F `before`, and pushes nothing, since the moments of forces are right only where F is that of the nodes. What
+/// its stress has done by then, and what its nodes did unseen, is lost.
 template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const {
   const Mat<3> rate = (chunk.since[p] - before) * before.inverse();
   const Mat<3> tau = chunk.response.stress(p) * chunk.now.gradient(p).transpose();

@@ -94,7 +94,7 @@ template <int Dim> struct Motion {
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
   Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
-  EnergyWatch watch;  ///< of energy, when it was last looked at
+  EnergyWatch watch;   ///< of energy, when it was last looked at
   OtmCounts counts;
   OtmTimes times;
 
