@@ -133,21 +133,29 @@ struct Rod {
   }
 };
 
-/// It becomes a disk a millimetre thin. Before steps knew how fast new functions squeeze, and nodes that had left all
-/// points behind were given up, a point was turned inside out on the way.
-TEST(TaylorBar, AtThreeTimesTheSpeedARodInSpaceGoesAllTheWay) {
+/// It becomes a disk a millimetre thin, which took steps that know how fast new functions squeeze, and nodes that are
+/// given up when they have left all points behind: they flew off alone.
+TEST(TaylorBar, AtThreeTimesTheSpeedARodInSpaceBecomesADisk) {
   Rod rod(750.0, {.injection = 3.0});
-  rod.otm.run(30e-6);
+  rod.otm.run(16e-6);
   rod.expect_sound(0.01);
   EXPECT_GT(rod.otm.counts().injected, 100);
-  EXPECT_LT(rod.otm.points().row(2).maxCoeff(), 1.5e-3);
-  // No node flies off on its own.
   const Points<3>&x = rod.otm.nodes(), at = rod.otm.points();
+  EXPECT_LT(at.row(2).maxCoeff(), 1.6e-3);
+  EXPECT_LT(x.row(2).maxCoeff(), 2.0e-3);
   const double rim = at.topRows<2>().colwise().norm().maxCoeff();
+  EXPECT_GT(rim, 15e-3);
   EXPECT_LT(x.topRows<2>().colwise().norm().maxCoeff(), 1.25 * rim);
 }
 
-/// Four times the speed of sound: what squeezes points in one step to nothing is none for them, and they join others.
+/// It used to end at 0.68 us with a point inside out.
+TEST(TaylorBar, AtTwoThirdsOfTheSpeedOfSoundARodInSpaceGoesOn) {
+  Rod rod(3000.0, {});
+  rod.otm.run(1e-6);
+  rod.expect_sound(0.01);
+}
+
+/// Three times the speed of sound: what squeezes points in one step to nothing is none for them, and they join others.
 TEST(TaylorBar, PointsThatWouldBeTurnedInsideOutJoinOthers) {
   Rod rod(15e3, {});
   rod.otm.run(0.5e-6);
@@ -167,16 +175,16 @@ TEST(TaylorBar, ShockViscosityIsStableInSpace) {
 /// Bodies go no further than energy is accounted for.
 TEST(TaylorBar, EnergyThatIsLostEndsTheRun) {
   Rod good(227.0, {.imbalance = 0.02});
-  EXPECT_NO_THROW(good.otm.run(5e-6));
+  EXPECT_NO_THROW(good.otm.run(20e-6));
   const double error = std::abs(good.otm.energy().largest_error());
   EXPECT_GT(error, 1e-6);
   Rod bad(227.0, {.imbalance = 0.01 * error});
   try {
-    bad.otm.run(5e-6);
+    bad.otm.run(20e-6);
     FAIL() << "it went on";
   } catch (const NumericalError& of) {
     EXPECT_THAT(of.what(), testing::HasSubstr("the energy is off by"));
-    EXPECT_LT(bad.otm.time(), 5e-6);
+    EXPECT_LT(bad.otm.time(), 20e-6);
   }
   EXPECT_THROW(Rod(227.0, {.imbalance = 0.0}), InputError);
   EXPECT_THROW(Rod(227.0, {.imbalance = std::nan("")}), InputError);
