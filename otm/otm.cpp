@@ -22,6 +22,8 @@ constexpr double least_share = 0.05;
 
 /// Steps between looks at the energy, and at how stiff points are.
 constexpr Index between_looks = 64;
+/// Looks at an energy that is off after which it is: where there is little of it, as at the start, it may swing.
+constexpr Index looks_in_a_row = 8;
 
 }  // namespace
 
@@ -168,7 +170,11 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   if (++of.counts.steps % between_looks == 0) {
     of.stiffen();
     of.watch.look(balance());
-    if (const double error = of.watch.error(); !(std::abs(error) <= of.options.imbalance))
+    const double error = of.watch.error();
+    of.watch.beyond = std::abs(error) <= of.options.imbalance ? 0 : of.watch.beyond + 1;
+    if (!std::isfinite(error))
+      throw NumericalError(fmt::format("at time {:.6g} energies are no numbers any more", of.time));
+    if (of.watch.beyond >= looks_in_a_row)
       throw NumericalError(fmt::format(
           "at time {:.6g} the energy is off by {:.2g} %, more than the imbalance of {:.2g} %: smaller steps (courant) "
           "or finer bodies may help",

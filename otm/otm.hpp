@@ -83,7 +83,7 @@ struct OtmOptions {
   /// the functions' width (Weissenfels & Wriggers 2018).
   double stabilisation = 0.1;
   /// Error of the energy balance, over the most energy there was so far, with which bodies go no further: what came out
-  /// could be anything. Looked at every 64 steps.
+  /// could be anything. Looked at every 64 steps, eight times in a row: where there is little of it, it may swing.
   double imbalance = 0.1;
   ShockViscosity shock{};
   OtmContact contact{};
@@ -119,6 +119,7 @@ struct EnergyWatch {
   double scale = 0.0;     ///< the most there was of it so far
   double off = 0.0;       ///< what is missing (negative) or too much now
   double furthest = 0.0;  ///< the same where it was worst
+  Index beyond = 0;       ///< times in a row that it was off by more than OtmOptions::imbalance
   bool begun = false;
 
   double error() const { return scale > 0.0 ? off / scale : 0.0; }

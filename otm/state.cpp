@@ -14,8 +14,8 @@ auto fields(OtmTimes& of) {
   return std::tie(functions, kinematics, materials, forces, stability, nodes, contact, fracture);
 }
 auto fields(EnergyWatch& of) {
-  auto& [start, scale, off, furthest, begun] = of;
-  return std::tie(start, scale, off, furthest, begun);
+  auto& [start, scale, off, furthest, beyond, begun] = of;
+  return std::tie(start, scale, off, furthest, beyond, begun);
 }
 auto fields(OtmCounts& of) {
   auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, kept, widened] = of;
