@@ -363,21 +363,8 @@ template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> meas
   return result;
 }
 
-template <int Dim> void EnergyWatch::look(const OtmBalance<Dim>& now, double time) {
-  const double total = now.total();
-  if (!begun) start = total;
-  begun = true;
-  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated, std::abs(now.prescribed)});
-  off = total - start;
-  if (std::abs(off) > std::abs(furthest)) furthest = off;
-  if (std::abs(error()) <= refused_imbalance)
-    since = -1.0;
-  else if (since < 0.0)
-    since = time;
-}
-
 template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionSettings<Dim>& motion,
-                                        EnergyWatch& energy, const MotionWatcher& watcher, const Monitor& monitor) {
+                                        const MotionWatcher& watcher, const Monitor& monitor) {
   using Clock = std::chrono::steady_clock;
   const auto began = Clock::now();
   const auto seconds = [&] { return std::chrono::duration<double>(Clock::now() - began).count(); };
@@ -387,14 +374,8 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
   Otm<Dim>& otm = bodies.otm;
   MotionEnd result;
   const Stage stage("motion", monitor);
-  const auto look = [&] {
-    energy.look(otm.balance(), otm.time());
-    if (!std::isfinite(energy.off))
-      throw NumericalError(fmt::format("at time {:.6g} velocities or stresses are no numbers any more", otm.time()));
-  };
   const double from = otm.time();
-  if (!energy.begun) {
-    look();
+  if (otm.counts().steps == 0) {
     call(watcher.line);
     call(watcher.frame);
   }
@@ -408,7 +389,7 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
   const auto is_over = [&] { return motion.end - otm.time() <= 1e-12 * motion.end; };
   while (!is_over()) {
     if (monitor.cancelled && monitor.cancelled()) {
-      call(watcher.checkpoint);
+      if (otm.counts().steps > 0) call(watcher.checkpoint);
       throw Cancelled("motion");
     }
     const double before = otm.time(), left = motion.end - before, stable = otm.stable_step();
@@ -423,7 +404,6 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     otm.step(std::min(motion.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left));
     const bool last = is_over();
     const bool has_line = last || passes(before, motion.lines);
-    if (has_line || passes(before, 100)) look();
     if (has_line) call(watcher.line);
     if (last || passes(before, motion.frames)) call(watcher.frame);
     const double now = seconds();
@@ -434,14 +414,12 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
       if (monitor.detail)
         monitor.detail(fmt::format("time {:.4g} of {:.4g}, step {} of {:.3g}, energy off by {:.2g} %, {:.0f} s to go",
                                    otm.time(), motion.end, otm.counts().steps, otm.stable_step(),
-                                   100.0 * energy.error(), now * (motion.end - otm.time()) / (otm.time() - from)));
+                                   100.0 * otm.energy().error(),
+                                   now * (motion.end - otm.time()) / (otm.time() - from)));
     }
-    // At the beginning, where there is little of it, energy may swing.
-    const bool is_lost = energy.since >= 0.0 && otm.time() - energy.since > 0.05 * motion.end;
-    if (is_lost || (last && std::abs(energy.largest_error()) > refused_imbalance)) {
+    if (const double error = otm.energy().largest_error(); last && !(std::abs(error) <= refused_imbalance)) {
       result.refusal = fmt::format(
-          "at time {:.6g} the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help",
-          otm.time(), 100.0 * energy.largest_error());
+          "the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help", 100.0 * error);
       break;
     }
     if (!last && now >= motion.time_limit) {
@@ -467,9 +445,7 @@ template std::vector<double> measure(const MotionProbe<2>&, const MovingBodies<2
                                      const std::vector<std::pair<std::string, Vector>>&, Index);
 template std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<2>&,
                                                                           const MovingBodies<2>&);
-template void EnergyWatch::look(const OtmBalance<2>&, double);
-template MotionEnd run_motion(MovingBodies<2>&, const MotionSettings<2>&, EnergyWatch&, const MotionWatcher&,
-                              const Monitor&);
+template MotionEnd run_motion(MovingBodies<2>&, const MotionSettings<2>&, const MotionWatcher&, const Monitor&);
 template MovingBodies<3> set_in_motion(const PreparedMesh<3>&, const Settings<3>&, const MotionSettings<3>&,
                                        const Monitor&);
 template std::vector<std::pair<std::string, Vector>> point_scalars(const Otm<3>&);
@@ -477,8 +453,6 @@ template std::vector<double> measure(const MotionProbe<3>&, const MovingBodies<3
                                      const std::vector<std::pair<std::string, Vector>>&, Index);
 template std::vector<std::pair<std::string, std::vector<double>>> measure(const MotionSettings<3>&,
                                                                           const MovingBodies<3>&);
-template void EnergyWatch::look(const OtmBalance<3>&, double);
-template MotionEnd run_motion(MovingBodies<3>&, const MotionSettings<3>&, EnergyWatch&, const MotionWatcher&,
-                              const Monitor&);
+template MotionEnd run_motion(MovingBodies<3>&, const MotionSettings<3>&, const MotionWatcher&, const Monitor&);
 
 }  // namespace efree

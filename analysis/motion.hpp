@@ -121,22 +121,8 @@ template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> meas
 
 /// Error of the energy balance that is warned of.
 inline constexpr double warned_imbalance = 0.01;
-/// Error of the energy balance with which a run is none: what comes out could be anything.
+/// Error of the energy balance with which a run that got to its end is none; see OtmOptions::imbalance.
 inline constexpr double refused_imbalance = 0.05;
-
-/// How well energy is accounted for.
-struct EnergyWatch {
-  double start = 0.0;     ///< what there was of it
-  double scale = 0.0;     ///< the most there was of it so far
-  double off = 0.0;       ///< what is missing (negative) or too much now
-  double furthest = 0.0;  ///< the same where it was worst
-  double since = -1.0;    ///< time from which on it has been off by more than is refused; negative: it is not
-  bool begun = false;
-
-  double error() const { return scale > 0.0 ? off / scale : 0.0; }
-  double largest_error() const { return scale > 0.0 ? furthest / scale : 0.0; }
-  template <int Dim> void look(const OtmBalance<Dim>& now, double time);
-};
 
 /// Who hears of a run; what is empty is not called.
 struct MotionWatcher {
@@ -151,11 +137,10 @@ struct MotionEnd {
 };
 
 /// Steps until motion.end. `watcher.line` and `watcher.frame` are called at the start and after the steps that pass
-/// their times, the last one included, so that steps do not depend on them; energies are looked at with the lines, and
-/// a hundred times at least; `checkpoint` by the clock, and before Cancelled is thrown. monitor.detail hears of time,
-/// step, balance and time to go. Throws NumericalError as Otm does, and for energies that are no numbers. Stage:
-/// motion.
+/// their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before
+/// Cancelled is thrown. monitor.detail hears of time, step, balance and time to go. Throws NumericalError as Otm does.
+/// Stage: motion.
 template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionSettings<Dim>& motion,
-                                        EnergyWatch& energy, const MotionWatcher& watcher, const Monitor& monitor = {});
+                                        const MotionWatcher& watcher, const Monitor& monitor = {});
 
 }  // namespace efree

@@ -212,8 +212,7 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
 }
 
 /// What bodies in motion have done, a line each.
-template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
-                                                        const EnergyWatch& energy) {
+template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies) {
   const Otm<Dim>& otm = bodies.otm;
   const OtmBalance<Dim> now = otm.balance();
   const OtmTimes spent = otm.times();
@@ -226,7 +225,7 @@ template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, 
           "energy: kinetic {:.4g}, stored {:.4g}, dissipated {:.4g}, contact {:.4g}, elsewhere {:.4g}; off by up "
           "to {:.2g} %",
           now.kinetic, now.stored, now.dissipated, now.contact, now.stabilising + now.viscous + now.renewal,
-          100.0 * energy.largest_error())};
+          100.0 * otm.energy().largest_error())};
   if (all > 0.0)
     lines.push_back(
         fmt::format("{:.3g} million updates of points a second; functions {:.0f} %, kinematics {:.0f} %, "
@@ -271,7 +270,6 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
                         .say = say,
                         .times = &times,
                         .detail = [&](const std::string& how_far) { display.detail(how_far); }};
-  EnergyWatch energy;
   std::string refusal;
   bool is_put = false;  // whether what there is of this run is results
   try {
@@ -283,25 +281,25 @@ int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress
                     bodies.names.size() == 1 ? "y" : "ies", bodies.otm.num_nodes(), bodies.otm.num_points(),
                     bodies.otm.stable_step()));
     if (options.resume) {
-      run.resume(bodies, energy);
+      run.resume(bodies);
       say(fmt::format("goes on from step {} at time {:.6g}", bodies.otm.counts().steps, bodies.otm.time()));
     } else if (run.is_unfinished()) {
       say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
                       options.out));
     }
-    const MotionEnd end = run_motion(bodies, of.motion, energy,
+    const MotionEnd end = run_motion(bodies, of.motion,
                                      {.line = [&] { run.line(bodies); },
                                       .frame = [&] { run.frame(bodies); },
-                                      .checkpoint = [&] { run.checkpoint(bodies, energy); }},
+                                      .checkpoint = [&] { run.checkpoint(bodies); }},
                                      monitor);
     refusal = end.refusal;
-    for (const std::string& line : motion_text(of, bodies, energy)) say(line);
-    const auto warnings = warnings_of(of, bodies, energy);
+    for (const std::string& line : motion_text(of, bodies)) say(line);
+    const auto warnings = warnings_of(of, bodies);
     for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
     if (!end.can_go_on) {
-      if (refusal.empty()) run.checkpoint(bodies, energy);
+      if (refusal.empty()) run.checkpoint(bodies);
       run.finish(out);
-      write_otm_result(out.file("result.json"), of, bodies, energy, end, warnings, times);
+      write_otm_result(out.file("result.json"), of, bodies, end, warnings, times);
       is_put = true;
     }
   } catch (const Cancelled&) {

@@ -91,7 +91,8 @@ template <int Dim> void taylor(double size, const Keys& keys) {
           "%5.1f us: length %.3f mm, foot %.3f mm, plastic strain %.3f | plastic work %.3f, kinetic %.3f, stored %.3f, "
           "stabilising %.4f, contact %.3f, renewal %.4f, total %.5f | %d steps, %.3f s, %.3g updates/s, %.1f renewals "
           "a "
-          "point, %.2f iterations each, %lld widened, %lld kept, %d merged, %d injected, %d fused: %d nodes, %d "
+          "point, %.2f iterations each, %lld widened, %lld kept, %d merged, %d injected, %d fused, %d joined: %d "
+          "nodes, %d "
           "points\n",
           1e6 * otm.time(), 1e3 * shape.length, 1e3 * shape.foot, shape.plastic_strain, now.dissipated / before.kinetic,
           now.kinetic / before.kinetic, now.stored / before.kinetic, now.stabilising / before.kinetic,
@@ -99,7 +100,7 @@ template <int Dim> void taylor(double size, const Keys& keys) {
           seconds, static_cast<double>(count.updates) / seconds, static_cast<double>(count.renewals) / otm.num_points(),
           static_cast<double>(count.iterations) / static_cast<double>(count.renewals + otm.num_points()),
           static_cast<long long>(count.widened), static_cast<long long>(count.kept), count.merged, count.injected,
-          count.fused, otm.num_nodes() - count.merged, otm.num_points());
+          count.fused, count.joined, otm.num_nodes() - count.merged, otm.num_points());
       std::fflush(stdout);
     }
     const OtmTimes times = otm.times();

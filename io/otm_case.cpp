@@ -261,6 +261,7 @@ void read_options(const Section& section, bool cloud, OtmOptions& options) {
     options.shock.quadratic = shock.number("quadratic", not_negative, options.shock.quadratic);
   }
   options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
+  options.imbalance = section.number("imbalance", {0.0, 1.0, false, true}, options.imbalance);
 }
 
 /// Functions: at the vertices of the mesh, or on a cloud.
@@ -319,7 +320,7 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
   read_moved<Dim>(boundaries, expressions, places, motion);
   read_functions(root, places, result);
   read_options(root.section("otm", {"gamma", "cutoff", "renewal", "exact_integration", "anisotropy", "merging",
-                                    "injection", "momentum", "courant", "stabilisation", "shock"}),
+                                    "injection", "momentum", "courant", "stabilisation", "imbalance", "shock"}),
                motion.cloud, motion.options);
   const Section contact = root.section("contact", {"stiffness", "friction", "seizing"});
   motion.options.contact.stiffness = contact.number("stiffness", not_negative, motion.options.contact.stiffness);

@@ -20,17 +20,11 @@
 namespace efree {
 namespace fs = std::filesystem;
 
-// What a checkpoint is made of, for Packer and Unpacker.
-static auto fields(EnergyWatch& of) {
-  auto& [start, scale, off, furthest, since, begun] = of;
-  return std::tie(start, scale, off, furthest, since, begun);
-}
-
 namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::string_view kind = "efree otm 1\n";
+constexpr std::string_view kind = "efree otm 2\n";
 constexpr const char* state_name = "otm.state";
 
 template <class Values> ordered_json array(const Values& values) {
@@ -81,7 +75,7 @@ template <int Dim> void OtmRun<Dim>::begin() {
   record_.emplace(unfinished_->folder());
 }
 
-template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWatch& energy) {
+template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies) {
   const bool killed = is_unfinished();
   const fs::path folder = killed ? unfinished_->folder() : directory_, file = folder / state_name;
   if (!fs::exists(file))
@@ -92,10 +86,9 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies, EnergyWat
   std::string record;
   try {
     internal::Unpacker unpack(sealed.packed());
-    unpack(energy);
     unpack(record);
     bodies.otm.restore(unpack.rest());
-    if (!is_finite(bodies.otm) || !std::isfinite(energy.error())) internal::is_damaged(file);
+    if (!is_finite(bodies.otm) || !std::isfinite(bodies.otm.energy().error())) internal::is_damaged(file);
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
@@ -146,12 +139,10 @@ template <int Dim> void OtmRun<Dim>::frame(const MovingBodies<Dim>& bodies) {
   draw_motion(unfinished_->folder() / picture, drawn);
 }
 
-template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy) {
+template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies) {
   begin();
   std::string record = record_->state();
-  EnergyWatch there = energy;
   internal::Packer pack;
-  pack(there);
   pack(record);
   internal::write_sealed(unfinished_->folder() / state_name, kind, Dim, case_.mark,
                          {std::move(pack).bytes(), bodies.otm.state()});
@@ -170,24 +161,29 @@ template <int Dim> void OtmRun<Dim>::forget() {
   unfinished_->forget();
 }
 
-template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
-                                                        const EnergyWatch& energy) {
+template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies) {
   std::vector<std::string> warnings = bodies.warnings;
-  if (std::abs(energy.largest_error()) > warned_imbalance)
+  if (const double error = bodies.otm.energy().largest_error(); std::abs(error) > warned_imbalance)
     warnings.push_back(
         fmt::format("the energy is off by up to {:.2g} %: smaller steps (otm.courant) or finer bodies "
                     "may help",
-                    100.0 * energy.largest_error()));
+                    100.0 * error));
+  if (const Index joined = bodies.otm.counts().joined; joined > 0)
+    warnings.push_back(
+        fmt::format("{} times of {} material points one had no functions of its own, or would have been turned inside "
+                    "out, and took those of the next: finer bodies may help",
+                    joined, bodies.otm.num_points()));
   for (const auto& [name, values] : measure(of.motion, bodies))
     if (std::isnan(values[0])) warnings.push_back(fmt::format("probe \"{}\": nothing is in its box at the end", name));
   return warnings;
 }
 
 template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
-                                         const EnergyWatch& energy, const MotionEnd& end,
-                                         const std::vector<std::string>& warnings, const StageTimes& times) {
+                                         const MotionEnd& end, const std::vector<std::string>& warnings,
+                                         const StageTimes& times) {
   const Otm<Dim>& otm = bodies.otm;
   const OtmBalance<Dim> now = otm.balance();
+  const EnergyWatch energy = otm.energy();
   const OtmCounts& counts = otm.counts();
   const OtmTimes spent = otm.times();
   ordered_json json;
@@ -202,6 +198,7 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened},   {"kept", counts.kept},
                     {"merged", counts.merged},     {"injected", counts.injected},
+                    {"fused", counts.fused},       {"joined", counts.joined},
                     {"eroded", counts.eroded}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {{"start", energy.start},
@@ -264,11 +261,11 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
 
 template class OtmRun<2>;
 template class OtmRun<3>;
-template std::vector<std::string> warnings_of(const OtmCase<2>&, const MovingBodies<2>&, const EnergyWatch&);
-template std::vector<std::string> warnings_of(const OtmCase<3>&, const MovingBodies<3>&, const EnergyWatch&);
-template void write_otm_result(const fs::path&, const OtmCase<2>&, const MovingBodies<2>&, const EnergyWatch&,
-                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
-template void write_otm_result(const fs::path&, const OtmCase<3>&, const MovingBodies<3>&, const EnergyWatch&,
-                               const MotionEnd&, const std::vector<std::string>&, const StageTimes&);
+template std::vector<std::string> warnings_of(const OtmCase<2>&, const MovingBodies<2>&);
+template std::vector<std::string> warnings_of(const OtmCase<3>&, const MovingBodies<3>&);
+template void write_otm_result(const fs::path&, const OtmCase<2>&, const MovingBodies<2>&, const MotionEnd&,
+                               const std::vector<std::string>&, const StageTimes&);
+template void write_otm_result(const fs::path&, const OtmCase<3>&, const MovingBodies<3>&, const MotionEnd&,
+                               const std::vector<std::string>&, const StageTimes&);
 
 }  // namespace efree

@@ -27,14 +27,14 @@ template <int Dim> class OtmRun {
 
   /// Whether a run was killed here.
   bool is_unfinished() const;
-  /// Puts bodies and balance where the run was at its last checkpoint: the one that was killed here, or one that ended.
+  /// Puts bodies where the run was at its last checkpoint: the one that was killed here, or one that ended.
   /// Throws InputError if there is none, it is of another case (but for [time] and [output]), is damaged, or another
   /// run goes on here.
-  void resume(MovingBodies<Dim>& bodies, EnergyWatch& energy);
+  void resume(MovingBodies<Dim>& bodies);
   /// For MotionWatcher. All throw InputError where files cannot be written.
   void line(const MovingBodies<Dim>& bodies);
   void frame(const MovingBodies<Dim>& bodies);
-  void checkpoint(const MovingBodies<Dim>& bodies, const EnergyWatch& energy);
+  void checkpoint(const MovingBodies<Dim>& bodies);
   /// Whether something of this run has been written.
   bool has_begun() const { return record_.has_value(); }
   /// Adds all files to the results, in the place of older ones. Call `forget` once these are in place.
@@ -55,12 +55,10 @@ template <int Dim> class OtmRun {
 /// Counts, energies, momenta, probes, extremes of all fields, where time went: the format is in docs/case-file.md.
 /// Probes that find nothing are left out.
 template <int Dim> void write_otm_result(const std::filesystem::path& file, const OtmCase<Dim>& of,
-                                         const MovingBodies<Dim>& bodies, const EnergyWatch& energy,
-                                         const MotionEnd& end, const std::vector<std::string>& warnings,
-                                         const StageTimes& times);
+                                         const MovingBodies<Dim>& bodies, const MotionEnd& end,
+                                         const std::vector<std::string>& warnings, const StageTimes& times);
 
 /// What makes the numbers doubtful.
-template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies,
-                                                        const EnergyWatch& energy);
+template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies);
 
 }  // namespace efree

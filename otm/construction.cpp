@@ -112,6 +112,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   require(!options.contact.seizing || options.functions == OtmFunctions::lme,
           "contact: bodies seize by functions of maximum entropy, not as smoothed particles");
   require(options.stabilisation >= 0.0 && std::isfinite(options.stabilisation), "stabilisation: expected 0 or more");
+  require(options.imbalance > 0.0, "imbalance: expected more than 0");
   Index num_nodes = 0, num_points = 0;
   for (const auto& body : given) {
     const auto b = static_cast<Index>(&body - given.data());
@@ -295,8 +296,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     Rows rows(all.size());
     if (const auto& shape = given[chunk.body].shape)
       take_functions(chunk, *shape, rows);
-    else
-      make_functions(chunk, all, true, rows, counted[c]);
+    else if (const auto lost = make_functions(chunk, all, true, rows, counted[c]); !lost.empty())
+      throw NumericalError(has_no_functions(chunk, lost.front()));
     put_rows(chunk, all, rows);
   });
   for (const auto& c : counted) counts.iterations += c.iterations;

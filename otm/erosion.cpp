@@ -230,7 +230,9 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
     }
   }
   // Those that broke after they were told to.
-  for (auto& chunk : chunks) std::erase_if(chunk.worn, [&](Index p) { return chunk.is_eroded(p); });
+  for (auto& chunk : chunks)
+    for (std::vector<Index>* points : {&chunk.worn, &chunk.crushed})
+      std::erase_if(*points, [&](Index p) { return chunk.is_eroded(p); });
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     deform(chunks[c], x);
     for (Index p = 0; p < chunks[c].size(); ++p) place(chunks[c], p);

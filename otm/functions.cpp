@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -192,26 +193,35 @@ void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>&
   }
 }
 
-template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first,
-                                                    Rows& rows, OtmCounts& counted) const {
-  if (options.functions == OtmFunctions::smoothed_particles) return make_particles(chunk, which, rows);
+/// Functions of these points. Returns those that have none, nor any to keep, or are crushed: there are no rows of them.
+template <int Dim> std::vector<Index> Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
+                                                                  bool first, Rows& rows, OtmCounts& counted) const {
+  std::vector<Index> lost;
+  if (options.functions == OtmFunctions::smoothed_particles) {
+    make_particles(chunk, which, rows);
+    return lost;
+  }
   LmeFunctions<Dim> functions(options.lme);
   std::vector<Index> used;
   for (std::size_t k = 0; k < which.size(); ++k) {
     const Index p = which[k];
+    auto& row = rows[k];
+    row.clear();
     const Vec<Dim> at = chunk.at.col(p);
+    if (chunk.is_crushed(p)) {
+      lost.push_back(p);
+      continue;
+    }
     if (!find_functions(chunk, p, first, chunk.metric[p], chunk.lambda[p], functions, used, counted)) {
-      if (first || !keep_functions(chunk, p, rows[k]))
-        throw NumericalError(
-            fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around "
-                        "it, {} of them",
-                        time, fmt::join(at, ", "), functions.size()));
-      complete<Dim>(rows[k]);
+      if (first || !keep_functions(chunk, p, row)) {
+        row.clear();
+        lost.push_back(p);
+        continue;
+      }
+      complete<Dim>(row);
       ++counted.kept;
       continue;
     }
-    auto& row = rows[k];
-    row.clear();
     for (std::size_t k_used = 0; k_used < used.size(); ++k_used) {
       const auto a = static_cast<Index>(k_used);
       const double N = functions.N(a);
@@ -238,6 +248,12 @@ template <int Dim> void Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const 
     chunk.penalty[p] =
         share * (bodies[chunk.body].shear + stress) * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
   }
+  return lost;
+}
+
+template <int Dim> std::string Motion<Dim>::has_no_functions(const OtmChunk<Dim>& chunk, Index p) const {
+  return fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around it", time,
+                     fmt::join(chunk.at.col(p), ", "));
 }
 
 /// Functions that are given, for good. What LME functions say of motions that points do not see, others do not.
@@ -316,7 +332,50 @@ template <int Dim> void Motion<Dim>::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
-/// Masses and momenta of nodes change as the functions of a point do, or of a pair: what it carries of momentum, and of
+/// Points that have no functions go to the nearest of the chunk that has some, and take its.
+template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, std::vector<Index> lost, Change& change) const {
+  const auto is_second = [&](Index q) {
+    return std::any_of(chunk.pairs.begin(), chunk.pairs.end(),
+                       [&](const auto& pair) { return pair.fuses() && pair.second == q; });
+  };
+  for (std::size_t k = 0; k < lost.size(); ++k) {
+    const Index p = lost[k];
+    if (is_second(p)) continue;  // the first of its pair has them
+    const auto away = [&](Index q) { return (chunk.at.col(q) - chunk.at.col(p)).squaredNorm(); };
+    for (;;) {
+      Index with = -1;
+      for (Index q = 0; q < chunk.size(); ++q)
+        if (!chunk.is_eroded(q) && (with < 0 || away(q) < away(with)) && std::ranges::count(lost, q) == 0 &&
+            !is_second(q))
+          with = q;
+      if (with < 0) throw NumericalError(has_no_functions(chunk, p));
+      const std::size_t place_of_it = chunk.worn_place(with);
+      if (place_of_it == chunk.worn.size() || chunk.worn[place_of_it] != with) {
+        // It wears with them.
+        place(chunk, with);
+        change.unseen += unseen(chunk, with);
+        Rows row(1);
+        if (!make_functions(chunk, {with}, false, row, change.counted).empty()) {
+          lost.push_back(with);
+          continue;
+        }
+        chunk.wear(with);
+        change.rows.insert(change.rows.begin() + static_cast<std::ptrdiff_t>(place_of_it), std::move(row.front()));
+      }
+      chunk.at.col(p) = chunk.at.col(with);
+      chunk.metric[p] = chunk.metric[with];
+      chunk.lambda[p] = chunk.lambda[with];
+      chunk.moment[p] = chunk.moment[with];
+      chunk.penalty[p] = chunk.penalty[with] * chunk.volume[p] / chunk.volume[with];
+      change.rows[chunk.worn_place(p)] = change.rows[chunk.worn_place(with)];
+      chunk.pairs.push_back({.first = with, .second = p, .pairing = OtmPairing::join});
+      ++change.counted.joined;
+      break;
+    }
+  }
+}
+
+/// Masses and momenta of nodes change as the functions of a point do, or of some: what they carry of momentum, and of
 /// its moment, stays what it is.
 template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows,
                                                Vector& masses, Points<Dim>& momenta) const {
@@ -353,7 +412,8 @@ template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const
         turn -= part * v.col(a) * d.transpose();
         moment += part * d * d.transpose();
       }
-    turn *= moment.inverse();
+    // Where functions are narrow the inverse would keep fewer digits of the moment of momentum.
+    turn = moment.ldlt().solve(turn.transpose()).transpose().eval();
   }
   for (const auto& [p, row] : rows)
     for (const auto& [a, entry] : *row) {
@@ -396,11 +456,6 @@ template <int Dim> void Motion<Dim>::renew() {
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b] || !seized.empty()) follow_nodes(static_cast<Index>(b));
   find_stars();
-  struct Change {
-    Rows rows;
-    OtmCounts counted;
-    double unseen = 0.0;
-  };
   std::vector<Change> changes(worn_chunks.size());
   parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
@@ -410,18 +465,20 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       changes[k].unseen += unseen(chunk, p);
     }
-    for (const auto& [p, q, way, fuses] : chunk.pairs) {
+    for (const auto& pair : chunk.pairs) {
+      const auto& [p, q, way, pairing] = pair;
       chunk.at.col(p) +=
-          fuses ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) * (chunk.at.col(q) - chunk.at.col(p))) : way;
-      if (fuses)
+          pair.fuses() ? Vec<Dim>(chunk.mass[q] / (chunk.mass[p] + chunk.mass[q]) * (chunk.at.col(q) - chunk.at.col(p)))
+                       : way;
+      if (pair.fuses())
         chunk.at.col(q) = chunk.at.col(p);
       else
         chunk.at.col(q) -= chunk.mass[p] / chunk.mass[q] * way;
     }
     changes[k].rows.resize(chunk.worn.size());
-    make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted);
+    join(chunk, make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted), changes[k]);
     for (const auto& pair : chunk.pairs) {
-      if (!pair.fuses) continue;
+      if (!pair.fuses()) continue;
       chunk.at.col(pair.second) = chunk.at.col(pair.first);
       changes[k].rows[chunk.worn_place(pair.second)] = changes[k].rows[chunk.worn_place(pair.first)];
     }
@@ -445,16 +502,20 @@ template <int Dim> void Motion<Dim>::renew() {
     counts.iterations += changes[k].counted.iterations;
     counts.widened += changes[k].counted.widened;
     counts.kept += changes[k].counted.kept;
+    counts.joined += changes[k].counted.joined;
     renewal_loss += changes[k].unseen;
-    std::vector<char> is_done(chunk.worn.size(), 0);
-    const auto row = [&](std::size_t w) {
-      is_done[w] = 1;
-      return PointRow{chunk.worn[w], &changes[k].rows[w]};
-    };
-    for (const auto& pair : chunk.pairs)
-      hand_over(chunk, {row(chunk.worn_place(pair.first)), row(chunk.worn_place(pair.second))}, change, momentum);
+    // Points that pairs bind, one by another, go together; by the first of them.
+    std::vector<std::size_t> first(chunk.worn.size());
+    std::iota(first.begin(), first.end(), 0);
+    for (const auto& pair : chunk.pairs) {
+      const std::size_t one = first[chunk.worn_place(pair.first)], other = first[chunk.worn_place(pair.second)];
+      std::ranges::replace(first, std::max(one, other), std::min(one, other));
+    }
+    std::vector<std::vector<PointRow>> together(chunk.worn.size());
     for (std::size_t w = 0; w < chunk.worn.size(); ++w)
-      if (is_done[w] == 0) hand_over(chunk, {row(w)}, change, momentum);
+      together[first[w]].push_back({chunk.worn[w], &changes[k].rows[w]});
+    for (const auto& rows : together)
+      if (!rows.empty()) hand_over(chunk, rows, change, momentum);
   }
   for (Index a = 0; a < mass.size(); ++a) {
     if (change[a] == 0.0 && momentum.col(a).isZero(0.0)) continue;
@@ -468,6 +529,15 @@ template <int Dim> void Motion<Dim>::renew() {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
     put_rows(chunk, chunk.worn, changes[k].rows);
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
+    // By new functions points may be squeezed faster than by those they had.
+    for (const auto& row : changes[k].rows) {
+      Mat<Dim> rate = Mat<Dim>::Zero();
+      for (const auto& [a, entry] : row) rate -= v.col(a) * Eigen::Map<const Vec<Dim>>(entry.dN).transpose();
+      Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+      axes.computeDirect(0.5 * (rate + rate.transpose()), Eigen::EigenvaluesOnly);
+      chunk.squeeze = std::max(chunk.squeeze, axes.eigenvalues()[Dim - 1]);
+    }
+    chunk.crushed.clear();
     for (const auto& pair : chunk.pairs) chunk.narrowed.insert(chunk.narrowed.end(), {pair.first, pair.second});
   });
   fuse_pairs();

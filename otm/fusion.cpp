@@ -20,11 +20,19 @@ template <int Dim> void Motion<Dim>::pair_points() {
       const auto cell = body.cells.col(chunk.number[p]);
       return std::set<Index>(cell.begin(), cell.end());
     };
+    const auto is_collapsed = [&](Index p) {
+      const auto cell = body.cells.col(chunk.number[p]);
+      for (int i = 0; i <= Dim; ++i)
+        for (int j = 0; j < i; ++j)
+          if (cell[i] == cell[j]) return true;
+      return false;
+    };
     std::vector<Index> collapsed;
     for (Index p = 0; p < chunk.size(); ++p)
-      if (!chunk.is_eroded(p) && corners(p).size() <= Dim) collapsed.push_back(p);
+      if (!chunk.is_eroded(p) && !chunk.is_crushed(p) && is_collapsed(p)) collapsed.push_back(p);
     if (collapsed.empty()) continue;
     std::set<Index> busy(collapsed.begin(), collapsed.end());
+    busy.insert(chunk.crushed.begin(), chunk.crushed.end());
     deform(chunk, x);
     for (Index p = 0; p < chunk.size(); ++p) place(chunk, p);
     for (const Index p : collapsed) {
@@ -48,7 +56,8 @@ template <int Dim> void Motion<Dim>::pair_points() {
       // The larger goes on, in the cell that is left.
       const bool is_larger = chunk.mass[p] > chunk.mass[with];
       if (is_larger) std::swap(chunk.number[p], chunk.number[with]);
-      chunk.pairs.push_back({.first = is_larger ? p : with, .second = is_larger ? with : p, .fuses = true});
+      chunk.pairs.push_back(
+          {.first = is_larger ? p : with, .second = is_larger ? with : p, .pairing = OtmPairing::fuse});
       chunk.wear(p);
       chunk.wear(with);
       found = true;
@@ -63,7 +72,7 @@ template <int Dim> void Motion<Dim>::pair_points() {
 template <int Dim> void Motion<Dim>::fuse_pairs() {
   std::vector<std::vector<Index>> gone(bodies.size());
   for (auto& chunk : chunks) {
-    if (std::none_of(chunk.pairs.begin(), chunk.pairs.end(), [](const auto& pair) { return pair.fuses; })) continue;
+    if (std::none_of(chunk.pairs.begin(), chunk.pairs.end(), [](const auto& pair) { return pair.fuses(); })) continue;
     deform(chunk, x);
     for (Index p = 0; p < chunk.size(); ++p) place(chunk, p);
     const auto own = [&](Index p) {
@@ -95,8 +104,9 @@ template <int Dim> void Motion<Dim>::fuse_pairs() {
       dilatation.segment(chunk.unions[u], chunk.unions[u + 1] - chunk.unions[u]).setConstant(mean(u, own));
     const double before = energy(dilatation);
     std::vector<char> goes(chunk.size(), 0);
-    for (const auto& [p, q, way, fuses] : chunk.pairs) {
-      if (!fuses) continue;
+    for (const auto& pair : chunk.pairs) {
+      if (!pair.fuses()) continue;
+      const Index p = pair.first, q = pair.second;
       const double volume = chunk.volume[p] + chunk.volume[q];
       dilatation[p] = (chunk.volume[p] * dilatation[p] + chunk.volume[q] * dilatation[q]) / volume;
       chunk.volume[p] = volume;

@@ -93,26 +93,32 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   changed_nodes = true;
 }
 
-/// Edges of sides of which a body has one cell only, as the body numbers its nodes.
-template <int Dim> std::set<std::pair<Index, Index>> Motion<Dim>::outer_edges(Index of_body) const {
+/// Edges of sides of which a body has one cell only, as the body numbers its nodes, ascending.
+template <int Dim> std::vector<std::pair<Index, Index>> Motion<Dim>::outer_edges(Index of_body) const {
   const Cells<Dim>& cells = bodies[of_body].cells;
-  std::map<std::array<Index, Dim>, int> sides;
+  std::vector<std::array<Index, Dim>> sides;
+  sides.reserve((Dim + 1) * static_cast<std::size_t>(cells.cols()));
   for (Eigen::Index c = 0; c < cells.cols(); ++c) {
     std::array<Index, Dim + 1> corners;
     std::copy_n(cells.col(c).data(), Dim + 1, corners.begin());
     std::sort(corners.begin(), corners.end());
     if (std::adjacent_find(corners.begin(), corners.end()) != corners.end()) continue;  // collapsed
     for (int without = 0; without <= Dim; ++without) {
-      std::array<Index, Dim> side;
+      std::array<Index, Dim>& side = sides.emplace_back();
       std::copy(corners.begin(), corners.begin() + without, side.begin());
       std::copy(corners.begin() + without + 1, corners.end(), side.begin() + without);
-      ++sides[side];
     }
   }
-  std::set<std::pair<Index, Index>> edges;
-  for (const auto& [side, count] : sides)
-    for (int i = 0; i < Dim && count == 1; ++i)
-      for (int j = 0; j < i; ++j) edges.insert({side[j], side[i]});
+  std::sort(sides.begin(), sides.end());
+  std::vector<std::pair<Index, Index>> edges;
+  for (std::size_t k = 0; k < sides.size(); ++k) {
+    const auto& side = sides[k];
+    if ((k > 0 && sides[k - 1] == side) || (k + 1 < sides.size() && sides[k + 1] == side)) continue;
+    for (int i = 0; i < Dim; ++i)
+      for (int j = 0; j < i; ++j) edges.emplace_back(side[j], side[i]);
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   return edges;
 }
 
@@ -144,7 +150,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
   build_tree(of_body);
-  const std::set<std::pair<Index, Index>> outer = outer_edges(of_body);
+  const std::vector<std::pair<Index, Index>> outer = outer_edges(of_body);
   std::vector<char> on_surface(x.cols(), 0);
   for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;
   std::vector<char> is_split(static_cast<std::size_t>(body.cells.cols()), 0);
@@ -154,7 +160,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     const std::vector<Index>& cells = around[edge];
     if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0; })) continue;
     const Vec<Dim> middle = 0.5 * (x.col(begin + a) + x.col(begin + b));
-    const bool is_outer = outer.contains(edge);
+    const bool is_outer = std::binary_search(outer.begin(), outer.end(), edge);
     const double room = (is_outer ? 0.25 : 0.5) * most(a, b);
     trees[of_body]->within(middle, room, near_by);
     if (std::any_of(near_by.begin(), near_by.end(),

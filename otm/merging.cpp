@@ -18,6 +18,9 @@ constexpr double reach = 0.5;
 /// Width of functions, over the first, below which a point lies in a plane of its nodes.
 constexpr double flat = 0.1;
 
+/// Function of a node, where it is largest at a point, below which there is nothing of the body around it.
+constexpr double least_seen = 0.02;
+
 }  // namespace
 
 /// The first goes on as a shadow of the other; its mass goes with the points that see it.
@@ -35,19 +38,23 @@ template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
   changed_nodes = true;
 }
 
+/// Whether all that is prescribed of the second is of the first.
+template <int Dim> bool Motion<Dim>::holds_as(Index a, Index other) const {
+  const auto held = [&](Index node) {
+    std::set<std::pair<int, double>> by;
+    for (const auto& [of, axis, velocity] : prescribed)
+      if (of == node) by.insert({axis, velocity});
+    return by;
+  };
+  const auto of_a = held(a), of_other = held(other);
+  return std::includes(of_a.begin(), of_a.end(), of_other.begin(), of_other.end());
+}
+
 /// The first becomes one with the other, if all points that see it have functions without it, and that point of these
 /// has wider ones: all are worn from now on. Nodes that these count on are locked.
 template <int Dim>
 bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide) {
-  const auto held = [&](Index node) {
-    std::set<std::pair<int, double>> by;
-    for (const auto& [other, axis, velocity] : prescribed)
-      if (other == node) by.insert({axis, velocity});
-    return by;
-  };
-  if (locked.contains(a) || locked.contains(with)) return false;
-  const auto of_a = held(a), of_with = held(with);
-  if (!std::includes(of_with.begin(), of_with.end(), of_a.begin(), of_a.end())) return false;
+  if (locked.contains(a) || locked.contains(with) || !holds_as(with, a)) return false;
   merged[a] = with;
   LmeFunctions<Dim> functions(options.lme);
   std::vector<Index> used;
@@ -84,8 +91,8 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
 /// come nearer to each other, their centre of mass where it is.
 template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const {
   const auto is_free = [&](Index q) {
-    return std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
-                        [&](const auto& pair) { return pair.first == q || pair.second == q; });
+    return !chunk.is_crushed(q) && std::none_of(chunk.pairs.begin(), chunk.pairs.end(),
+                                                [&](const auto& pair) { return pair.first == q || pair.second == q; });
   };
   if (!is_free(p)) return;
   Index with = -1;
@@ -100,6 +107,53 @@ template <int Dim> void Motion<Dim>::spread(OtmChunk<Dim>& chunk, Index p, const
   chunk.pairs.push_back({.first = p, .second = with, .way = 0.3 * share * (chunk.at.col(with) - chunk.at.col(p))});
   chunk.wear(p);
   chunk.wear(with);
+}
+
+/// Nodes that have left the points behind, as those at a rim that is thrown off, bear next to no mass, and fly
+/// anywhere: each becomes one with the nearest of those that its points see, on the surface if it is on it.
+template <int Dim> void Motion<Dim>::give_up_nodes() {
+  Vector seen_most = Vector::Zero(x.cols());
+  for (const auto& chunk : chunks)
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+        double& most = seen_most[chunk.nodes[chunk.local[e]]];
+        most = std::max(most, chunk.is_eroded(p) ? 1.0 : chunk.entries[e].N);
+      }
+  const auto is_left = [&](Index a) {
+    return merged[a] < 0 && bodies[body_of_node[a]].renewed && seen_most[a] > 0.0 && seen_most[a] < least_seen;
+  };
+  std::vector<std::set<Index>> on_surface(bodies.size());
+  for (Index a = 0; a < x.cols(); ++a) {
+    if (!is_left(a)) continue;
+    const Index b = body_of_node[a];
+    std::set<Index>& surface = on_surface[b];
+    if (surface.empty() && bodies[b].cells.cols() != 0)
+      for (const auto& [one, other] : outer_edges(b))
+        surface.insert({bodies[b].first_node + one, bodies[b].first_node + other});
+    std::vector<std::pair<Index, Index>> seen_by;  // chunks and points
+    Index with = -1;
+    const auto away = [&](Index other) {
+      const bool leaves = surface.contains(a) && !surface.contains(other);
+      return std::pair(leaves, (x.col(other) - x.col(a)).squaredNorm());
+    };
+    for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+      const auto [c, l] = node_places[k];
+      const OtmChunk<Dim>& chunk = chunks[c];
+      for (Index p = 0; p < chunk.size(); ++p) {
+        const auto begin = chunk.local.begin() + chunk.offsets[p], end = chunk.local.begin() + chunk.offsets[p + 1];
+        if (std::find(begin, end, l) == end) continue;
+        seen_by.push_back({c, p});
+        for (auto place = begin; place != end; ++place)
+          if (const Index other = chunk.nodes[*place]; other != a && merged[other] < 0 && !is_left(other) &&
+                                                       body_of_node[other] == b && holds_as(other, a) &&
+                                                       (with < 0 || away(other) < away(with)))
+            with = other;
+      }
+    }
+    if (with < 0) continue;
+    become_one(a, with);
+    for (const auto& [c, p] : seen_by) chunks[c].wear(p);
+  }
 }
 
 template <int Dim> void Motion<Dim>::merge_nodes() {

@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -16,8 +17,27 @@ namespace {
 /// How much smaller (its logarithm) a point may get in a step, at the rate of the last one: what is squeezed faster is
 /// turned inside out before its pressure says a word.
 constexpr double most_squeezed = 0.2;
+/// Of the stable step, to which that may shorten it: what asks for more joins another point.
+constexpr double least_share = 0.05;
+
+/// Steps between looks at the energy, and at how stiff points are.
+constexpr Index between_looks = 64;
+/// Looks at an energy that is off after which it is: where there is little of it, as at the start, it may swing.
+constexpr Index looks_in_a_row = 8;
 
 }  // namespace
+
+template <int Dim> void EnergyWatch::look(const OtmBalance<Dim>& now) {
+  const double total = now.total();
+  // What is told in between may bring energy, and none of it is off.
+  if (!begun) start = total - off;
+  begun = true;
+  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated, std::abs(now.prescribed)});
+  off = total - start;
+  if (!(std::abs(off) <= std::abs(furthest))) furthest = off;
+}
+template void EnergyWatch::look(const OtmBalance<2>&);
+template void EnergyWatch::look(const OtmBalance<3>&);
 
 template <int Dim> Otm<Dim>::Otm(std::vector<OtmBody<Dim>> bodies, const OtmOptions& options)
     : motion_(std::make_unique<internal::Motion<Dim>>(std::move(bodies), options)) {}
@@ -49,6 +69,7 @@ template <int Dim> void Otm<Dim>::add_wall(const OtmWall<Dim>& wall) {
 }
 template <int Dim> void Otm<Dim>::add_tool(const OtmTool<Dim>& tool) {
   motion_->add_tool(tool, false);
+  motion_->watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::add_cavity(const OtmCavity<Dim>& cavity) {
@@ -69,6 +90,7 @@ template <int Dim> void Otm<Dim>::add_cavity(const OtmCavity<Dim>& cavity) {
   if (!(std::abs(volume) > 0.0)) throw InputError("a cavity: its facets enclose nothing");
   of.cavities.push_back({cavity, volume, 0.0});
   of.inflate();
+  of.watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocity) {
@@ -77,6 +99,7 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
   motion_->prescribed.push_back({node, axis, velocity});
   motion_->v(axis, node) = velocity;
   motion_->held_anew = true;
+  motion_->watch.begun = false;
 }
 
 template <int Dim> void Otm<Dim>::erode(Index point) {
@@ -114,14 +137,16 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     of.shake(100);
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
+  if (!of.watch.begun) of.watch.look(balance());
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
   double damping = 0.0, squeeze = 0.0;
-  for (const auto& chunk : of.chunks) {
+  for (auto& chunk : of.chunks) {
     damping = std::max(damping, chunk.damping);
-    squeeze = std::max(squeeze, chunk.squeeze);
+    squeeze = std::max(squeeze, std::exchange(chunk.squeeze, 0.0));
   }
   const double damped = of.stable * (std::sqrt(1.0 + damping * damping) - damping);
-  const double dt = std::min({damped, squeeze > 0.0 ? most_squeezed / squeeze : damped, at_most});
+  const double squeezed = squeeze > 0.0 ? std::max(most_squeezed / squeeze, least_share * of.stable) : damped;
+  const double dt = std::min({damped, squeezed, at_most});
   if (!(dt > 0.0) || !std::isfinite(dt))
     throw NumericalError(fmt::format("at time {:.6g} the stable step is {:.3g}", of.time, dt));
   of.move(0.5 * (of.last_step + dt), dt);
@@ -129,7 +154,9 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   // Points are of no two pairs: what pairs them takes turns.
   const Index turn = of.counts.steps % 32;
-  if (turn == 31 && of.stable < of.options.merging * of.first_stable)
+  if (turn == 1)
+    of.give_up_nodes();
+  else if (turn == 31 && of.stable < of.options.merging * of.first_stable)
     of.merge_nodes();
   else if (of.options.injection > 0.0 && turn % 8 == 7)
     of.inject();
@@ -140,7 +167,19 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.touch();
   of.inflate();
   if (of.breaks()) of.fracture();
-  if (++of.counts.steps % 64 == 0) of.stiffen();
+  if (++of.counts.steps % between_looks == 0) {
+    of.stiffen();
+    of.watch.look(balance());
+    const double error = of.watch.error();
+    of.watch.beyond = std::abs(error) <= of.options.imbalance ? 0 : of.watch.beyond + 1;
+    if (!std::isfinite(error))
+      throw NumericalError(fmt::format("at time {:.6g} energies are no numbers any more", of.time));
+    if (of.watch.beyond >= looks_in_a_row)
+      throw NumericalError(fmt::format(
+          "at time {:.6g} the energy is off by {:.2g} %, more than the imbalance of {:.2g} %: smaller steps (courant) "
+          "or finer bodies may help",
+          of.time, 100.0 * error, 100.0 * of.options.imbalance));
+  }
   if (of.counts.steps % 4 == 0) of.shake(1);
   return dt;
 }
@@ -235,6 +274,12 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
   }
   for (const auto& chunk : of.chunks)
     for (Index p = 0; p < chunk.size(); ++p) result.stabilising += of.unseen(chunk, p);
+  return result;
+}
+
+template <int Dim> EnergyWatch Otm<Dim>::energy() const {
+  EnergyWatch result = motion_->watch;
+  result.look(balance());
   return result;
 }
 

@@ -82,6 +82,9 @@ struct OtmOptions {
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
   /// the functions' width (Weissenfels & Wriggers 2018).
   double stabilisation = 0.1;
+  /// Error of the energy balance, over the most energy there was so far, with which bodies go no further: what came out
+  /// could be anything. Looked at every 64 steps, eight times in a row: where there is little of it, it may swing.
+  double imbalance = 0.1;
   ShockViscosity shock{};
   OtmContact contact{};
 };
@@ -110,6 +113,20 @@ template <int Dim> struct OtmBalance {
   }
 };
 
+/// How well energy is accounted for.
+struct EnergyWatch {
+  double start = 0.0;     ///< what there was of it
+  double scale = 0.0;     ///< the most there was of it so far
+  double off = 0.0;       ///< what is missing (negative) or too much now
+  double furthest = 0.0;  ///< the same where it was worst
+  Index beyond = 0;       ///< times in a row that it was off by more than OtmOptions::imbalance
+  bool begun = false;
+
+  double error() const { return scale > 0.0 ? off / scale : 0.0; }
+  double largest_error() const { return scale > 0.0 ? furthest / scale : 0.0; }
+  template <int Dim> void look(const OtmBalance<Dim>& now);
+};
+
 /// What a run has done so far.
 struct OtmCounts {
   Index steps = 0;
@@ -119,6 +136,7 @@ struct OtmCounts {
   Index merged = 0;             ///< nodes that became one with another
   Index injected = 0;           ///< nodes that came in
   Index fused = 0;              ///< points that became one with another
+  Index joined = 0;             ///< points that had no functions, or were to be turned inside out, and took another's
   Index eroded = 0;             ///< points that broke
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
@@ -173,7 +191,7 @@ template <int Dim> class Otm {
   Vector damage() const;
 
   /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
-  /// go on.
+  /// go on, and where energy is lost or made (OtmOptions::imbalance).
   double step(double at_most = std::numeric_limits<double>::infinity());
   /// Steps until this time, the last of which is cut to end there.
   void run(double until);
@@ -193,6 +211,7 @@ template <int Dim> class Otm {
   Tensors cauchy_stress() const;     ///< 9 x M
   Matrix history(Index body) const;  ///< of the material x points of the body
   OtmBalance<Dim> balance() const;
+  EnergyWatch energy() const;  ///< now, and where it was worst of what was looked at; from the first step on
   const OtmCounts& counts() const;
   OtmTimes times() const;
   /// Force of the bodies on each wall in the last step, in the order they were added.

@@ -13,9 +13,13 @@ auto fields(OtmTimes& of) {
   auto& [functions, kinematics, materials, forces, stability, nodes, contact, fracture] = of;
   return std::tie(functions, kinematics, materials, forces, stability, nodes, contact, fracture);
 }
+auto fields(EnergyWatch& of) {
+  auto& [start, scale, off, furthest, beyond, begun] = of;
+  return std::tie(start, scale, off, furthest, beyond, begun);
+}
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, fused, eroded, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, eroded, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -37,18 +41,19 @@ namespace internal {
 
 template <> inline constexpr bool is_plain<OtmEntry> = true;
 static_assert(sizeof(OtmEntry) == 4 * sizeof(double));
+template <> inline constexpr bool is_plain<OtmPairing> = true;
 
 template <int Dim> auto fields(OtmPair<Dim>& of) {
-  auto& [first, second, way, fuses] = of;
-  return std::tie(first, second, way, fuses);
+  auto& [first, second, way, pairing] = of;
+  return std::tie(first, second, way, pairing);
 }
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, origin, now, response, made, since, at, from_origin,
          volume, mass, metric, moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty,
-         damage, reach, unions, worn, narrowed, pairs, damping, squeeze, columns, seconds] = of;
+         damage, reach, unions, worn, narrowed, crushed, pairs, damping, squeeze, lost, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
-                  unions, worn, narrowed, pairs, damping, squeeze, seconds);
+                  unions, worn, narrowed, crushed, pairs, damping, squeeze, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {
@@ -126,9 +131,9 @@ template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.was, of.mass, of.chunks, of.tools,
                   of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
-                  of.dissipated, of.viscous, of.stored, of.shaken, of.counts, of.times, of.merged, of.body_of_node,
-                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met, of.touches, of.seized,
-                  of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
+                  of.dissipated, of.viscous, of.stored, of.shaken, of.watch, of.counts, of.times, of.merged,
+                  of.body_of_node, of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met,
+                  of.touches, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal

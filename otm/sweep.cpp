@@ -28,6 +28,9 @@ constexpr double growth_of_steps = 1.05;
 /// Volume of a point, over that by the dilatation it shares, below which it shares no more.
 constexpr double least_growth = 0.5;
 
+/// Volume of a point, over that a step ago, below which the step is none for it.
+constexpr double least_size = 0.3;
+
 /// A coin, the same whenever it is asked for this (Steele, Lea & Flood 2014).
 bool is_heads(Index node, int axis, Index step) {
   std::uint64_t z = (static_cast<std::uint64_t>(step) << 34 ^ static_cast<std::uint64_t>(4 * node + axis)) + 1;
@@ -55,12 +58,26 @@ template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const 
   const double* rows = chunk.columns.data() + 16 * p;
   for (int i = 0; i < Dim; ++i) chunk.from_origin(i, p) = rows[4 * i + 3];
   chunk.at.col(p) = chunk.origin + chunk.from_origin.col(p);
-  if (!chunk.is_eroded(p)) chunk.since[p] = gradient(rows, 1.0);
+  if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) chunk.since[p] = gradient(rows, 1.0);
+}
+
+/// The step is none for a point that it would turn inside out or nearly so: until it joins another it stays as it is,
+/// by its F `before`, and pushes nothing, since the moments of forces are right only where F is that of the nodes. What
+/// its stress has done by then, and what its nodes did unseen, is lost.
+template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const {
+  const Mat<3> rate = (chunk.since[p] - before) * before.inverse();
+  const Mat<3> tau = chunk.response.stress(p) * chunk.now.gradient(p).transpose();
+  chunk.lost += 0.5 * chunk.volume[p] * (tau.cwiseProduct(rate).sum() - chunk.shock[p] * rate.trace());
+  chunk.lost += unseen(chunk, p);
+  chunk.penalty[p] = chunk.shock[p] = 0.0;
+  chunk.since[p] = before;
+  chunk.crushed.push_back(p);
 }
 
 /// Deformations, stresses and forces where the nodes are now.
 template <int Dim> void Motion<Dim>::sweep(double dt) {
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) { sweep(c, dt); });
+  for (auto& chunk : chunks) renewal_loss += std::exchange(chunk.lost, 0.0);
   force = collected();
   counts.updates += static_cast<std::int64_t>(place_of_point.size());
 }
@@ -92,14 +109,18 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   thread_local std::vector<Mat<3>> before;
-  thread_local std::vector<double> sizes;  // of points a step ago, since their functions were made
   if (viscous_shocks) before = chunk.since;
-  sizes.resize(static_cast<std::size_t>(n));
-  for (Index p = 0; p < n; ++p) {
-    sizes[p] = chunk.since[p].determinant();
-    place(chunk, p);
-  }
+  const bool holds = body.renewed && !body.fracture.on() && dt > 0.0;
   double shrunk = 1.0;
+  for (Index p = 0; p < n; ++p) {
+    const Mat<3> then = chunk.since[p];
+    place(chunk, p);
+    const double size = then.determinant(), now = chunk.since[p].determinant();
+    if (holds && !(now > least_size * size))
+      hold(chunk, p, then);
+    else if (now > 0.0)
+      shrunk = std::max(shrunk, size / now);
+  }
   otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {
     if (chunk.is_eroded(p)) continue;
@@ -126,14 +147,14 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
                       "strains: take one for finite strains",
                       time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
     chunk.growth[p] = J;
-    shrunk = std::max(shrunk, sizes[p] / chunk.since[p].determinant());
     const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
   }
-  chunk.squeeze = dt > 0.0 ? std::log(shrunk) / dt : 0.0;
+  if (dt > 0.0) chunk.squeeze = std::max(chunk.squeeze, std::log(shrunk) / dt);
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
   if (worst <= options.renewal) chunk.worn.clear();
+  for (const Index p : chunk.crushed) chunk.wear(p);
   if (shared && dt > 0.0) {
     // Of points that share their dilatation nothing keeps one from being squeezed to nothing while the others grow:
     // where that begins they part, each with what it has felt.
@@ -148,7 +169,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
         if (chunk.is_eroded(p)) continue;
         chunk.growth[p] /= mean;
         F.col(p) /= std::cbrt(chunk.growth[p]);
-        parts = parts || chunk.growth[p] < least_growth;
+        parts = parts || chunk.growth[p] < least_growth || chunk.is_crushed(p);
       }
       for (Index p = begin; p < begin + size && parts; ++p) {
         if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
@@ -184,6 +205,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
+  for (const Index p : chunk.crushed) std::fill_n(chunk.columns.begin() + 16 * p, 12, 0.0);
   push(chunk, chunk.since, chunk.from_origin);
 }
 
@@ -206,10 +228,12 @@ template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const 
     if (is_known) l = std::min(l, 2.0 * std::sqrt(2.0 * options.lme.gamma) * width);
     const double rho = chunk.mass[p] / chunk.volume[p], c = std::sqrt(chunk.modulus[p] / rho);
     const double speed = options.shock.linear * c + options.shock.quadratic * l * shrunk / dt;
-    pressure = rho * l * shrunk / dt * speed;
-    // Of the critical one at the highest frequency the point may have.
+    // Of the critical one at the highest frequency the point may have; no more than is stable in a step such as this.
     const double highest = 2.0 * options.courant / stable, fastest = is_known ? std::min(highest, c / width) : highest;
-    chunk.damping = std::max(chunk.damping, 0.5 * fastest * l * speed / (c * c));
+    const double damping = 0.5 * fastest * l * speed / (c * c), half = 0.5 * fastest * dt;
+    const double most = half < 1.0 ? 0.5 * (1.0 - half * half) / half : 0.0;
+    pressure = rho * l * shrunk / dt * speed * std::min(1.0, most / damping);
+    chunk.damping = std::max(chunk.damping, damping);
   }
   chunk.now.heat[p] = 0.5 * (pressure + chunk.shock[p]) * shrunk;
   chunk.shock[p] = pressure;

@@ -42,12 +42,19 @@ template <int Dim, class Entry> void otm_complete(std::size_t count, const Entry
   for (int i = 0; i < Dim; ++i) complete(0.0, [i](OtmEntry& of) -> double& { return of.dN[i]; });
 }
 
-/// Two points that come apart, as they were one, or nearer to each other, or that become one. Their momentum, and its
-/// moment, are handed over together.
+/// What two points do.
+enum class OtmPairing {
+  move,  ///< come apart, as they were one, or nearer to each other; their centre of mass stays
+  fuse,  ///< both go to their centre of mass, and the first has it all
+  join,  ///< the second goes to the first and takes its functions; it keeps its mass and what it has felt
+};
+
+/// Two points whose momentum, and its moment, are handed over together.
 template <int Dim> struct OtmPair {
   Index first, second;
-  Vec<Dim> way = Vec<Dim>::Zero();  ///< that the first goes; their centre of mass stays
-  bool fuses = false;               ///< both go to their centre of mass, and the first has it all
+  Vec<Dim> way = Vec<Dim>::Zero();  ///< that the first goes where they move
+  OtmPairing pairing = OtmPairing::move;
+  bool fuses() const { return pairing == OtmPairing::fuse; }
 };
 
 template <int Dim> struct OtmChunk {
@@ -86,14 +93,17 @@ template <int Dim> struct OtmChunk {
   std::vector<Index> unions;        ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;          ///< points whose functions are to be renewed, ascending
   std::vector<Index> narrowed;      ///< those of them whose new functions are narrower
-  std::vector<OtmPair<Dim>> pairs;  ///< of worn points, none in two
+  std::vector<Index> crushed;       ///< those of them that would have been turned inside out, and are held till then
+  std::vector<OtmPair<Dim>> pairs;  ///< of worn points; none that moves or fuses is in two
   double damping = 0.0;             ///< viscous pressure over that of sound, at the most
   double squeeze = 0.0;             ///< rate of compression, at the most
+  double lost = 0.0;                ///< work in this step that nothing has stored, of crushed points
   std::vector<double> columns;      ///< sixteen numbers a point: what kernels hand over
   OtmTimes seconds;                 ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
   bool is_eroded(Index p) const { return volume[p] == 0.0; }
+  bool is_crushed(Index p) const { return std::binary_search(crushed.begin(), crushed.end(), p); }
   /// The point's functions are to be renewed.
   void wear(Index p) {
     const auto place = std::lower_bound(worn.begin(), worn.end(), p);

@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -93,6 +94,7 @@ template <int Dim> struct Motion {
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
   Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
+  EnergyWatch watch;   ///< of energy, when it was last looked at
   OtmCounts counts;
   OtmTimes times;
 
@@ -103,8 +105,16 @@ template <int Dim> struct Motion {
                       LmeFunctions<Dim>& functions, std::vector<Index>& used, OtmCounts& counted) const;
   void make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) const;
   bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const;
-  void make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
-                      OtmCounts& counted) const;
+  std::vector<Index> make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
+                                    OtmCounts& counted) const;
+  std::string has_no_functions(const OtmChunk<Dim>& chunk, Index p) const;
+  /// Of the worn points of a chunk.
+  struct Change {
+    Rows rows;  ///< their functions from now on
+    OtmCounts counted;
+    double unseen = 0.0;  ///< energy of the motions that they do not see
+  };
+  void join(OtmChunk<Dim>& chunk, std::vector<Index> lost, Change& change) const;
   void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
   void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
@@ -121,6 +131,7 @@ template <int Dim> struct Motion {
   void integrate_exactly();
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
+  void hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* rows, double across) const;
   void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const;
@@ -144,9 +155,11 @@ template <int Dim> struct Motion {
   void pair_points();
   void fuse_pairs();
   void find_points();
+  bool holds_as(Index a, Index other) const;
+  void give_up_nodes();
   void merge_nodes();
   void spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const;
-  std::set<std::pair<Index, Index>> outer_edges(Index of_body) const;
+  std::vector<std::pair<Index, Index>> outer_edges(Index of_body) const;
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   struct PointRow {
     Index point;

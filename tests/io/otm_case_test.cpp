@@ -105,6 +105,7 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[cloud]\nsupport = 2\n"), says("\"spacing\" is missing"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[otm]\ngamma = 2\n"), says("gamma is for functions"));
   EXPECT_THAT(refuses(rubber + "[otm]\ncourant = 2\n"), says("courant"));
+  EXPECT_THAT(refuses(rubber + "[otm]\nimbalance = 0\n"), says("imbalance"));
   EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
@@ -422,6 +423,10 @@ TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   EXPECT_GE(column(workspace / "out/history.csv", "t").size(), 1u);
   EXPECT_TRUE(fs::exists(workspace / "out/points_0000.vtu"));
   EXPECT_FALSE(fs::exists(workspace / "out/unfinished"));
+  // What is asked for is kept to.
+  const auto strict = run(workspace, with("end = 4", "end = 4\nmax_step = 0.004") + "[otm]\nimbalance = 1e-9\n");
+  EXPECT_EQ(strict.status, 3) << strict.output;
+  EXPECT_THAT(json(workspace / "out/failure.json")["reason"].get<std::string>(), HasSubstr("the energy is off by"));
   // And one that ends well takes its place.
   ASSERT_EQ(run(workspace, rubber).status, 0);
   EXPECT_FALSE(fs::exists(workspace / "out/failure.json"));

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/bench/taylor_bar.hpp"
 
+#include "efree/core/error.hpp"
+
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <Eigen/LU>
+#include <cmath>
 
 namespace efree {
 namespace {
@@ -95,6 +99,96 @@ TEST(TaylorBar, AtThreeTimesTheSpeedPointsNextToTheWallHoldInSpaceToo) {
     for (Index p = 0; p < otm.num_points(); ++p)
       EXPECT_GT(Eigen::Map<const Mat<3>>(F.col(p).data()).determinant(), 0.2);
   }
+}
+
+/// A short rod thrown at a plate with a mass, in space: both momenta stay, and there is a body left at the end.
+struct Rod {
+  Otm<3> otm;
+  OtmBalance<3> before;
+  double mass;
+
+  Rod(double speed, const OtmOptions& options)
+      : otm(rod(speed, options)), before(otm.balance()), mass(otm.masses().sum()) {}
+
+  static Otm<3> rod(double speed, const OtmOptions& options) {
+    OtmBody<3> body = otm_body(FineMesh<3>(solids::cylinder(TaylorBar::radius, 8e-3, 2.4e-3)), TaylorBar::copper(),
+                               TaylorBar::density);
+    body.velocity.setZero(3, body.nodes.cols());
+    body.velocity.row(2).setConstant(-speed);
+    Otm<3> otm({body}, options);
+    otm.add_tool({.shape = tools::half_space<3>(Vec<3>::UnitZ(), 0.0), .mass = 1.0, .inertia = 1e-3});
+    return otm;
+  }
+  void expect_sound(double energy) const {
+    const auto after = otm.balance();
+    const double momentum = before.momentum.norm();
+    EXPECT_LT((after.momentum - before.momentum).norm(), 1e-12 * momentum);
+    EXPECT_LT((after.moment - before.moment).norm(), 1e-11 * TaylorBar::radius * momentum);
+    EXPECT_NEAR(otm.masses().sum(), mass, 1e-12 * mass);
+    EXPECT_NEAR(after.total(), before.total(), energy * before.total());
+    EXPECT_LT(std::abs(otm.energy().largest_error()), energy);
+    const Tensors F = otm.deformation();
+    for (Index p = 0; p < otm.num_points(); ++p)
+      EXPECT_GT(Eigen::Map<const Mat<3>>(F.col(p).data()).determinant(), 0.0);
+  }
+};
+
+/// It becomes a disk a millimetre thin, which took steps that know how fast new functions squeeze, and nodes that are
+/// given up when they have left all points behind: they flew off alone.
+TEST(TaylorBar, AtThreeTimesTheSpeedARodInSpaceBecomesADisk) {
+  Rod rod(750.0, {.injection = 3.0});
+  rod.otm.run(16e-6);
+  rod.expect_sound(0.01);
+  EXPECT_GT(rod.otm.counts().injected, 100);
+  const Points<3>&x = rod.otm.nodes(), at = rod.otm.points();
+  EXPECT_LT(at.row(2).maxCoeff(), 1.6e-3);
+  EXPECT_LT(x.row(2).maxCoeff(), 2.0e-3);
+  const double rim = at.topRows<2>().colwise().norm().maxCoeff();
+  EXPECT_GT(rim, 15e-3);
+  EXPECT_LT(x.topRows<2>().colwise().norm().maxCoeff(), 1.25 * rim);
+}
+
+/// It used to end at 0.68 us with a point inside out.
+TEST(TaylorBar, AtTwoThirdsOfTheSpeedOfSoundARodInSpaceGoesOn) {
+  Rod rod(3000.0, {});
+  rod.otm.run(1e-6);
+  rod.expect_sound(0.01);
+}
+
+/// Three times the speed of sound: what squeezes points in one step to nothing is none for them, and they join others.
+TEST(TaylorBar, PointsThatWouldBeTurnedInsideOutJoinOthers) {
+  Rod rod(15e3, {});
+  rod.otm.run(0.5e-6);
+  EXPECT_GT(rod.otm.counts().joined, 0);
+  EXPECT_LT(rod.otm.counts().joined, 200);
+  rod.expect_sound(0.02);
+}
+
+TEST(TaylorBar, ShockViscosityIsStableInSpace) {
+  Rod rod(750.0, {.injection = 3.0, .shock = {.linear = 0.06, .quadratic = 1.5}});
+  rod.otm.run(10e-6);
+  rod.expect_sound(0.01);
+  EXPECT_GT(rod.otm.balance().viscous, 0.01 * rod.before.kinetic);
+  EXPECT_LT(rod.otm.balance().viscous, 0.1 * rod.before.kinetic);
+}
+
+/// Bodies go no further than energy is accounted for.
+TEST(TaylorBar, EnergyThatIsLostEndsTheRun) {
+  Rod good(227.0, {.imbalance = 0.02});
+  EXPECT_NO_THROW(good.otm.run(80e-6));
+  const double error = std::abs(good.otm.energy().largest_error());
+  EXPECT_GT(error, 1e-6);
+  EXPECT_GT(good.otm.counts().steps, 600);
+  Rod bad(227.0, {.imbalance = 0.01 * error});
+  try {
+    bad.otm.run(80e-6);
+    FAIL() << "it went on";
+  } catch (const NumericalError& of) {
+    EXPECT_THAT(of.what(), testing::HasSubstr("the energy is off by"));
+    EXPECT_LT(bad.otm.time(), 80e-6);
+  }
+  EXPECT_THROW(Rod(227.0, {.imbalance = 0.0}), InputError);
+  EXPECT_THROW(Rod(227.0, {.imbalance = std::nan("")}), InputError);
 }
 
 }  // namespace
