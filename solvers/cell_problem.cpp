@@ -7,6 +7,7 @@
 #include "efree/geometry/input/box_averages.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <numeric>

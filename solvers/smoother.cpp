@@ -6,6 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
