@@ -170,7 +170,7 @@ template <int TenThousandths> Problem<3> cavity(double H, int order, double mesh
   return {"cavity nu = " + std::to_string(Cavity::material.nu).substr(0, 6) + " order " + std::to_string(order) +
               ", H = " + std::to_string(H).substr(0, 4),
           [=] { return Cavity::mesh(H / mesh_ratio); },
-          {.order = order, .spacing = H, .dilatation = averaged_if(Nu > 0.4)},
+          {.order = order, .spacing = H, .dilatation = averaged_if(Cavity::material.nu > 0.4)},
           {.material = LinearElastic(Cavity::material)},
           {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
           Cavity::loads(),
