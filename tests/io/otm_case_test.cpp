@@ -143,6 +143,16 @@ TEST(OtmCase, CasesOfOneKindAreNoneOfTheOther) {
   EXPECT_THAT([&] { read_otm_case(still / "case.toml"); }, ThrowsMessage<InputError>(HasSubstr("case.toml")));
 }
 
+TEST(OtmCase, NormalsOfAnyLengthAreUnitVectors) {
+  for (const char* normal : {"[0, 2]", "[0, 2e300]", "[0, 2e-310]"}) {
+    const Workspace workspace(with("normal = [0, 2]", std::string("normal = ") + normal) +
+                              "[[tool]]\nshape = \"plane\"\nlevel = -0.2\nnormal = " + normal + "\n");
+    const auto of = std::get<OtmCase<2>>(read_otm_case(workspace / "case.toml"));
+    EXPECT_EQ(of.motion.walls.at(0).wall.normal, Vec<2>(0, 1)) << normal;
+    EXPECT_EQ(of.motion.tools.at(0).tool.shape(Vec<2>(0.3, 0.0)).normal, Vec<2>(0, 1)) << normal;
+  }
+}
+
 TEST(OtmCase, BodiesAreAsTheCaseSays) {
   const Workspace workspace(with("level = -0.1", "level = -0.1\nfriction = \"stick\"") +
                             "[otm]\ngamma = 1.5\nrenewal = 0.1\n");
