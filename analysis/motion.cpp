@@ -236,6 +236,16 @@ template <int Dim> void prescribe(const MotionSettings<Dim>& motion, const std::
   for (const auto& [which, velocity] : velocities) bodies.otm.prescribe(which.first, which.second, velocity);
 }
 
+/// Forces are momenta over a step, which has to be a number that can be divided by.
+template <int Dim> void check_times(const MotionSettings<Dim>& motion, const Settings<Dim>& settings, double stable) {
+  constexpr double least = 1e-12;
+  for (const auto& [name, time] : {std::pair("end", motion.end), std::pair("max_step", motion.max_step)})
+    if (time < least * stable)
+      throw InputError(
+          said_at(where_said(settings, std::string("time.") + name),
+                  fmt::format("{} is {:.3g}, next to nothing beside a stable step, {:.3g}", name, time, stable)));
+}
+
 }  // namespace
 
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
@@ -295,6 +305,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
   if (motion.cloud && built.size() > 1)
     result.warnings.emplace_back("bodies on a cloud meet walls only: they pass through each other");
   check_probes(motion, settings, result);
+  check_times(motion, settings, result.otm.stable_step());
   return result;
 }
 

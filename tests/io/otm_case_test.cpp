@@ -153,6 +153,14 @@ TEST(OtmCase, NormalsOfAnyLengthAreUnitVectors) {
   }
 }
 
+TEST(OtmCase, TimesThatAreNothingBesideAStepAreRefused) {
+  for (const char* time : {"end = 1e-300", "end = 4\nmax_step = 1e-300"}) {
+    const Workspace workspace(with("end = 4", time));
+    const auto of = std::get<OtmCase<2>>(read_otm_case(workspace / "case.toml"));
+    EXPECT_THAT([&] { set_in_motion(of); }, says("next to nothing beside a stable step")) << time;
+  }
+}
+
 TEST(OtmCase, BodiesAreAsTheCaseSays) {
   const Workspace workspace(with("level = -0.1", "level = -0.1\nfriction = \"stick\"") +
                             "[otm]\ngamma = 1.5\nrenewal = 0.1\n");
