@@ -44,8 +44,9 @@ template <int Dim> struct PointFields {
 /// by the gradients themselves (HeldGradient), or on nodal values. With unions materials see the mean dilatation of
 /// their union: at small strains H + s (mean tr H - tr H), s as in Equilibrium; at finite ones (J_mean / J)^(1/3) F,
 /// ln J_mean the mean of ln J over the union (Simo, Taylor & Pister 1985 take that of J, de Souza Neto et al. 1996 J at
-/// a centroid), which is the derivative of one energy; with what elastic points bear by themselves. Pressures that follow the body (Loads::followers) have a stiffness of their
-/// own. What is not symmetric of that, and of tangents of materials, is not_in_tangent.
+/// a centroid), which is the derivative of one energy; with what elastic points bear by themselves. Pressures that
+/// follow the body (Loads::followers) have a stiffness of their own. What is not symmetric of that, and of tangents of
+/// materials, is not_in_tangent.
 template <int Dim> class NonlinearEquilibrium final : public Equations {
  public:
   /// Refers to the approximation. Throws InputError like Equilibrium; for a stabilisation, which is of linear
