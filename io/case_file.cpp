@@ -281,8 +281,7 @@ void read_mass_forces(const Section& analysis, const Expressions<Dim>& expressio
   if (axisymmetric && turning.has("through"))
     turning.fail("through", "an axisymmetric body turns about its own axis, y: leave through out");
   Vec<3> axis = axisymmetric ? Vec<3>::UnitY() : Vec<3>::UnitZ();
-  if (Dim == 3) axis = turning.point<3>("axis");
-  if (!(axis.norm() > 0.0)) turning.fail("axis", "axis is zero, expected a direction");
+  if (Dim == 3) axis = turning.direction<3>("axis");
   const Vec<Dim> through = turning.has("through") ? turning.point<Dim>("through") : Vec<Dim>(Vec<Dim>::Zero());
   result.loads.mass_forces.push_back(rotation<Dim>(turning.number("speed", any_number), axis, through));
 }

@@ -69,16 +69,9 @@ double read_friction(const Section& entry) {
   return entry.number("friction", not_negative, 0.0);
 }
 
-/// Of any length but zero, however large or small: the unit vector along it.
-template <int Dim> Vec<Dim> normal_of(const Section& entry) {
-  const Vec<Dim> normal = entry.template point<Dim>("normal");
-  if (normal.isZero(0.0)) entry.fail("normal", "normal is zero, expected a direction");
-  return normal.stableNormalized().normalized();
-}
-
 template <int Dim> void read_walls(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
   for (const Section& entry : entries) {
-    OtmWall<Dim> wall{.normal = normal_of<Dim>(entry)};
+    OtmWall<Dim> wall{.normal = entry.template direction<Dim>("normal")};
     wall.level = entry.number("level", any_number, 0.0);
     wall.friction = read_friction(entry);
     motion.walls.push_back({wall, entry.where("normal")});
@@ -111,7 +104,7 @@ ToolShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fol
   if (entry.has("centre")) tool.centre = entry.template point<Dim>("centre");
   if (name == "plane") {
     only({"normal", "level"});
-    return tools::half_space<Dim>(normal_of<Dim>(entry), entry.number("level", any_number, 0.0));
+    return tools::half_space<Dim>(entry.template direction<Dim>("normal"), entry.number("level", any_number, 0.0));
   }
   if (name == "ball") {
     only({"radius"});
@@ -129,7 +122,7 @@ ToolShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fol
   } else {
     if (name == "cylinder") {
       only({"radius", "axis"});
-      return tools::cylinder(entry.template point<3>("centre"), entry.template point<3>("axis"),
+      return tools::cylinder(entry.template point<3>("centre"), entry.template direction<3>("axis"),
                              entry.number("radius", positive));
     }
     if (name == "surface") {

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/internal/blend.hpp"
 #include "efree/solvers/internal/cell_gradients.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
@@ -63,28 +64,6 @@ template <int Dim> SparseRows fit_weights(const FineSpace<Dim>& space, const Dis
 template <int Dim> bool is_nodal(const Approximation<Dim>& approximation) {
   const ShapeTable<Dim>& shape = approximation.shape;
   return shape.num_points() == shape.num_nodes() && shape.num_entries() == shape.num_nodes();
-}
-
-/// Field at the fine degrees of freedom: sum phi_I(x) (f_I + 1/2 g_I . (x - x_I)) with the values f_I and slopes g_I of
-/// the fits. With f_I alone MLS functions smooth, at walls one-sidedly; the whole slope overshoots as much. Half of it
-/// is exact for quadratics wherever f_I and g_I are, since the functions reproduce linear ones:
-/// f_I + 1/2 g_I . (x - x_I) = f + 1/2 g . (x_I - x) for values and slopes f, g at x. Elements have x = x_I at every
-/// node.
-template <int Dim, int Rows> Matrix blend(const Approximation<Dim>& approximation, const Matrix& fits) {
-  using Fit = Eigen::Matrix<double, Rows, Dim + 1>;
-  Matrix field(Rows, approximation.shape.num_points());
-  parallel_for(approximation.shape.num_points(), [&](Index p) {
-    const auto row = approximation.shape.row(p);
-    Eigen::Matrix<double, Rows, 1> sum = Eigen::Matrix<double, Rows, 1>::Zero();
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-      const Index I = row.nodes[k];
-      Eigen::Matrix<double, Dim + 1, 1> at;
-      at << 1.0, 0.5 * (approximation.space.points().col(p) - approximation.nodes.col(I));
-      sum.noalias() += Eigen::Map<const Fit>(fits.col(I).data()) * (row.N[k] * at);
-    }
-    field.col(p) = sum;
-  });
-  return field;
 }
 
 /// Sum over cells of f(cell), in an order that does not depend on the threads.
@@ -508,9 +487,8 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
       }
       at_nodes.col(I) = sum.reshaped();
     });
-    const Matrix field = blend<Dim, rows>(approximation, at_nodes);
-    fields = {interpolate<Dim>(approximation.shape, solution.coefficients), field.topRows(voigt_size<Dim>),
-              field.bottomRows(voigt_size<Dim>)};
+    fields.displacement = interpolate<Dim>(approximation.shape, solution.coefficients);
+    internal::blend(approximation, at_nodes, fields);
   }
   if (!fields.strain.allFinite() || !fields.stress.allFinite())
     throw NumericalError("the recovered strains and stresses are not finite");

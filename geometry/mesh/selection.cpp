@@ -27,9 +27,9 @@ double cosine(double degrees) {
 }
 
 template <int Dim> Vec<Dim> unit(const Vec<Dim>& direction) {
-  if (!(direction.norm() > 0.0) || !direction.allFinite())
+  if (direction.isZero(0.0) || !direction.allFinite())
     throw InputError(fmt::format("normal = {}, expected a direction", shown<Dim>(direction)));
-  return direction.normalized();
+  return direction.stableNormalized().normalized();
 }
 
 template <int Dim> double squared_distance(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& x) {

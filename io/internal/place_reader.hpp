@@ -53,16 +53,11 @@ template <int Dim> class PlaceReader {
     }
     if (kind == "plane") {
       const Section plane = on.section("plane", {"point", "normal", "tolerance"});
-      return {kind, OnPlane<Dim>{plane.template point<Dim>("point"), direction(plane),
+      return {kind, OnPlane<Dim>{plane.template point<Dim>("point"), plane.template direction<Dim>("normal"),
                                  plane.number("tolerance", not_negative, 0.0)}};
     }
-    if (kind == "normal") return {kind, Facing<Dim>{direction(on), angle}};
+    if (kind == "normal") return {kind, Facing<Dim>{on.template direction<Dim>("normal"), angle}};
     return {kind, NearestPatch<Dim>{on.template point<Dim>("nearest"), angle}};
-  }
-  static Vec<Dim> direction(const Section& section) {
-    const Vec<Dim> normal = section.template point<Dim>("normal");
-    if (!(normal.norm() > 0.0)) section.fail("normal", "normal is zero, expected a direction");
-    return normal;
   }
 
   Settings<Dim>& result_;

@@ -78,6 +78,12 @@ class Section {
   /// An array of pairs of numbers: [[a, b], [c, d], ...].
   std::vector<std::array<double, 2>> pairs(std::string_view key) const;
   template <int Dim> Vec<Dim> point(std::string_view key) const { return point<Dim>(need(key), key); }
+  /// The unit vector along one of any length but zero, however large or small.
+  template <int Dim> Vec<Dim> direction(std::string_view key) const {
+    const Vec<Dim> along = point<Dim>(key);
+    if (along.isZero(0.0)) fail(key, std::string(key) + " is zero, expected a direction");
+    return along.stableNormalized().normalized();
+  }
   /// Two opposite corners: [[x0, y0], [x1, y1]].
   template <int Dim> std::array<Vec<Dim>, 2> corners(std::string_view key) const {
     const toml::array& both = array(need(key), key, 2, "points");

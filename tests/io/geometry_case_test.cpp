@@ -245,6 +245,19 @@ TEST(SelectionInCase, EqualOnesShareAName) {
                  R"(^case.toml:24: traction on "plane 1" contradicts the displacement component x .* case.toml:15)");
 }
 
+TEST(SelectionInCase, DirectionsHaveAnyLength) {
+  for (const char* normal : {"[1, 0, 0]", "[3e300, 0, 0]", "[1e-310, 0, 0]"}) {
+    const Workspace work(replaced(bar_case, "{ box = [[2, 1, 1], [2, 0, 0]] }",
+                                  "{ plane = { point = [2, 0, 0], normal = " + std::string(normal) + " } }"));
+    const auto bar = std::get<Case<3>>(read_case(work / "case.toml"));
+    bool named = false;
+    for (const NamedSelection<3>& selection : bar.selections)
+      if (const auto* plane = std::get_if<OnPlane<3>>(&selection.how); plane && plane->point[0] == 2.0)
+        named = plane->normal == Vec<3>::UnitX();
+    EXPECT_TRUE(named) << normal;
+  }
+}
+
 TEST(SelectionInCase, AnEmptyOneIsAnErrorThatSaysWhereTheBodyIs) {
   expect_matches(complaint<3>(replaced(bar_case, "[[2, 1, 1], [2, 0, 0]]", "[[3, 0, 0], [4, 1, 1]]")),
                  R"(^case.toml:23: the selection "box 1" is empty: .* lie in \(0, 0, 0\) to \(2, 1, 1\))");
