@@ -15,7 +15,7 @@ template <int Dim> struct Blended {
   double *strain, *stress;
 };
 
-template <int Dim> EFREE_INLINE void blend(const Blended<Dim>& points) {
+template <int Dim> EFREE_INLINE void blend_rows(const Blended<Dim>& points) {
   constexpr int size = voigt_size<Dim>, fours = size / 2;
   for (Index p = 0; p < points.count; ++p) {
     const ShapeRow<Dim>& row = points.rows[p];
@@ -43,10 +43,10 @@ template <int Dim> EFREE_INLINE void blend(const Blended<Dim>& points) {
 }
 
 EFREE_FOR_EACH_MACHINE void blend_2(const Blended<2>& points) {
-  blend<2>(points);
+  blend_rows<2>(points);
 }
 EFREE_FOR_EACH_MACHINE void blend_3(const Blended<3>& points) {
-  blend<3>(points);
+  blend_rows<3>(points);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/internal/disjoint_sets.hpp"
+#include "efree/core/internal/unit_vector.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -29,7 +30,7 @@ double cosine(double degrees) {
 template <int Dim> Vec<Dim> unit(const Vec<Dim>& direction) {
   if (direction.isZero(0.0) || !direction.allFinite())
     throw InputError(fmt::format("normal = {}, expected a direction", shown<Dim>(direction)));
-  return direction.stableNormalized().normalized();
+  return internal::unit_vector<Dim>(direction);
 }
 
 template <int Dim> double squared_distance(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& x) {

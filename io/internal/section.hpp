@@ -2,6 +2,7 @@
 /// Tables of a TOML file, read with checks: whatever is wrong is said with file and line.
 #pragma once
 
+#include "efree/core/internal/unit_vector.hpp"
 #include "efree/core/types.hpp"
 
 #include <toml++/toml.h>
@@ -82,7 +83,7 @@ class Section {
   template <int Dim> Vec<Dim> direction(std::string_view key) const {
     const Vec<Dim> along = point<Dim>(key);
     if (along.isZero(0.0)) fail(key, std::string(key) + " is zero, expected a direction");
-    return along.stableNormalized().normalized();
+    return unit_vector<Dim>(along);
   }
   /// Two opposite corners: [[x0, y0], [x1, y1]].
   template <int Dim> std::array<Vec<Dim>, 2> corners(std::string_view key) const {

@@ -109,6 +109,13 @@ TEST(Selection, InterfacesBetweenRegionsAreNoBoundaryUnlessTheyAreOpen) {
   EXPECT_NEAR(measure(mesh, selected<2>(mesh, NearestPatch<2>{{0.5, 2}})), 2.0, 1e-12);
 }
 
+TEST(Selection, NormalsHaveAnyLength) {
+  for (const double length : {3.0, 3e300, 1e-310}) {
+    EXPECT_EQ(selected<2>(strip(), OnPlane<2>{{0, 0}, {length, 0}}), strip().group("left")) << length;
+    EXPECT_EQ(selected<3>(block(), Facing<3>{{length, 0, 0}}), block().group("right")) << length;
+  }
+}
+
 TEST(Selection, RefusesWhatSelectsNothingByItself) {
   EXPECT_INPUT_ERROR(selected<2>(strip(), InBox<2>{{1, 0}, {0, 1}}), "expected its lowest corner first");
   EXPECT_INPUT_ERROR(selected<2>(strip(), OnPlane<2>{{0, 0}, {0, 0}}), "normal = (0, 0), expected a direction");
