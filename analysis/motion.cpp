@@ -428,19 +428,21 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
                                    100.0 * otm.energy().error(),
                                    now * (motion.end - otm.time()) / (otm.time() - from)));
     }
-    if (const double error = otm.energy().largest_error(); last && !(std::abs(error) <= refused_imbalance)) {
-      result.refusal = fmt::format(
-          "the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help", 100.0 * error);
+    if (last) {
+      const double error = otm.energy().largest_error();
+      if (!(std::abs(error) <= std::min(refused_imbalance, motion.options.imbalance)))
+        result.refusal = fmt::format(
+            "the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help", 100.0 * error);
       break;
     }
-    if (!last && now >= motion.time_limit) {
+    if (now >= motion.time_limit) {
       call(watcher.checkpoint);
       result.can_go_on = true;
       result.refusal = fmt::format("the time limit of {:.6g} s is over at time {:.6g} of {:.6g}; --resume goes on",
                                    motion.time_limit, otm.time(), motion.end);
       break;
     }
-    if (!last && now >= next_checkpoint) {
+    if (now >= next_checkpoint) {
       call(watcher.checkpoint);
       next_checkpoint = seconds() + motion.checkpoint;
     }

@@ -121,7 +121,7 @@ template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> meas
 
 /// Error of the energy balance that is warned of.
 inline constexpr double warned_imbalance = 0.01;
-/// Error of the energy balance with which a run that got to its end is none; see OtmOptions::imbalance.
+/// Error of the energy balance with which a run that got to its end is none, or OtmOptions::imbalance if less.
 inline constexpr double refused_imbalance = 0.05;
 
 /// Who hears of a run; what is empty is not called.

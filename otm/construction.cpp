@@ -311,6 +311,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   viscous.setZero(static_cast<Index>(chunks.size()));
   stored.setZero(static_cast<Index>(chunks.size()));
   sweep(0.0);
+  // Energies are summed to some 1e-16 of this: of less than 1e-13 there is nothing to say.
+  for (const auto& chunk : chunks) watch.scale += 1e-13 * chunk.modulus.dot(chunk.volume);
   // Any shape that is nothing special to start with, the same every time.
   shaken.resize(Dim, num_nodes);
   std::uint64_t random = 88172645463325252u;

@@ -355,12 +355,13 @@ template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, std::vector<Inde
         place(chunk, with);
         change.unseen += unseen(chunk, with);
         Rows row(1);
-        if (!make_functions(chunk, {with}, false, row, change.counted).empty()) {
+        const bool has_some = make_functions(chunk, {with}, false, row, change.counted).empty();
+        chunk.wear(with);
+        change.rows.insert(change.rows.begin() + static_cast<std::ptrdiff_t>(place_of_it), std::move(row.front()));
+        if (!has_some) {
           lost.push_back(with);
           continue;
         }
-        chunk.wear(with);
-        change.rows.insert(change.rows.begin() + static_cast<std::ptrdiff_t>(place_of_it), std::move(row.front()));
       }
       chunk.at.col(p) = chunk.at.col(with);
       chunk.metric[p] = chunk.metric[with];
@@ -532,10 +533,14 @@ template <int Dim> void Motion<Dim>::renew() {
     // By new functions points may be squeezed faster than by those they had.
     for (const auto& row : changes[k].rows) {
       Mat<Dim> rate = Mat<Dim>::Zero();
-      for (const auto& [a, entry] : row) rate -= v.col(a) * Eigen::Map<const Vec<Dim>>(entry.dN).transpose();
+      double around = 0.0;
+      for (const auto& [a, entry] : row) {
+        rate -= v.col(a) * Eigen::Map<const Vec<Dim>>(entry.dN).transpose();
+        if (axisymmetric()) around -= v(0, a) * entry.dN[2];
+      }
       Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
       axes.computeDirect(0.5 * (rate + rate.transpose()), Eigen::EigenvaluesOnly);
-      chunk.squeeze = std::max(chunk.squeeze, axes.eigenvalues()[Dim - 1]);
+      chunk.squeeze = std::max({chunk.squeeze, axes.eigenvalues()[Dim - 1], around});
     }
     chunk.crushed.clear();
     for (const auto& pair : chunk.pairs) chunk.narrowed.insert(chunk.narrowed.end(), {pair.first, pair.second});

@@ -139,13 +139,14 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   }
   if (!of.watch.begun) of.watch.look(balance());
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
-  double damping = 0.0, squeeze = 0.0;
+  double damping = 0.0, squeezed = std::numeric_limits<double>::infinity();
   for (auto& chunk : of.chunks) {
     damping = std::max(damping, chunk.damping);
-    squeeze = std::max(squeeze, std::exchange(chunk.squeeze, 0.0));
+    const double least = of.bodies[chunk.body].renewed ? least_share * of.stable : 0.0;
+    if (const double squeeze = std::exchange(chunk.squeeze, 0.0); squeeze > 0.0)
+      squeezed = std::min(squeezed, std::max(most_squeezed / squeeze, least));
   }
   const double damped = of.stable * (std::sqrt(1.0 + damping * damping) - damping);
-  const double squeezed = squeeze > 0.0 ? std::max(most_squeezed / squeeze, least_share * of.stable) : damped;
   const double dt = std::min({damped, squeezed, at_most});
   if (!(dt > 0.0) || !std::isfinite(dt))
     throw NumericalError(fmt::format("at time {:.6g} the stable step is {:.3g}", of.time, dt));
@@ -154,7 +155,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   of.last_step = dt;
   // Points are of no two pairs: what pairs them takes turns.
   const Index turn = of.counts.steps % 32;
-  if (turn == 1)
+  if (turn == 1 && of.options.merging > 0.0)
     of.give_up_nodes();
   else if (turn == 31 && of.stable < of.options.merging * of.first_stable)
     of.merge_nodes();

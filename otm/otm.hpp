@@ -116,7 +116,7 @@ template <int Dim> struct OtmBalance {
 /// How well energy is accounted for.
 struct EnergyWatch {
   double start = 0.0;     ///< what there was of it
-  double scale = 0.0;     ///< the most there was of it so far
+  double scale = 0.0;     ///< the most there was of it so far, of more than rounding
   double off = 0.0;       ///< what is missing (negative) or too much now
   double furthest = 0.0;  ///< the same where it was worst
   Index beyond = 0;       ///< times in a row that it was off by more than OtmOptions::imbalance

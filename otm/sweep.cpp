@@ -110,7 +110,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   thread_local std::vector<Mat<3>> before;
   if (viscous_shocks) before = chunk.since;
-  const bool holds = body.renewed && !body.fracture.on() && dt > 0.0;
+  const bool holds = joins(body) && dt > 0.0;
   double shrunk = 1.0;
   for (Index p = 0; p < n; ++p) {
     const Mat<3> then = chunk.since[p];
@@ -184,7 +184,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   chunk.damping = 0.0;
   if (viscous_shocks) {
     for (Index p = 0; p < n; ++p)
-      if (!chunk.is_eroded(p)) shock(chunk, p, before[p], dt);
+      if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) shock(chunk, p, before[p], dt);
     viscous[number] += chunk.now.heat.dot(chunk.volume);
   }
   chunk.seconds.kinematics += lap(start);

@@ -195,7 +195,7 @@ constexpr double unions_per_node = 0.5;
 /// Seeds of them, some of which are merged: about as many unions are left.
 constexpr double seeds_per_node_of_unions = 0.6;
 
-/// How many nodes each union holds: integrals of their functions over it, as shares of those over the body.
+/// How many nodes each union holds: integrals of the size of their functions over it, as shares of those over the body.
 template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& union_of, Index unions) {
   Vector whole = Vector::Zero(points.shape.num_nodes()), held = Vector::Zero(unions);
   const auto for_each = [&](const auto& visit) {
@@ -204,9 +204,9 @@ template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::v
       for (std::size_t k = 0; k < row.nodes.size(); ++k) visit(K, row.nodes[k], points.weights[K] * row.N[k]);
     }
   };
-  for_each([&](Index, Index I, double part) { whole[I] += part; });
+  for_each([&](Index, Index I, double part) { whole[I] += std::abs(part); });
   for_each([&](Index K, Index I, double part) {
-    if (whole[I] > 0.0) held[union_of[K]] += part / whole[I];
+    if (whole[I] > 0.0) held[union_of[K]] += std::abs(part) / whole[I];
   });
   return held;
 }
@@ -221,8 +221,14 @@ void merge_small(const FineMesh<Dim>& mesh, const SecondaryBasis<Dim>& secondary
   const Index unions = 1 + *std::ranges::max_element(union_of);
   Vector held = nodes_held(result.quadrature, union_of, unions);
   const auto per_cell = static_cast<Index>(secondary.rule.weights.size());
+  // Of the function that is largest there.
   const auto union_at = [&](Index c) {
-    return union_of[secondary.in_cells.innerIndexPtr()[secondary.in_cells.outerIndexPtr()[c * per_cell]]];
+    double largest = 0.0;
+    Index of = 0;
+    for (Index g = c * per_cell; g < (c + 1) * per_cell; ++g)
+      for (SparseRows::InnerIterator entry(secondary.in_cells, g); entry; ++entry)
+        if (entry.value() > largest) largest = entry.value(), of = static_cast<Index>(entry.col());
+    return union_of[of];
   };
   std::vector<std::map<Index, double>> shared(unions);  // about the surface between two of them
   for (Index c = 0; c < mesh.num_cells(); ++c)

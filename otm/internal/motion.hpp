@@ -173,6 +173,10 @@ template <int Dim> struct Motion {
   Vector ball_mass;                                     ///< by point
   std::vector<std::vector<Index>> star_offsets, stars;  ///< by body and node: cells around it that are not eroded
   bool breaks() const;
+  /// Whether points of this body that have no functions, or would be turned inside out, join another (functions.cpp).
+  bool joins(const BodyOf& body) const {
+    return body.renewed && !body.fracture.on() && options.functions == OtmFunctions::lme;
+  }
   void find_stars();
   void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
   void find_balls();

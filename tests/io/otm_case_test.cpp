@@ -442,7 +442,7 @@ TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   EXPECT_TRUE(fs::exists(workspace / "out/points_0000.vtu"));
   EXPECT_FALSE(fs::exists(workspace / "out/unfinished"));
   // What is asked for is kept to.
-  const auto strict = run(workspace, with("end = 4", "end = 4\nmax_step = 0.004") + "[otm]\nimbalance = 1e-9\n");
+  const auto strict = run(workspace, rubber + "[otm]\nimbalance = 1e-9\n");
   EXPECT_EQ(strict.status, 3) << strict.output;
   EXPECT_THAT(json(workspace / "out/failure.json")["reason"].get<std::string>(), HasSubstr("the energy is off by"));
   // And one that ends well takes its place.

@@ -57,6 +57,13 @@ TYPED_TEST(OtmBlock, AffineMotionsAreExactHoweverOftenFunctionsAreRenewed) {
   EXPECT_LT((otm.points() - moved).colwise().norm().maxCoeff(), 1e-11);
 }
 
+TYPED_TEST(OtmBlock, AtRestRoundingIsNoEnergyThatIsLost) {
+  constexpr int Dim = TypeParam::value;
+  Otm<Dim> otm({otm_body(block<Dim>(1.0, 0.3), soft(), 1.0)});
+  for (int k = 0; k < 1100; ++k) otm.step();
+  EXPECT_LT(std::abs(otm.energy().largest_error()), 0.01);
+}
+
 TYPED_TEST(OtmBlock, ThrownAndSpinningBodiesKeepTheirMomentaToRounding) {
   constexpr int Dim = TypeParam::value;
   OtmBody<Dim> body = otm_body(block<Dim>(2.0, 0.35), soft(), 1.0);
