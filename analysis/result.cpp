@@ -22,10 +22,16 @@ template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields) {
 
 namespace {
 
+/// sqrt(a^2 + b^2) of any numbers, as std::hypot, but for the last bit.
+double hypotenuse(double a, double b) {
+  const double longer = std::max(std::abs(a), std::abs(b)), share = std::min(std::abs(a), std::abs(b)) / longer;
+  return longer > 0.0 ? longer * std::sqrt(1.0 + share * share) : 0.0;
+}
+
 /// The largest and the smallest principal stress.
 template <int Dim> std::pair<double, double> principal(const Voigt<Dim>& s) {
   if constexpr (Dim == 2) {
-    const double middle = 0.5 * (s[0] + s[1]), radius = std::hypot(0.5 * (s[0] - s[1]), s[3]);
+    const double middle = 0.5 * (s[0] + s[1]), radius = hypotenuse(0.5 * (s[0] - s[1]), s[3]);
     return {std::max(middle + radius, s[2]), std::min(middle - radius, s[2])};
   } else {
     Mat<3> sigma;

@@ -37,16 +37,24 @@ template <int Dim> Points<Dim> internal_force(const Discretization<Dim>& discret
 
 template <int Dim>
 Points<Dim> forces_of_stress(const Discretization<Dim>& discretization, const VoigtPoints<Dim>& stress) {
+  const auto of = [&](Index K, const ShapeRow<Dim>& row, std::size_t k) {
+    const Voigt<Dim> there = discretization.weights[K] * stress.col(K);
+    Vec<Dim> f = traction<Dim>(there, row.dN[k]);
+    if (Dim == 2 && !row.hoop.empty()) f[0] += row.hoop[k] * there[2];
+    return f;
+  };
+  Points<Dim> force = Points<Dim>::Zero(Dim, discretization.shape.num_nodes());
+  if (num_threads() == 1) {  // the same sums, from memory as it comes
+    for (Index K = 0; K < discretization.size(); ++K) {
+      const auto row = discretization.shape.row(K);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) force.col(row.nodes[k]) += of(K, row, k);
+    }
+    return force;
+  }
   const NodePlaces& by_node = discretization.shape.by_node();
-  Points<Dim> force(Dim, discretization.shape.num_nodes());
   parallel_for(discretization.shape.num_nodes(), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
-    for (const auto& [K, k] : by_node[a]) {
-      const auto row = discretization.shape.row(K);
-      const Voigt<Dim> there = discretization.weights[K] * stress.col(K);
-      sum += traction<Dim>(there, row.dN[k]);
-      if (Dim == 2 && !row.hoop.empty()) sum[0] += row.hoop[k] * there[2];
-    }
+    for (const auto& [K, k] : by_node[a]) sum += of(K, discretization.shape.row(K), k);
     force.col(a) = sum;
   });
   return force;

@@ -94,13 +94,16 @@ namespace {
 
 template <int Rows, int Dim>
 Matrix interpolate_rows(const ShapeTable<Dim>& shape, const Eigen::Ref<const Matrix>& coefficients) {
+  using Columns = Eigen::Matrix<double, Rows, Eigen::Dynamic>;
   Matrix values(coefficients.rows(), shape.num_points());
+  const Eigen::Map<const Columns, 0, Eigen::OuterStride<>> from(coefficients.data(), coefficients.rows(),
+                                                                coefficients.cols(), coefficients.outerStride());
+  Eigen::Map<Columns> to(values.data(), values.rows(), values.cols());
   parallel_for(shape.num_points(), [&](Index p) {
     const auto row = shape.row(p);
-    Eigen::Matrix<double, Rows, 1> sum = Eigen::Matrix<double, Rows, 1>::Zero(coefficients.rows());
-    for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      sum += row.N[k] * coefficients.col(row.nodes[k]).template head<Rows>(coefficients.rows());
-    values.col(p) = sum;
+    Eigen::Matrix<double, Rows, 1> sum = Eigen::Matrix<double, Rows, 1>::Zero(from.rows());
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) sum += row.N[k] * from.col(row.nodes[k]);
+    to.col(p) = sum;
   });
   return values;
 }

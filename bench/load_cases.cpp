@@ -63,9 +63,13 @@ double seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+std::filesystem::path folder() {
+  return std::filesystem::temp_directory_path() / "efree_load_cases";
+}
+
 /// What `efree solve` writes.
 template <int Dim> void write(const Settings<Dim>& settings, const Result<Dim>& result) {
-  const auto folder = std::filesystem::temp_directory_path() / "efree_load_cases";
+  const auto folder = ::folder();
   std::filesystem::create_directories(folder);
   parallel_chunks(2, 1, [&](Index task, Index) {
     if (task == 0) {
@@ -104,6 +108,7 @@ void measure(const std::string& body, const MeshSource<Dim>& source, const Metho
   for (int run = 0; run < runs; ++run)
     for (const int count : {1, many}) {
       settings.cases = load_cases<Dim>(count);
+      std::filesystem::remove_all(folder());
       Times& to = count == 1 ? one : ten;
       const double start = seconds();
       const Result<Dim> result = analyse(source, settings);

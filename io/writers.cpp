@@ -11,6 +11,7 @@
 #include <vtkCellData.h>
 #include <vtkCellType.h>
 #include <vtkDoubleArray.h>
+#include <vtkFloatArray.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
@@ -37,16 +38,20 @@ void write_json(const std::filesystem::path& file, const ordered_json& json) {
   if (!stream.flush()) cannot_write(file);
 }
 
+void name_components(vtkDataArray* array, const char* name, const std::vector<const char*>& components) {
+  array->SetName(name);
+  array->SetNumberOfComponents(static_cast<int>(components.size()));
+  for (std::size_t i = 0; components.size() > 1 && i < components.size(); ++i)
+    if (components[i]) array->SetComponentName(static_cast<int>(i), components[i]);
+}
+
 /// One tuple per column of `values`; missing components become 0.
 template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name, const Eigen::Ref<const Matrix>& values,
                                                                const std::vector<const char*>& components) {
   vtkNew<Array> array;
-  array->SetName(name);
-  array->SetNumberOfComponents(static_cast<int>(components.size()));
+  name_components(array, name, components);
   array->SetNumberOfTuples(values.cols());
   const auto count = static_cast<Index>(components.size());
-  for (Index i = 0; i < count; ++i)
-    if (count > 1 && components[i]) array->SetComponentName(static_cast<int>(i), components[i]);
   auto* const to = array->GetPointer(0);
   parallel_for(static_cast<Index>(values.cols()), [&](Index p) {
     for (Index i = 0; i < count; ++i)
@@ -58,6 +63,15 @@ template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name,
 void add_array(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,
                const std::vector<const char*>& components) {
   grid->GetPointData()->AddArray(array_of(name.c_str(), values, components));
+}
+
+/// The same of what is derived from displacements: in single precision, whose seven digits are more than it is good to,
+/// where it has the range.
+void add_derived(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,
+                 const std::vector<const char*>& components) {
+  const double largest = values.cwiseAbs().maxCoeff();
+  if (largest > 0.0 && !(largest > 1e-30 && largest < 1e30)) return add_array(grid, name, values, components);
+  grid->GetPointData()->AddArray(array_of<vtkFloatArray>(name.c_str(), values, components));
 }
 
 template <int Dim> vtkNew<vtkUnstructuredGrid> grid_on(const Points<Dim>& points) {
@@ -189,10 +203,14 @@ template <int Dim> vtkNew<vtkUnstructuredGrid> grid_of(const FineSpace<Dim>& spa
 
 template <int Dim> void add_fields(vtkUnstructuredGrid* grid, const FineSpace<Dim>& space, const Fields<Dim>& fields,
                                    const std::string& of = "") {
-  add_array(grid, of + "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
-  add_array(grid, of + "strain", fields.strain, component_names<Dim>(space.axisymmetric()));
-  add_array(grid, of + "stress", fields.stress, component_names<Dim>(space.axisymmetric()));
-  add_array(grid, of + "von_mises", von_mises_at_places(fields).transpose(), {""});
+  if (space.num_places() > space.size())
+    add_array(grid, of + "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
+  else
+    add_array(grid, of + "displacement", fields.displacement, {"x", "y", "z"});
+  const auto components = component_names<Dim>(space.axisymmetric());
+  add_derived(grid, of + "strain", fields.strain, components);
+  add_derived(grid, of + "stress", fields.stress, components);
+  add_derived(grid, of + "von_mises", von_mises_at_places(fields).transpose(), {""});
 }
 
 }  // namespace

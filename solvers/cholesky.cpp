@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -61,6 +62,19 @@ cholmod_sparse symmetric_view(Index size, const Index* offsets, const Index* row
   view.dtype = CHOLMOD_DOUBLE;
   view.sorted = values != nullptr;
   view.packed = 1;
+  return view;
+}
+
+/// A dense matrix, by columns, as CHOLMOD takes it.
+cholmod_dense dense_view(const double* values, Eigen::Index rows, Eigen::Index columns, Eigen::Index stride) {
+  cholmod_dense view{};
+  view.nrow = static_cast<std::size_t>(rows);
+  view.ncol = static_cast<std::size_t>(columns);
+  view.d = static_cast<std::size_t>(stride);
+  view.nzmax = view.d * view.ncol;
+  view.x = const_cast<double*>(values);
+  view.xtype = CHOLMOD_REAL;
+  view.dtype = CHOLMOD_DOUBLE;
   return view;
 }
 
@@ -321,20 +335,22 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
     throw InputError(fmt::format("Cholesky solve: {} rows, expected {}", B.rows(), impl_->unknowns));
   require(impl_->is_current, "Cholesky solve: there is no factor, or the last matrix could not be factored");
   if (B.cols() == 0) return B;
-  Matrix copy = B;
-  cholmod_dense view{};
-  view.nrow = view.d = static_cast<std::size_t>(copy.rows());
-  view.ncol = static_cast<std::size_t>(copy.cols());
-  view.nzmax = view.nrow * view.ncol;
-  view.x = copy.data();
-  view.xtype = CHOLMOD_REAL;
-  view.dtype = CHOLMOD_DOUBLE;
+  if (impl_->supernodes && B.cols() > 1) {
+    Matrix X = B;
+    const auto& factor = *impl_->factor;
+    impl_->supernodes->solve(static_cast<const double*>(factor.x), {static_cast<const Index*>(factor.Perm), factor.n},
+                             X);
+    return X;
+  }
+  Matrix X(B.rows(), B.cols());
+  cholmod_dense given = dense_view(B.data(), B.rows(), B.cols(), B.outerStride()),
+                found = dense_view(X.data(), X.rows(), X.cols(), X.outerStride()), *to = &found;
   Common own;  // others may solve at the same time
-  cholmod_dense* X = cholmod_solve(CHOLMOD_A, impl_->factor.get(), &view, own.get());
+  std::array<cholmod_dense*, 2> space{};
+  cholmod_solve2(CHOLMOD_A, impl_->factor.get(), &given, nullptr, &to, nullptr, &space[0], &space[1], own.get());
+  for (cholmod_dense*& one : space) cholmod_free_dense(&one, own.get());
   own.check(impl_->unknowns);
-  copy = Eigen::Map<const Matrix>(static_cast<const double*>(X->x), copy.rows(), copy.cols());
-  cholmod_free_dense(&X, own.get());
-  return copy;
+  return X;
 }
 
 double Cholesky::factor_entries() const {

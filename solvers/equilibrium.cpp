@@ -290,6 +290,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   }
 
   Points<Dim> internal_forces(const State& state) const {
+    if (linear && state.u.isZero(0.0)) return Points<Dim>::Zero(Dim, state.u.size() / Dim);
     const Points<Dim> U = displacements(state);
     if (linear) return initial_forces(U);
     Points<Dim> forces = weak_forces(U);

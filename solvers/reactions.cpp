@@ -196,16 +196,15 @@ Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const
       reaction.add(place(node), own * (inverse[place_of[node]] * Vec<Dim>(forces.col(node))));
   }
   for (int d = 0; d < Dim; ++d) {
-    if (along[d].parts.empty()) continue;
-    std::vector<Resultant<Dim>*> to;
-    for (const std::size_t p : along[d].parts) to.push_back(&reactions[parts[p].name]);
+    std::vector<Resultant<Dim>> to(along[d].parts.size());
     for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
+      if (to.empty() || forces(d, node) == 0.0) continue;
       Vec<Dim> force = forces(d, node) * Vec<Dim>::Unit(d);
       if (place_of[node] >= 0) force = free[place_of[node]] * force;
-      if (force.isZero(0.0)) continue;
       const Vec<Dim> x = place(node);
-      for (std::size_t p = 0; p < to.size(); ++p) to[p]->add(x, along[d].shares[p][node] * force);
+      for (std::size_t p = 0; p < to.size(); ++p) to[p].add(x, along[d].shares[p][node] * force);
     }
+    for (std::size_t p = 0; p < to.size(); ++p) reactions[parts[along[d].parts[p]].name] += to[p];
   }
   if (space.axisymmetric())
     for (auto& [part, of] : reactions) of.moment.setZero();

@@ -36,7 +36,8 @@ template <int Dim> bool is_sliver(const FineMesh<Dim>& mesh, Index c) {
 }
 
 /// A quadrature with too few points leaves deformations without stiffness; solutions that hold such ones are refused.
-/// Compares the distortion the quadrature sees with that of the field itself on the fine mesh, slivers left out.
+/// Compares the distortion the quadrature sees with that of the field between the vertices of the fine mesh, slivers
+/// left out.
 template <int Dim>
 void require_stable(const Approximation<Dim>& approximation, const std::vector<Solution<Dim>>& solutions) {
   constexpr double smallest_share = 0.05;
@@ -46,8 +47,15 @@ void require_stable(const Approximation<Dim>& approximation, const std::vector<S
   const auto& quadrature = approximation.quadrature;
   if (quadrature.size() >= mesh.num_cells() * static_cast<Index>(rule.weights.size())) return;  // sees everything
   const std::size_t count = solutions.size();
-  std::vector<Points<Dim>> u;
-  for (const auto& solution : solutions) u.push_back(interpolate(approximation.shape, solution.coefficients));
+  std::vector<Points<Dim>> u(count, Points<Dim>(Dim, mesh.num_vertices()));
+  parallel_for(mesh.num_vertices(), [&](Index v) {
+    const auto row = approximation.shape.row(v);
+    for (std::size_t k = 0; k < count; ++k) {
+      Vec<Dim> sum = Vec<Dim>::Zero();
+      for (std::size_t i = 0; i < row.nodes.size(); ++i) sum += row.N[i] * solutions[k].coefficients.col(row.nodes[i]);
+      u[k].col(v) = sum;
+    }
+  });
 
   struct Distortion {
     double all = 0.0, largest = 0.0;
@@ -57,15 +65,20 @@ void require_stable(const Approximation<Dim>& approximation, const std::vector<S
   std::vector<std::vector<Distortion>> parts((mesh.num_cells() + chunk - 1) / chunk, std::vector<Distortion>(count));
   parallel_chunks(mesh.num_cells(), chunk, [&](Index begin, Index end) {
     auto& part = parts[begin / chunk];
-    CellGradients<Dim> gradients(space, rule);
     for (Index c = begin; c < end; ++c) {
       if (is_sliver(mesh, c)) continue;
-      gradients.enter(c);
+      const auto dN = mesh.hat_gradients(c);
+      const auto dofs = space.cell(c);
+      const double r = space.axisymmetric() ? mesh.centroid(c)[0] : 0.0;
       for (std::size_t k = 0; k < count; ++k) {
-        double of_cell = 0.0;
-        for (Index q = 0; q < rule.weights.size(); ++q)
-          of_cell +=
-              space.weight(c, q) * deviator_squared<Dim>(strain_of<Dim>(gradients.of(q, u[k])), space.axisymmetric());
+        Gradient<Dim> H = Gradient<Dim>::Zero();
+        for (int i = 0; i <= Dim; ++i) {
+          const Vec<Dim> at = u[k].col(dofs[i]);
+          for (int J = 0; J < Dim; ++J) H.template segment<Dim>(Dim * J) += dN(J, i) * at;
+          if constexpr (Dim == 2)
+            if (r > 0.0) H[4] += at[0] / (3.0 * r);
+        }
+        const double of_cell = space.volume(c) * deviator_squared<Dim>(strain_of<Dim>(H), space.axisymmetric());
         part[k].all += of_cell;
         if (of_cell > part[k].largest) part[k].largest = of_cell, part[k].cell = c;
       }
@@ -148,11 +161,11 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
   });
   for (std::size_t k = 0; k < count; ++k) {
     Solution<Dim>& solution = solutions[k];
-    if (by_points)
-      for (const auto& part : energies) solution.strain_energy += part[k];
-    else
-      solution.strain_energy = energy_of(terms, solution.coefficients);
-    if (!std::isfinite(solution.strain_energy) || !solution.strain.allFinite() || !solution.stress.allFinite())
+    double of_points = 0.0;
+    for (const auto& part : energies) of_points += part[k];
+    solution.strain_energy = by_points ? of_points : energy_of(terms, solution.coefficients);
+    // Products of stresses and strains are finite where these are.
+    if (!std::isfinite(solution.strain_energy) || !std::isfinite(of_points))
       throw NumericalError(
           fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
                       "floating-point numbers",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/supernodes.hpp"
 
+#include "efree/core/internal/vectors.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <cblas.h>
@@ -288,6 +289,131 @@ Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
   parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], spaces, L); });
   const Index first = std::ranges::min(ended.empty() ? std::vector{none} : ended);
   return first != none ? first : factorize_trunk(spaces, L);
+}
+
+namespace {
+
+/// Sixteen numbers; a vector of as many would go by way of memory.
+struct Sixteen {
+  internal::Eight a, b;
+  EFREE_INLINE Sixteen& operator+=(const Sixteen& other) { return a += other.a, b += other.b, *this; }
+  EFREE_INLINE Sixteen& operator-=(const Sixteen& other) { return a -= other.a, b -= other.b, *this; }
+  EFREE_INLINE Sixteen& operator/=(double by) { return a /= by, b /= by, *this; }
+  EFREE_INLINE friend Sixteen operator+(Sixteen one, const Sixteen& other) { return one += other; }
+  EFREE_INLINE friend Sixteen operator-(Sixteen one, const Sixteen& other) { return one -= other; }
+  EFREE_INLINE friend Sixteen operator*(double by, const Sixteen& of) { return {by * of.a, by * of.b}; }
+};
+using internal::load;
+using internal::store;
+EFREE_INLINE void load(Sixteen& to, const double* from) {
+  load(to.a, from);
+  load(to.b, from + 8);
+}
+EFREE_INLINE void store(double* to, const Sixteen& from) {
+  store(to, from.a);
+  store(to + 8, from.b);
+}
+
+/// Columns of a factor, the first of which has its diagonal in the first row; four of them are taken at once.
+struct Columns {
+  const double* L;
+  Index width, height, stride;
+  const Index* rows;
+
+  /// The k-th of four columns from j on; where there are fewer, the last again.
+  const double* column(Index j, Index k) const {
+    return L + static_cast<std::ptrdiff_t>(std::min(j + k, width - 1)) * stride;
+  }
+};
+
+/// x of the columns, and off the rows below what these make of it. V: as many numbers as there are for each row.
+template <class V> EFREE_INLINE void forward(const Columns& of, double* x) {
+  constexpr std::ptrdiff_t size = sizeof(V) / sizeof(double);
+  for (Index j = 0; j < of.width; j += 4) {
+    const Index count = std::min<Index>(4, of.width - j);
+    const double* L[4];
+    V y[4] = {};
+    for (Index k = 0; k < 4; ++k) L[k] = of.column(j, k);
+    for (Index k = 0; k < count; ++k) {
+      double* at = x + size * of.rows[j + k];
+      load(y[k], at);
+      for (Index l = 0; l < k; ++l) y[k] -= L[l][j + k] * y[l];
+      y[k] /= L[k][j + k];
+      store(at, y[k]);
+    }
+    for (Index i = j + count; i < of.height; ++i) {
+      double* at = x + size * of.rows[i];
+      V z;
+      load(z, at);
+      z -= (L[0][i] * y[0] + L[1][i] * y[1]) + (L[2][i] * y[2] + L[3][i] * y[3]);
+      store(at, z);
+    }
+  }
+}
+
+/// The same with the transpose: x of the columns, of that of the rows below.
+template <class V> EFREE_INLINE void backward(const Columns& of, double* x) {
+  constexpr std::ptrdiff_t size = sizeof(V) / sizeof(double);
+  for (Index j = (of.width - 1) / 4 * 4; j >= 0; j -= 4) {
+    const Index count = std::min<Index>(4, of.width - j);
+    const double* L[4];
+    V sum[4] = {};
+    for (Index k = 0; k < 4; ++k) L[k] = of.column(j, k);
+    for (Index i = j + count; i < of.height; ++i) {
+      V z;
+      load(z, x + size * of.rows[i]);
+      for (Index k = 0; k < 4; ++k) sum[k] += L[k][i] * z;
+    }
+    for (Index k = count - 1; k >= 0; --k) {
+      double* at = x + size * of.rows[j + k];
+      V y;
+      load(y, at);
+      y -= sum[k];
+      y /= L[k][j + k];
+      store(at, y);
+      for (Index l = 0; l < k; ++l) sum[l] += L[l][j + k] * y;
+    }
+  }
+}
+
+template <class V> EFREE_INLINE void solve(std::span<const Columns> all, double* x) {
+  for (const Columns& of : all) forward<V>(of, x);
+  for (std::size_t k = all.size(); k-- > 0;) backward<V>(all[k], x);
+}
+EFREE_FOR_EACH_MACHINE void solve_4(std::span<const Columns> all, double* x) {
+  solve<internal::Four>(all, x);
+}
+EFREE_FOR_EACH_MACHINE void solve_8(std::span<const Columns> all, double* x) {
+  solve<internal::Eight>(all, x);
+}
+EFREE_FOR_EACH_MACHINE void solve_16(std::span<const Columns> all, double* x) {
+  solve<Sixteen>(all, x);
+}
+
+}  // namespace
+
+void Supernodes::solve(const double* L, std::span<const Index> order, Eigen::Ref<Matrix> B) const {
+  std::vector<Columns> all;
+  for (const Panel& panel : panels_)
+    all.push_back(
+        {L + panel.values, panel.width, static_cast<Index>(panel.rows.size()), panel.stride, panel.rows.data()});
+  std::vector<double> x;
+  for (Index begin = 0, count; begin < B.cols(); begin += count) {
+    count = std::min<Index>(16, static_cast<Index>(B.cols()) - begin);
+    const std::size_t size = count <= 4 ? 4 : count <= 8 ? 8 : 16;
+    x.assign(size * order.size(), 0.0);
+    // Piece by piece, so that what is written to in turn stays near.
+    const auto for_each = [&](const auto& visit) {
+      constexpr std::size_t piece = 256;
+      for (std::size_t first = 0; first < order.size(); first += piece)
+        for (Index k = 0; k < count; ++k)
+          for (std::size_t i = first; i < std::min(first + piece, order.size()); ++i)
+            visit(x[size * i + static_cast<std::size_t>(k)], B(order[i], begin + k));
+    };
+    for_each([](double& to, double from) { to = from; });
+    (size == 4 ? solve_4 : size == 8 ? solve_8 : solve_16)(all, x.data());
+    for_each([](double from, double& to) { to = from; });
+  }
 }
 
 }  // namespace efree

@@ -14,11 +14,11 @@
 
 namespace efree {
 
-/// CHOLMOD orders the unknowns, finds the supernodes and solves; what it does on one thread, or on many with other
-/// bits, is done here. Supernodes are cut into panels of columns and these into tiles of rows, none of which depends on
-/// the number of threads; every tile takes its updates in ascending order (left-looking: Ng, Peyton 1993). Branches of
-/// the elimination tree are factored side by side, each by one thread, the panels of its trunk one after the other with
-/// their tiles side by side.
+/// CHOLMOD orders the unknowns and finds the supernodes; what it does on one thread, or on many with other bits, and
+/// for one right-hand side after the other, is done here. Supernodes are cut into panels of columns and these into
+/// tiles of rows, none of which depends on the number of threads; every tile takes its updates in ascending order
+/// (left-looking: Ng, Peyton 1993). Branches of the elimination tree are factored side by side, each by one thread, the
+/// panels of its trunk one after the other with their tiles side by side.
 class Supernodes {
  public:
   /// `symbolic` is a supernodal analysis of `lower`, whose values do not count.
@@ -31,6 +31,10 @@ class Supernodes {
   /// Writes the factor of a matrix with that pattern to L, as long as CHOLMOD's xsize. Returns the first column of the
   /// factor where the pivot is not positive, or `none`; then L is no factor.
   Index factorize(const SymmetricMatrix& lower, double* L) const;
+
+  /// Solves L L^T x = b for every column of B, in place; row order[i] of it is row i of the factor. What is read of L
+  /// is read for up to 16 columns at once.
+  void solve(const double* L, std::span<const Index> order, Eigen::Ref<Matrix> B) const;
 
  private:
   /// Consecutive columns of a supernode, and its rows from the first of them on.

@@ -94,6 +94,15 @@ TEST(Cholesky, LargeFactorsSolveToRoundingWithTheSameBitsOnAnyNumberOfThreads) {
   set_num_threads(threads);
 }
 
+TEST(Cholesky, SolvesToRoundingHoweverManyRightHandSidesThereAre) {
+  std::vector<Index> node_of;
+  const SymmetricMatrix lower = cube(7, node_of);
+  const Cholesky factor(lower, node_of);
+  const Matrix exact = Matrix::Random(lower.rows(), 37), rhs = lower.selfadjointView<Eigen::Lower>() * exact;
+  for (const Index count : {1, 2, 4, 5, 8, 9, 16, 17, 33, 37})
+    EXPECT_LT((factor.solve(rhs.leftCols(count)) - exact.leftCols(count)).cwiseAbs().maxCoeff(), 1e-13) << count;
+}
+
 TEST(Cholesky, TheFirstPivotThatFailsIsNamedOnAnyNumberOfThreads) {
   std::vector<Index> node_of;
   SymmetricMatrix lower = cube(8, node_of);
