@@ -2,13 +2,19 @@
 #include "efree/io/picture.hpp"
 
 #include "efree/core/internal/disjoint_sets.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/io/internal/canvas.hpp"
 #include "efree/io/writers.hpp"
 
 #include <fmt/format.h>
 #include <vtkColorTransferFunction.h>
+#include <vtkFloatArray.h>
+#include <vtkFlyingEdges3D.h>
+#include <vtkImageData.h>
 #include <vtkMath.h>
 #include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkPolyData.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -801,6 +807,54 @@ void draw_tools(Canvas& canvas, const Projection& at, const MotionPicture<2>& pi
       }
 }
 
+/// Where a field is zero in a box.
+Surface zero_surface(const ScalarField<3>& field, const Box& box) {
+  constexpr int points = 64;  // along each axis
+  const Vec3 step = box.sizes() / (points - 1);
+  vtkNew<vtkFloatArray> values;
+  values->SetNumberOfTuples(points * points * points);
+  parallel_for(points, [&](Index k) {
+    float* to = values->GetPointer(points * points * k);
+    for (int j = 0; j < points; ++j)
+      for (int i = 0; i < points; ++i) *to++ = static_cast<float>(field(box.min() + step.cwiseProduct(Vec3(i, j, k))));
+  });
+  vtkNew<vtkImageData> image;
+  image->SetDimensions(points, points, points);
+  image->SetOrigin(box.min().data());
+  image->SetSpacing(step.data());
+  image->GetPointData()->SetScalars(values);
+  vtkNew<vtkFlyingEdges3D> contour;
+  contour->SetInputData(image);
+  contour->SetValue(0, 0.0);
+  contour->ComputeNormalsOff();
+  contour->ComputeScalarsOff();
+  contour->Update();
+  vtkPolyData* found = contour->GetOutput();
+  Surface surface{Points<3>(3, found->GetNumberOfPoints()), {}};
+  for (vtkIdType p = 0; p < found->GetNumberOfPoints(); ++p)
+    found->GetPoint(p, surface.points.col(static_cast<Index>(p)).data());
+  for (vtkIdType c = 0; c < found->GetNumberOfCells(); ++c) {
+    const vtkIdType* corners = nullptr;
+    vtkIdType count = 0;
+    found->GetCellPoints(c, count, corners);
+    surface.triangles.push_back(
+        {static_cast<Index>(corners[0]), static_cast<Index>(corners[1]), static_cast<Index>(corners[2])});
+  }
+  return surface;
+}
+
+/// As far as there is room in the picture; bodies are seen through them.
+void draw_tools(Canvas& canvas, const Projection& at, const MotionPicture<3>& picture) {
+  const Vec3 room = Vec3::Constant(0.25 * picture.view.diagonal().norm());
+  canvas.set_veiled(true);
+  for (const auto& tool : picture.tools) {
+    const Surface surface = zero_surface(tool, {picture.view.min() - room, picture.view.max() + room});
+    draw_shaded(canvas, at, surface, Eigen::VectorXf::Zero(surface.points.cols()),
+                [](std::size_t, float) { return Colour::Constant(0.72F); });
+  }
+  canvas.set_veiled(false);
+}
+
 }  // namespace
 
 template <int Dim> void draw_motion(const std::filesystem::path& file, const MotionPicture<Dim>& picture) {
@@ -816,7 +870,7 @@ template <int Dim> void draw_motion(const std::filesystem::path& file, const Mot
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;
   draw_walls(canvas, at, view, picture);
-  if constexpr (Dim == 2) draw_tools(canvas, at, picture);
+  draw_tools(canvas, at, picture);
   const Scale scale(colour_range(picture.values));
   const Eigen::VectorXf places = scale.places(picture.values);
   const Surface marker = round_marker<Dim>(n);

@@ -35,7 +35,7 @@ template <int Dim> struct MotionPicture {
   std::string title, field;  ///< `field`: what the values are called
   BoundingBox<Dim> view;     ///< that is shown
   std::vector<OtmWall<Dim>> walls{};
-  std::vector<ScalarField<Dim>> tools{};  ///< negative inside; drawn in the plane only
+  std::vector<ScalarField<Dim>> tools{};  ///< negative inside; in space one looks through them
   bool axisymmetric = false;              ///< drawn on both sides of the axis, x = 0
 };
 /// Writes a PNG file of 1600 x 1200 pixels. Throws InputError if that is not possible.

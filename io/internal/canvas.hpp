@@ -35,6 +35,9 @@ class Canvas {
   /// What is drawn from now on hides all that was drawn so far, wherever it lies.
   void begin_layer() { ++layer_; }
 
+  /// Whether triangles drawn from now on take every other sample only: what is behind them shines through.
+  void set_veiled(bool veiled) { veiled_ = veiled; }
+
   /// Calls paint(values) for the pixel at each sample.
   template <int N, class Paint> void triangle(const std::array<Corner<N>, 3>& corners, const Paint& paint);
   void triangle(const std::array<Position, 3>& corners, const Colour& colour);
@@ -93,6 +96,7 @@ class Canvas {
   std::vector<Pixel> colours_;  ///< by rows of samples, from the bottom
   std::vector<float> depths_;
   int layer_ = 1;
+  bool veiled_ = false;
   std::vector<Text> texts_;
 };
 
@@ -114,6 +118,7 @@ template <int N, class Paint> void Canvas::triangle(const std::array<Corner<N>, 
   const Plane along_x = (to_b * static_cast<float>(ac.y()) - to_c * static_cast<float>(ab.y())) / area;
   const Plane along_y = (to_c * static_cast<float>(ab.x()) - to_b * static_cast<float>(ac.x())) / area;
   for (int row = first; row <= last; ++row) {
+    if (veiled_ && row % 2 != 0) continue;
     const double y = height_of(row);
     double left = width, right = 0.0;
     for (const auto& [p, q] : {std::pair<const Position&, const Position&>{a, b}, {b, c}, {c, a}}) {

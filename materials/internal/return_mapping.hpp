@@ -29,10 +29,12 @@ inline Returned still_elastic(const Vec<3>& trial, double equivalent, const Elas
 }
 
 /// x in [low, high] where f(x) = (value, derivative) passes from positive to not positive, to rounding of the numbers
-/// of size `scale` that the value is the difference of: Newton's method from `x`, halving where it leaves the bracket.
-/// The last f asked for is that of what is returned. Throws NumericalError for a NaN.
+/// of size `scale` that the value is the difference of: Newton's method from `x`, halving where it leaves the bracket
+/// or two steps do not halve one, as with derivatives that are differences over too much. The last f asked for is that
+/// of what is returned. Throws NumericalError for a NaN.
 template <class F> double root(const F& f, double low, double high, double scale, double x) {
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
+  double last = std::numeric_limits<double>::infinity(), one_before = last;  // steps
   for (int k = 0; k < 200; ++k) {
     const auto [value, slope] = f(x);
     if (std::isnan(value)) break;
@@ -40,7 +42,10 @@ template <class F> double root(const F& f, double low, double high, double scale
     const double newton = x - value / slope;
     if (std::abs(value) <= 4.0 * epsilon * scale || high - low <= epsilon * std::abs(high)) return x;
     // At a slope without bounds, as of Ludwik's law where nothing has flown, Newton's method stands still.
-    x = newton > low && newton <= high ? newton : 0.5 * (low + high);
+    const bool is_good = newton > low && newton <= high && std::abs(newton - x) < 0.5 * one_before;
+    const double next = is_good ? newton : 0.5 * (low + high);
+    one_before = std::exchange(last, std::abs(next - x));
+    x = next;
   }
   throw NumericalError("no stress on the yield surface is found");
 }

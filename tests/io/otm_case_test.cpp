@@ -319,6 +319,23 @@ end = 2
   EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
 }
 
+TEST(OtmRun, ARodUnderARollGetsAsThinAsThereIsRoomAndBothAreDrawn) {
+  const Workspace workspace;
+  const std::string given = content(fs::path(EFREE_EXAMPLES) / "impact/pressed_rod.toml");
+  workspace.write("case.toml",
+                  replaced(replaced(given, "mesh_size = 1.4", "mesh_size = 3"), "end = 1.5e-4", "end = 1e-4"));
+  const auto done = workspace.efree({"run", "case.toml", "--out", "out", "--quiet"});
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_NEAR(result["tools"][0]["centre"][0].get<double>(), 9.05 - 2.0, 1e-9);
+  // Between the plane at -3.05 and the roll, whose lowest line is at 1.05; points are inside by a part of the spacing.
+  EXPECT_LT(result["probes"]["thickness"].get<double>(), 4.1 * 1.02);
+  EXPECT_GT(result["probes"]["thickness"].get<double>(), 4.1 * 0.8);
+  EXPECT_NEAR(result["walls"][0]["force"][0].get<double>() / result["tools"][0]["force"][0].get<double>(), -1.0, 0.25);
+  EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+  EXPECT_GT(fs::file_size(workspace / "out/frame_0006.png"), 1000u);
+}
+
 TEST(OtmRun, SolveIsTheSameAndHistoryDoesNotChangeSteps) {
   const Workspace one, other;
   ASSERT_EQ(run(one, rubber).status, 0);

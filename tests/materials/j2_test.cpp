@@ -49,6 +49,20 @@ TEST(J2, UniaxialTensionFollowsTheYieldStressWhateverTheSteps) {
   }
 }
 
+TEST(J2, FlowsHoweverLittleWhereHardeningBeginsWithoutBoundAndItsSlopeIsADifference) {
+  // As of an expression: what is flowed at first is far less than the difference is over.
+  const auto stress = [](double a) { return 120.0 + 400.0 * std::pow(a, 0.4); };
+  const auto slope = [stress](double a) { return (stress(a + 6e-9) - stress(a)) / 6e-9; };
+  const J2 material({.moduli = steel, .yield = Hardening(stress, slope)});
+  for (double excess = 1e-13; excess < 1.0; excess *= 1.1) {
+    Specimen block(material);
+    Mat<3> F = Mat<3>::Identity();
+    F(0, 1) = 120.0 / (std::sqrt(3.0) * mu) * (1.0 + excess);
+    block.to(F);
+    ASSERT_NEAR(std::sqrt(3.0) * block.P()(0, 1), stress(block.equivalent()), 1e-11) << excess;
+  }
+}
+
 TEST(J2, LinearHardeningHasTheElastoplasticModulus) {
   const J2 material({.moduli = steel, .yield = Hardening::linear(yield, H)});
   Specimen loaded(material, across);
