@@ -38,6 +38,24 @@ void expect_same(const SharedMaterial& found, const Material& expected) {
   EXPECT_GT(at.history.cwiseAbs().maxCoeff(), 0.0);
 }
 
+TEST(MaterialReader, KnowsLinearHardeningAndLudwiksLawInAnExpression) {
+  const auto metal = [](const std::string& yield) {
+    return read("model = \"j2\"\nE = 70e3\nnu = 0.33\nstrain = \"finite\"\nyield = \"" + yield + "\"\n");
+  };
+  const auto expected = [](const Hardening& yield) {
+    return J2({.moduli = {.E = 70e3, .nu = 0.33}, .yield = yield, .strain = Strain::finite});
+  };
+  expect_same(metal("120 + 4.5e2*a"), expected(Hardening::linear(120.0, 450.0)));
+  expect_same(metal(" 120+400 * a^.4 "), expected(Hardening::ludwik(120.0, 400.0, 0.4)));
+  // What is more than that is an expression, with the same stresses.
+  Deformation at = Deformation::none(Points<3>::Random(3, 20), 7);
+  at.F += 0.02 * Tensors::Random(9, 20);
+  const MaterialResponse known = respond(*metal("120 + 400*a^0.4"), at, false),
+                         other = respond(*metal("120 + 400*a^(0.4)"), at, false);
+  EXPECT_NE(known.P, other.P) << "slopes by differences";
+  EXPECT_LT((known.P - other.P).cwiseAbs().maxCoeff(), 1e-8);
+}
+
 TEST(MaterialReader, ReadsMetalsThatHeatAndHardenWithTheRate) {
   const std::string copper = "model = \"johnson_cook\"\nE = 124e3\nnu = 0.34\nA = 90\nB = 292\nn = 0.31\n";
   J2Parameters expected{
