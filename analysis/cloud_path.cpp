@@ -16,9 +16,11 @@
 namespace efree::internal {
 namespace {
 
-/// The answers to the load cases after the first, which the cloud has, corrected as that one was.
+/// The answers to the load cases after the first, corrected as that one was: from those of the cloud, or where they
+/// have been corrected before, from there.
 template <int Dim> void correct_more(const Settings<Dim>& settings, const Corrected<Dim>& best,
-                                     const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
+                                     const CorrectionOptions& options, bool corrected_before, Result<Dim>& result,
+                                     const Monitor& monitor) {
   const Approximation<Dim>& elements = result.basis();
   const auto materials = materials_of(result.model, *result.mesh);
   constexpr std::size_t together = 8;  // as many as share a product; more only take memory
@@ -27,7 +29,9 @@ template <int Dim> void correct_more(const Settings<Dim>& settings, const Correc
     std::vector<Points<Dim>> starts, displacements;
     std::vector<Loads<Dim>> cases;
     for (std::size_t k = first; k < first + count; ++k) {
-      starts.push_back(interpolate(result.approximation.shape, result.more[k].solution.coefficients));
+      starts.push_back(corrected_before ? result.more[k].fields.displacement
+                                        : Points<Dim>(interpolate(result.approximation.shape,
+                                                                  result.more[k].solution.coefficients)));
       cases.push_back(settings.cases[k + 1].loads);
     }
     auto corrections = best.corrector->correct_all(starts, cases, options, monitor);
@@ -41,11 +45,14 @@ template <int Dim> void correct_more(const Settings<Dim>& settings, const Correc
       fields.push_back(&answer.fields);
     }
     const auto mesh = recovery_errors(elements, fields, materials);
-    for (std::size_t k = 0; k < count; ++k)
-      result.more[first + k].estimates = {.cloud = corrections[k].error,
-                                          .uncorrected = corrections[k].start_error,
-                                          .mesh = mesh[k].relative,
-                                          .corrections = corrections[k].iterations};
+    for (std::size_t k = 0; k < count; ++k) {
+      auto& estimates = result.more[first + k].estimates;
+      const Estimates before = corrected_before ? *estimates : Estimates{0.0, corrections[k].start_error, 0.0, 0};
+      estimates = {.cloud = corrections[k].error,
+                   .uncorrected = before.uncorrected,
+                   .mesh = mesh[k].relative,
+                   .corrections = before.corrections + corrections[k].iterations};
+    }
   }
 }
 
@@ -120,6 +127,14 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
     finer = missed_goals(settings, result) > 1.0;
     if (!finer && !settings.goals.empty()) return estimates;  // no cases where there are goals
   }
+  // One case that needs them is enough.
+  bool corrected_before = false;
+  if (!finer && free && functions.space.degree() == 1 && memory && !result.more.empty()) {
+    if (!stage) stage.emplace("correction", monitor);
+    correct_more(settings, best, options, false, result, stage->within());
+    corrected_before = true;
+    finer = std::ranges::any_of(result.more, [&](const auto& answer) { return answer.estimates->total() > bearable; });
+  }
   std::optional<Approximation<Dim>> quadratic;
   if (finer) {
     if (!stage) stage.emplace("correction", monitor);
@@ -135,9 +150,9 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
     estimates.corrections += best.correction.iterations;
     hand_out();
   }
-  if (!result.more.empty()) {
+  if (!result.more.empty() && (finer || !corrected_before)) {
     if (!stage) stage.emplace("correction", monitor);
-    correct_more(settings, best, options, result, stage->within());
+    correct_more(settings, best, options, corrected_before, result, stage->within());
   }
   tell(options.tolerance);
   return estimates;

@@ -430,9 +430,10 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     }
     if (last) {
       const double error = otm.energy().largest_error();
-      if (!(std::abs(error) <= std::min(refused_imbalance, motion.options.imbalance)))
+      if (const double most = std::min(refused_imbalance, motion.options.imbalance); !(std::abs(error) <= most))
         result.refusal = fmt::format(
-            "the energy is off by {:.2g} %: smaller steps (otm.courant) or finer bodies may help", 100.0 * error);
+            "the energy is off by {:.2g} %, more than {:.2g} %: smaller steps (otm.courant) or finer bodies may help",
+            100.0 * error, 100.0 * most);
       break;
     }
     if (now >= motion.time_limit) {

@@ -24,8 +24,10 @@ namespace {
 
 /// sqrt(a^2 + b^2) of any numbers, as std::hypot, but for the last bit.
 double hypotenuse(double a, double b) {
-  const double longer = std::max(std::abs(a), std::abs(b)), share = std::min(std::abs(a), std::abs(b)) / longer;
-  return longer > 0.0 ? longer * std::sqrt(1.0 + share * share) : 0.0;
+  double longer = std::abs(a), shorter = std::abs(b);
+  if (longer < shorter) std::swap(longer, shorter);
+  const double share = shorter / longer;
+  return longer == 0.0 ? shorter : longer * std::sqrt(1.0 + share * share);
 }
 
 /// The largest and the smallest principal stress.

@@ -168,11 +168,16 @@ template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, 
         fmt::format("the energy is off by up to {:.2g} %: smaller steps (otm.courant) or finer bodies "
                     "may help",
                     100.0 * error));
-  if (const Index joined = bodies.otm.counts().joined; joined > 0)
+  if (const Index joined = bodies.otm.counts().joined + bodies.otm.num_held(); joined > 0)
     warnings.push_back(
         fmt::format("{} times of {} material points one had no functions of its own, or would have been turned inside "
                     "out, and took those of the next: finer bodies may help",
                     joined, bodies.otm.num_points()));
+  if (const Index passed = bodies.otm.counts().passed; passed > 0)
+    warnings.push_back(fmt::format(
+        "{} {} got through the surface of another body: shocks without viscosity (otm.shock), bodies that are thin for "
+        "their nodes, or springs that are too soft (contact.stiffness)",
+        passed, passed == 1 ? "node" : "nodes"));
   for (const auto& [name, values] : measure(of.motion, bodies))
     if (std::isnan(values[0])) warnings.push_back(fmt::format("probe \"{}\": nothing is in its box at the end", name));
   return warnings;
@@ -198,8 +203,8 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened},   {"kept", counts.kept},
                     {"merged", counts.merged},     {"injected", counts.injected},
-                    {"fused", counts.fused},       {"joined", counts.joined},
-                    {"eroded", counts.eroded}};
+                    {"fused", counts.fused},       {"joined", counts.joined + otm.num_held()},
+                    {"eroded", counts.eroded},     {"passed", counts.passed}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {{"start", energy.start},
                     {"kinetic", now.kinetic},

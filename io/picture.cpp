@@ -519,8 +519,10 @@ template <int Dim> void paint(const std::filesystem::path& file, const Settings<
   if (!result.history.empty()) drawn = std::max(drawn, 1.0);  // large displacements as they are
   const Surface deformed{in_space<Dim>(x + drawn * u), undeformed.triangles};
   const auto held = where(space, settings.supports);
-  auto loaded = where(space, settings.loads.tractions);
-  for (const auto& of : where(space, settings.loads.followers)) loaded.push_back(of);
+  const Loads<Dim> loads = loads_by_case(settings).front();  // those of the answer that is drawn
+  auto loaded = where(space, loads.tractions);
+  for (const auto& of : {where(space, loads.followers), where(space, loads.resultants)})
+    loaded.insert(loaded.end(), of.begin(), of.end());
 
   View view;
   if constexpr (solid) {

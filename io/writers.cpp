@@ -38,6 +38,23 @@ void write_json(const std::filesystem::path& file, const ordered_json& json) {
   if (!stream.flush()) cannot_write(file);
 }
 
+/// A name as VTK's writer takes it, which puts it into XML as it is.
+std::string in_xml(const std::string& name) {
+  std::string result;
+  for (const char c : name)
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '>')
+      result += "&gt;";
+    else if (c == '"')
+      result += "&quot;";
+    else
+      result += c;
+  return result;
+}
+
 void name_components(vtkDataArray* array, const char* name, const std::vector<const char*>& components) {
   array->SetName(name);
   array->SetNumberOfComponents(static_cast<int>(components.size()));
@@ -232,7 +249,7 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
   add_fields<Dim>(grid, space, result.fields);
   for (std::size_t k = 0; k < result.more.size(); ++k)
-    add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
+    add_fields(grid, space, result.more[k].fields, in_xml(settings.cases[k + 1].name) + ": ");
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
   Matrix loaded = Matrix::Zero(1, space.num_places());
   for (const auto& loads : loads_by_case(settings))

@@ -311,8 +311,8 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
   viscous.setZero(static_cast<Index>(chunks.size()));
   stored.setZero(static_cast<Index>(chunks.size()));
   sweep(0.0);
-  // Energies are summed to some 1e-16 of this: of less than 1e-13 there is nothing to say.
-  for (const auto& chunk : chunks) watch.scale += 1e-13 * chunk.modulus.dot(chunk.volume);
+  // Energies of bodies at rest are rounding: some 1e-17 of moduli times volumes.
+  for (const auto& chunk : chunks) watch.scale += 1e-15 * chunk.modulus.dot(chunk.volume);
   // Any shape that is nothing special to start with, the same every time.
   shaken.resize(Dim, num_nodes);
   std::uint64_t random = 88172645463325252u;

@@ -123,14 +123,15 @@ template <int Dim> void Motion<Dim>::find_near() {
   }
 }
 
-/// Where a node is inside another body: the nearest point of its surface. False if it is not.
-template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) const {
+/// Where a node is inside another body: the nearest point of its surface.
+template <int Dim> auto Motion<Dim>::find_touch(const Near& of, Touch& touch) const -> Meeting {
   const Facets<Dim>& facets = surfaces[of.body].facets;
   const Vec<Dim> at = x.col(of.node);
   NearestFacet<Dim> nearest(1e-9 * spacing[of.node], 1e-9 * std::pow(spacing[of.node], Dim - 1));
   for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - at);
   const Index best = nearest.facet();
-  if (best < 0 || !nearest.is_inside() || nearest.distance() > deepest * spacing[facets(0, best)]) return false;
+  if (best < 0 || !nearest.is_inside()) return Meeting::none;
+  if (nearest.distance() > deepest * spacing[facets(0, best)]) return Meeting::passes;
   touch.node = of.node;
   touch.gap = -nearest.to().norm();  // as good as the nearest, which may be none of those that say so
   touch.normal = nearest.to() / -touch.gap;
@@ -145,7 +146,7 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   const double modulus = std::min(bodies[body_of_node[of.node]].modulus, bodies[of.body].modulus);
   // Half of it, as the other body's nodes push as well.
   touch.stiffness = 0.5 * options.contact.stiffness * modulus * surface_area[of.node] / spacing[of.node];
-  return true;
+  return Meeting::touches;
 }
 
 /// Bodies whose nodes a point may see: its own, those it sees already, and those that nodes it sees have seized.
@@ -241,10 +242,15 @@ template <int Dim> void Motion<Dim>::touch() {
     return;
   }
   std::vector<Touch> found(near.size());
+  std::vector<Meeting> meetings(near.size());
   parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
-      if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
+      if ((meetings[k] = find_touch(near[k], found[k])) != Meeting::touches) found[k].stiffness = 0.0;
   });
+  for (std::size_t k = 0; k < near.size(); ++k)
+    if (const Index a = near[k].node; meetings[k] == Meeting::passes && !std::ranges::binary_search(passed, a))
+      passed.insert(std::ranges::lower_bound(passed, a), a);
+  counts.passed = static_cast<Index>(passed.size());
   soften(found);
   std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
   if (met.size() == 0) met = x;
@@ -347,6 +353,21 @@ template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
     for (const auto& [b, weight, lever] : one.patch) give(b, weight * stop - one.gap * lever.dot(stop) * one.normal);
   }
   return impulses;
+}
+
+/// The step in which nodes go half their spacing at the most where there is something they may meet: what is stopped
+/// there while others fly on is turned inside out.
+template <int Dim> double Motion<Dim>::longest_way() const {
+  double longest = std::numeric_limits<double>::infinity(), nearest = longest;
+  if (tools.empty() && bodies.size() <= 2) return longest;
+  for (Index a = 0; a < x.cols(); ++a) {
+    if (merged[a] >= 0 || !(mass[a] > 0.0)) continue;
+    nearest = std::min(nearest, spacing[a]);
+    if (const double speed = v.col(a).norm(); speed > 0.0) longest = std::min(longest, 0.5 * spacing[a] / speed);
+  }
+  for (const Tool& tool : tools)
+    if (const double speed = tool.now.velocity.norm(); speed > 0.0) longest = std::min(longest, 0.5 * nearest / speed);
+  return longest;
 }
 
 /// Nodes get their impulses, and move.

@@ -464,6 +464,13 @@ template <int Dim> void Motion<Dim>::renew() {
     deform(chunk, x);
     for (const Index p : chunk.worn) {
       place(chunk, p);
+      if (joins(bodies[chunk.body]) && !chunk.is_eroded(p) && !chunk.is_crushed(p)) {
+        const Mat<3> then = chunk.now.gradient(p) * Eigen::Map<const Mat<3>>(chunk.made.col(p).data()).inverse();
+        if (is_crushed(chunk.since[p], then)) {
+          hold(chunk, p, then);
+          continue;
+        }
+      }
       changes[k].unseen += unseen(chunk, p);
     }
     for (const auto& pair : chunk.pairs) {

@@ -17,7 +17,7 @@ namespace {
 /// How much smaller (its logarithm) a point may get in a step, at the rate of the last one: what is squeezed faster is
 /// turned inside out before its pressure says a word.
 constexpr double most_squeezed = 0.2;
-/// Of the stable step, to which that may shorten it: what asks for more joins another point.
+/// Of the stable step, to which that may shorten it: what asks for more joins another point, or breaks.
 constexpr double least_share = 0.05;
 
 /// Steps between looks at the energy, and at how stiff points are.
@@ -127,6 +127,12 @@ template <int Dim> Vector Otm<Dim>::damage() const {
   return result;
 }
 
+template <int Dim> Index Otm<Dim>::num_held() const {
+  std::size_t held = 0;
+  for (const auto& chunk : motion_->chunks) held += chunk.crushed.size();
+  return static_cast<Index>(held);
+}
+
 template <int Dim> double Otm<Dim>::step(double at_most) {
   internal::Motion<Dim>& of = *motion_;
   if (of.held_anew) {
@@ -142,12 +148,13 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   double damping = 0.0, squeezed = std::numeric_limits<double>::infinity();
   for (auto& chunk : of.chunks) {
     damping = std::max(damping, chunk.damping);
-    const double least = of.bodies[chunk.body].renewed ? least_share * of.stable : 0.0;
+    const auto& body = of.bodies[chunk.body];
+    const double least = of.joins(body) || body.fracture.on() ? least_share * of.stable : 0.0;
     if (const double squeeze = std::exchange(chunk.squeeze, 0.0); squeeze > 0.0)
       squeezed = std::min(squeezed, std::max(most_squeezed / squeeze, least));
   }
   const double damped = of.stable * (std::sqrt(1.0 + damping * damping) - damping);
-  const double dt = std::min({damped, squeezed, at_most});
+  const double dt = std::min({damped, squeezed, of.longest_way(), at_most});
   if (!(dt > 0.0) || !std::isfinite(dt))
     throw NumericalError(fmt::format("at time {:.6g} the stable step is {:.3g}", of.time, dt));
   of.move(0.5 * (of.last_step + dt), dt);

@@ -116,7 +116,7 @@ template <int Dim> struct OtmBalance {
 /// How well energy is accounted for.
 struct EnergyWatch {
   double start = 0.0;     ///< what there was of it
-  double scale = 0.0;     ///< the most there was of it so far, of more than rounding
+  double scale = 0.0;     ///< the most there was of it so far, at least what rounding makes
   double off = 0.0;       ///< what is missing (negative) or too much now
   double furthest = 0.0;  ///< the same where it was worst
   Index beyond = 0;       ///< times in a row that it was off by more than OtmOptions::imbalance
@@ -138,6 +138,7 @@ struct OtmCounts {
   Index fused = 0;              ///< points that became one with another
   Index joined = 0;             ///< points that had no functions, or were to be turned inside out, and took another's
   Index eroded = 0;             ///< points that broke
+  Index passed = 0;             ///< nodes that got through the surface of another body
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };
@@ -189,6 +190,8 @@ template <int Dim> class Otm {
   Vector release_rates() const;
   /// M, 1 where a point is eroded; else what has summed up of OtmFracture::strain, or 0.
   Vector damage() const;
+  /// Points that the last step would have turned inside out: they are as they were, and join others in the next.
+  Index num_held() const;
 
   /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
   /// go on, and where energy is lost or made (OtmOptions::imbalance).

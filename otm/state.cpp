@@ -18,8 +18,10 @@ auto fields(EnergyWatch& of) {
   return std::tie(start, scale, off, furthest, beyond, begun);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, kept, widened] = of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, kept, widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept, widened] =
+      of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept,
+                  widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;
@@ -133,7 +135,7 @@ template <int Dim> auto fields(Motion<Dim>& of) {
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
                   of.dissipated, of.viscous, of.stored, of.shaken, of.watch, of.counts, of.times, of.merged,
                   of.body_of_node, of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met,
-                  of.touches, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
+                  of.touches, of.passed, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal

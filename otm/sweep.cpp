@@ -28,9 +28,6 @@ constexpr double growth_of_steps = 1.05;
 /// Volume of a point, over that by the dilatation it shares, below which it shares no more.
 constexpr double least_growth = 0.5;
 
-/// Volume of a point, over that a step ago, below which the step is none for it.
-constexpr double least_size = 0.3;
-
 /// A coin, the same whenever it is asked for this (Steele, Lea & Flood 2014).
 bool is_heads(Index node, int axis, Index step) {
   std::uint64_t z = (static_cast<std::uint64_t>(step) << 34 ^ static_cast<std::uint64_t>(4 * node + axis)) + 1;
@@ -70,8 +67,9 @@ template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const M
   chunk.lost += 0.5 * chunk.volume[p] * (tau.cwiseProduct(rate).sum() - chunk.shock[p] * rate.trace());
   chunk.lost += unseen(chunk, p);
   chunk.penalty[p] = chunk.shock[p] = 0.0;
+  if (chunk.now.heat.size() > 0) chunk.now.heat[p] = 0.0;
   chunk.since[p] = before;
-  chunk.crushed.push_back(p);
+  chunk.crushed.insert(std::ranges::lower_bound(chunk.crushed, p), p);
 }
 
 /// Deformations, stresses and forces where the nodes are now.
@@ -115,11 +113,10 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   for (Index p = 0; p < n; ++p) {
     const Mat<3> then = chunk.since[p];
     place(chunk, p);
-    const double size = then.determinant(), now = chunk.since[p].determinant();
-    if (holds && !(now > least_size * size))
+    if (holds && is_crushed(chunk.since[p], then))
       hold(chunk, p, then);
-    else if (now > 0.0)
-      shrunk = std::max(shrunk, size / now);
+    else if (const double now = chunk.since[p].determinant(); now > 0.0)
+      shrunk = std::max(shrunk, then.determinant() / now);
   }
   otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
   for (Index p = 0; p < n; ++p) {

@@ -159,17 +159,24 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
       }
     }
   });
+  constexpr double least = 1e-290;
   for (std::size_t k = 0; k < count; ++k) {
     Solution<Dim>& solution = solutions[k];
     double of_points = 0.0;
     for (const auto& part : energies) of_points += part[k];
     solution.strain_energy = by_points ? of_points : energy_of(terms, solution.coefficients);
-    // Products of stresses and strains are finite where these are.
+    // Products of stresses and strains are none where these are.
     if (!std::isfinite(solution.strain_energy) || !std::isfinite(of_points))
       throw NumericalError(
           fmt::format("the solution is not finite (strain energy {}): loads or displacements are too large for "
                       "floating-point numbers",
                       solution.strain_energy));
+    // Errors are measured by energies.
+    if (const double largest = solution.stress.cwiseAbs().maxCoeff(); largest > 0.0 && of_points < least)
+      throw NumericalError(
+          fmt::format("the strain energy is {:.2g} with stresses of {:.2g}: loads or displacements are too small for "
+                      "products of floating-point numbers, take other units",
+                      of_points, largest));
   }
   return solutions;
 }

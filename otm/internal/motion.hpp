@@ -177,6 +177,11 @@ template <int Dim> struct Motion {
   bool joins(const BodyOf& body) const {
     return body.renewed && !body.fracture.on() && options.functions == OtmFunctions::lme;
   }
+  /// Whether a step from one F to another turns a point inside out, or nearly so.
+  static bool is_crushed(const Mat<3>& now, const Mat<3>& then) {
+    constexpr double least_size = 0.3;  // volume, over that a step ago
+    return !(now.determinant() > least_size * then.determinant());
+  }
   void find_stars();
   void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
   void find_balls();
@@ -186,6 +191,7 @@ template <int Dim> struct Motion {
   Vector release_rates(const Vector& energies) const;
   void fracture();
   void erode(const std::vector<Index>& broken);
+  double longest_way() const;
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
@@ -222,6 +228,7 @@ template <int Dim> struct Motion {
   Points<Dim> seen;  ///< where nodes were when these were found
   Points<Dim> met;   ///< where nodes were when touches were found
   std::vector<Touch> touches;
+  std::vector<Index> passed;  ///< nodes that were deeper in another body than its surface holds them; ascending
   std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
   void seize();
   void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
@@ -295,7 +302,8 @@ template <int Dim> struct Motion {
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
-  bool find_touch(const Near& of, Touch& touch) const;
+  enum class Meeting { none, touches, passes };
+  Meeting find_touch(const Near& of, Touch& touch) const;
   void soften(std::vector<Touch>& found) const;
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;

@@ -117,6 +117,17 @@ TEST(CommandLine, SaysWhyTheNumbersFailed) {
   EXPECT_FALSE(fs::exists(work / "out/result.json"));
 }
 
+TEST(CommandLine, LoadsWhoseProductsAreNoNumbersAreRefusedHoweverSmall) {
+  const Workspace work;
+  work.write("case.toml", replaced(strip_case, "[\"1\", \"0\"]", "[\"1e-170\", \"0\"]"));
+  const auto run = work.efree(solve_here);
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_NE(run.output.find("too small"), std::string::npos) << run.output;
+  work.write("case.toml", replaced(strip_case, "[\"1\", \"0\"]", "[\"1e-140\", \"0\"]"));
+  ASSERT_EQ(work.efree(solve_here).status, 0);
+  EXPECT_NEAR(json(work / "out/result.json")["extremes"]["von_mises"]["value"].get<double>() / 1e-140, 1.0, 1e-9);
+}
+
 TEST(CommandLine, TensionOfAStripComesOutExactly) {
   for (const char* kind : {"mls", "p1", "p2"}) {
     const Workspace work(strip_case, "Räume mit Löchern");

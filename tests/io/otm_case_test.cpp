@@ -454,7 +454,7 @@ TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   const auto failure = json(workspace / "out/failure.json");
   EXPECT_EQ(failure["stage"], "motion");
   EXPECT_EQ(failure["results"], "of this run");
-  EXPECT_THAT(failure["reason"].get<std::string>(), HasSubstr("at time"));
+  EXPECT_THAT(failure["reason"].get<std::string>(), HasSubstr("the energy is off by"));
   EXPECT_GE(column(workspace / "out/history.csv", "t").size(), 1u);
   EXPECT_TRUE(fs::exists(workspace / "out/points_0000.vtu"));
   EXPECT_FALSE(fs::exists(workspace / "out/unfinished"));

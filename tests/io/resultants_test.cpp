@@ -456,7 +456,7 @@ TEST(LoadCases, AreInResultAndFieldsByTheirNames) {
   const std::string two =
       test::strip_case +
       "[[case]]\nname = \"up\"\n[[case.boundary]]\non = \"top\"\ntraction = [0, 1]\n[[case]]\nname = "
-      "\"bare\"\n";
+      "\"bare\"\n[[case]]\nname = 'a & <b> \"c\"'\n";
   const Workspace work(two);
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   ASSERT_EQ(run.status, 0) << run.output;
@@ -468,6 +468,24 @@ TEST(LoadCases, AreInResultAndFieldsByTheirNames) {
   EXPECT_EQ(result["cases"]["up"]["loads"].size(), 2u);
   EXPECT_EQ(result["strain_energy"], result["cases"]["up"]["strain_energy"]) << "the first";
   EXPECT_THAT(test::content(work / "out/fields.vtu"), HasSubstr("bare: von_mises"));
+  EXPECT_THAT(test::content(work / "out/fields.vtu"), HasSubstr("a &amp; &lt;b&gt; &quot;c&quot;: von_mises"));
+}
+
+TEST(LoadCases, HaveElementsThatAreFineEnoughForEachInWhateverOrder) {
+  const std::string bar =
+      "[geometry]\nshape = \"box\"\nparameters = { width = 2, depth = 1, height = 1 }\nmesh_size = 0.25\n"
+      "[material]\nE = 210e3\nnu = 0.3\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0, 0]\n";
+  const std::string bare = "[[case]]\nname = \"bare\"\n",
+                    bent =
+                        "[[case]]\nname = \"bent\"\n[[case.boundary]]\non = \"right\"\ntraction = [0.3, -0.5, "
+                        "\"z\"]\n";
+  const auto first = solved<3>(bar + bent + bare), last = solved<3>(bar + bare + bent);
+  const Answer<3>& other = last.more[0];
+  EXPECT_EQ(first.basis().space.degree(), 2);
+  EXPECT_EQ(last.basis().space.degree(), 2);
+  EXPECT_NEAR(other.solution.strain_energy / first.solution.strain_energy, 1.0, 1e-3);
+  EXPECT_LT(other.estimates->total(), 0.1);
+  EXPECT_GT(other.estimates->uncorrected, 0.01);
 }
 
 TEST(Results, FieldsOfAnyoneAreWrittenWithoutACase) {
