@@ -175,9 +175,9 @@ template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, 
                     joined, bodies.otm.num_points()));
   if (const Index passed = bodies.otm.counts().passed; passed > 0)
     warnings.push_back(fmt::format(
-        "{} {} got through the surface of another body: shocks without viscosity (otm.shock), bodies that are thin for "
-        "their nodes, or springs that are too soft (contact.stiffness)",
-        passed, passed == 1 ? "node" : "nodes"));
+        "{} of {} material points got through the surface of another body: viscosity of shocks (otm.shock), "
+        "stiffer springs (contact.stiffness) or finer bodies may help",
+        passed, bodies.otm.num_points()));
   for (const auto& [name, values] : measure(of.motion, bodies))
     if (std::isnan(values[0])) warnings.push_back(fmt::format("probe \"{}\": nothing is in its box at the end", name));
   return warnings;

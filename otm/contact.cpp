@@ -95,43 +95,86 @@ template <int Dim> Mat<Dim> Motion<Dim>::corners(const Facets<Dim>& facets, Eige
   return result;
 }
 
+/// The facets of a surface by where they are.
+template <int Dim> struct Motion<Dim>::FacetTree {
+  Neighbours<Dim> centres{};
+  double widest = 0.0, reach = 0.0;  ///< of the spacings, and from a facet's centre to its corners [length]
+
+  FacetTree(const Motion& of, const Facets<Dim>& facets) {
+    Points<Dim> centre(Dim, facets.cols());
+    for (Eigen::Index f = 0; f < facets.cols(); ++f) {
+      const Mat<Dim> corner = of.corners(facets, f);
+      centre.col(f) = corner.rowwise().mean();
+      reach = std::max(reach, std::sqrt((corner.colwise() - centre.col(f)).colwise().squaredNorm().maxCoeff()));
+      for (int i = 0; i < Dim; ++i) widest = std::max(widest, of.spacing[facets(i, f)]);
+    }
+    centres.build(centre);
+  }
+};
+
+/// Points that are in another body, by half a spacing and more: its surface did not hold them. Bodies whose cells have
+/// collapsed, or broken, have none that says so.
+template <int Dim> void Motion<Dim>::find_passed() {
+  if (!has_contact() || options.contact.seizing || surfaces.empty()) return;
+  for (std::size_t b = 0; b < surfaces.size(); ++b) {
+    const Facets<Dim>& facets = surfaces[b].facets;
+    const BodyOf &body = bodies[b], &next = bodies[b + 1];
+    const auto first = merged.begin() + body.first_node, last = merged.begin() + next.first_node;
+    if (facets.cols() == 0 || std::any_of(first, last, [](Index with) { return with >= 0; })) continue;
+    if (std::ranges::any_of(chunks, [&](const auto& chunk) {
+          return chunk.body == static_cast<Index>(b) && (chunk.damage.array() >= 1.0).any();
+        }))
+      continue;
+    const FacetTree tree(*this, facets);
+    const auto nodes = x.middleCols(body.first_node, next.first_node - body.first_node);
+    const Eigen::AlignedBox<double, Dim> box(nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff());
+    std::vector<Index> found;
+    for (const auto& chunk : chunks) {
+      if (chunk.body == static_cast<Index>(b)) continue;
+      for (Index p = 0; p < chunk.size(); ++p) {
+        const Vec<Dim> at = chunk.at.col(p);
+        if (chunk.is_eroded(p) || !box.contains(at)) continue;
+        tree.centres.within(at, tree.reach + tree.widest, found);
+        NearestFacet<Dim> nearest(1e-9 * tree.widest);
+        for (const Index f : found) nearest.look(f, corners(facets, f).colwise() - at);
+        if (nearest.facet() < 0 || !nearest.is_inside()) continue;
+        if (nearest.distance() < 0.5 * spacing[facets(0, nearest.facet())]) continue;
+        const Index point = bodies[chunk.body].first_point + chunk.number[p];
+        const auto place = std::ranges::lower_bound(passed, point);
+        if (place == passed.end() || *place != point) passed.insert(place, point);
+      }
+    }
+  }
+  counts.passed = static_cast<Index>(passed.size());
+}
+
 /// Which facets of other bodies are near which nodes.
 template <int Dim> void Motion<Dim>::find_near() {
   seen = x;
   near.clear();
   for (std::size_t b = 0; b < surfaces.size(); ++b) {
     const Facets<Dim>& facets = surfaces[b].facets;
-    Points<Dim> centre(Dim, facets.cols());
-    double widest = 0.0, reach = 0.0;
-    for (Eigen::Index f = 0; f < facets.cols(); ++f) {
-      const Mat<Dim> corner = corners(facets, f);
-      centre.col(f) = corner.rowwise().mean();
-      reach = std::max(reach, std::sqrt((corner.colwise() - centre.col(f)).colwise().squaredNorm().maxCoeff()));
-      for (int i = 0; i < Dim; ++i) widest = std::max(widest, spacing[facets(i, f)]);
-    }
     if (facets.cols() == 0) continue;
-    Neighbours<Dim> tree;
-    tree.build(centre);
+    const FacetTree tree(*this, facets);
     std::vector<Index> found;
     for (std::size_t other = 0; other < surfaces.size(); ++other) {
       if (other == b) continue;
       for (const Index a : surfaces[other].nodes) {
-        tree.within(x.col(a), reach + skin * (widest + spacing[a]) + deepest * widest, found);
+        tree.centres.within(x.col(a), tree.reach + skin * (tree.widest + spacing[a]) + deepest * tree.widest, found);
         if (!found.empty()) near.push_back({a, static_cast<Index>(b), found});
       }
     }
   }
 }
 
-/// Where a node is inside another body: the nearest point of its surface.
-template <int Dim> auto Motion<Dim>::find_touch(const Near& of, Touch& touch) const -> Meeting {
+/// Where a node is inside another body: the nearest point of its surface. False if it is not.
+template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) const {
   const Facets<Dim>& facets = surfaces[of.body].facets;
   const Vec<Dim> at = x.col(of.node);
   NearestFacet<Dim> nearest(1e-9 * spacing[of.node], 1e-9 * std::pow(spacing[of.node], Dim - 1));
   for (const Index f : of.facets) nearest.look(f, corners(facets, f).colwise() - at);
   const Index best = nearest.facet();
-  if (best < 0 || !nearest.is_inside()) return Meeting::none;
-  if (nearest.distance() > deepest * spacing[facets(0, best)]) return Meeting::passes;
+  if (best < 0 || !nearest.is_inside() || nearest.distance() > deepest * spacing[facets(0, best)]) return false;
   touch.node = of.node;
   touch.gap = -nearest.to().norm();  // as good as the nearest, which may be none of those that say so
   touch.normal = nearest.to() / -touch.gap;
@@ -146,7 +189,7 @@ template <int Dim> auto Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   const double modulus = std::min(bodies[body_of_node[of.node]].modulus, bodies[of.body].modulus);
   // Half of it, as the other body's nodes push as well.
   touch.stiffness = 0.5 * options.contact.stiffness * modulus * surface_area[of.node] / spacing[of.node];
-  return Meeting::touches;
+  return true;
 }
 
 /// Bodies whose nodes a point may see: its own, those it sees already, and those that nodes it sees have seized.
@@ -242,15 +285,10 @@ template <int Dim> void Motion<Dim>::touch() {
     return;
   }
   std::vector<Touch> found(near.size());
-  std::vector<Meeting> meetings(near.size());
   parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
-      if ((meetings[k] = find_touch(near[k], found[k])) != Meeting::touches) found[k].stiffness = 0.0;
+      if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
   });
-  for (std::size_t k = 0; k < near.size(); ++k)
-    if (const Index a = near[k].node; meetings[k] == Meeting::passes && !std::ranges::binary_search(passed, a))
-      passed.insert(std::ranges::lower_bound(passed, a), a);
-  counts.passed = static_cast<Index>(passed.size());
   soften(found);
   std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
   if (met.size() == 0) met = x;

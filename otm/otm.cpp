@@ -177,6 +177,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   if (of.breaks()) of.fracture();
   if (++of.counts.steps % between_looks == 0) {
     of.stiffen();
+    of.find_passed();
     of.watch.look(balance());
     const double error = of.watch.error();
     of.watch.beyond = std::abs(error) <= of.options.imbalance ? 0 : of.watch.beyond + 1;

@@ -138,7 +138,7 @@ struct OtmCounts {
   Index fused = 0;              ///< points that became one with another
   Index joined = 0;             ///< points that had no functions, or were to be turned inside out, and took another's
   Index eroded = 0;             ///< points that broke
-  Index passed = 0;             ///< nodes that got through the surface of another body
+  Index passed = 0;             ///< points that got through the surface of another body
   std::int64_t kept = 0;        ///< of them those that a point had, as there were no others
   std::int64_t widened = 0;     ///< of them with the nodes they had, as the point was outside the hull of the new ones
 };

@@ -228,7 +228,7 @@ template <int Dim> struct Motion {
   Points<Dim> seen;  ///< where nodes were when these were found
   Points<Dim> met;   ///< where nodes were when touches were found
   std::vector<Touch> touches;
-  std::vector<Index> passed;  ///< nodes that were deeper in another body than its surface holds them; ascending
+  std::vector<Index> passed;                    ///< points that were in another body; ascending
   std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
   void seize();
   void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
@@ -302,8 +302,9 @@ template <int Dim> struct Motion {
   void find_surface();
   Mat<Dim> corners(const Facets<Dim>& facets, Eigen::Index f) const;
   void find_near();
-  enum class Meeting { none, touches, passes };
-  Meeting find_touch(const Near& of, Touch& touch) const;
+  bool find_touch(const Near& of, Touch& touch) const;
+  struct FacetTree;
+  void find_passed();
   void soften(std::vector<Touch>& found) const;
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;

@@ -83,6 +83,7 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
     EXPECT_NEAR(speed_of(otm, 0), -0.094, 0.002);
     EXPECT_NEAR(speed_of(otm, 1), 0.094, 0.002);
     expect_given_back(otm);
+    EXPECT_EQ(otm.counts().passed, 0);
   }
   double spin = 0.0;
   for (const double friction : {0.0, 0.3}) {
@@ -102,6 +103,14 @@ TEST(OtmContact, DisksBounceAndKeepMomentaAndEnergy) {
       EXPECT_GT(otm.balance().contact, 1e-4);
     }
   }
+}
+
+TEST(OtmContact, PointsThatGetThroughASurfaceAreTold) {
+  const FineMesh<2> disk = triangulate(shapes::annulus(0.05, 1.0, 0.15), {.size = 0.15});
+  Otm<2> otm(pair_of<2>(disk, 1.05, 0.0, 0.1), {.contact = {.stiffness = 1e-4}});
+  otm.run(4.0);
+  EXPECT_GT(otm.counts().passed, 20);
+  EXPECT_LT(otm.counts().passed, otm.num_points());
 }
 
 TEST(OtmContact, SolidsBounceToo) {
