@@ -164,7 +164,7 @@ void unload(const std::filesystem::path& directory) {
   for (const double H : {0.1, 1.0 / 15.0, 0.05})
     for (const Method& method : {cloud(H), on_linear(H), pointwise(H)})
       unload_one<2>(method, Wall::sphere_of_revolution, H / 4.0, lines);
-  for (const double H : {0.033, 0.025, 0.02, 0.0165})
+  for (const double H : {0.033, 0.025, 0.02, 0.0165, 0.014, 0.0125, 0.011})
     unload_one<2>(cloud(H), Wall::sphere_of_revolution, H / 4.0, lines);
   unload_one<2>(elements(BasisKind::p2, 0.1), Wall::sphere_of_revolution, 0.1, lines);
   unload_one<3>(cloud(0.2), Wall::sphere_in_space, 0.1, lines);
@@ -421,7 +421,7 @@ void neck(const std::filesystem::path& directory) {
   for (const double H : {0.8, 0.4, 0.25}) {
     Method method{fmt::format("cloud H={:g} at the neck", H), {.spacing = 1.6}};
     method.options.grading.boxes = {{{0.0, 0.0}, {6.5, 3.5}, H}};
-    large_one(body, method, mesh(H / 4.0, 0.4), lines, 1500);
+    large_one(body, method, mesh(H / 4.0, H < 0.4 ? 0.2 : 0.4), lines, 1500);
   }
   for (const double h : {0.8, 0.4, 0.2}) {
     Method method = elements(BasisKind::p2, h);
