@@ -30,13 +30,13 @@ namespace {
 
 constexpr int many = 10;
 
-/// Tractions on the right end, each in another direction, and one more on the top.
+/// Tractions on the right end, each in another direction, across it first, and one more on the top.
 template <int Dim> std::vector<LoadCase<Dim>> load_cases(int count) {
   std::vector<LoadCase<Dim>> cases;
   for (int k = 0; k < count; ++k) {
     Vec<Dim> pull = Vec<Dim>::Zero();
-    pull[0] = std::cos(0.6 * k);
-    pull[Dim - 1] = std::sin(0.6 * k);
+    pull[0] = std::cos(0.6 * k + 1.5);
+    pull[Dim - 1] = std::sin(0.6 * k + 1.5);
     LoadCase<Dim> one{.name = std::to_string(k), .loads = {}};
     one.loads.tractions = {
         {"right", [pull](const Vec<Dim>& x, const Vec<Dim>&) -> Vec<Dim> { return (1.0 + 0.1 * x[1]) * pull; }}};

@@ -103,7 +103,7 @@ void run(Source source, Index voxels, double size, double spacing) {
   // Effective modulus: energy = E_eff strain^2 volume / 2.
   const double modulus = 2.0 * solution.strain_energy / (1e-4 * std::pow(voxels, 3));
   std::printf(
-      "| %s | %d | %d | %td | %d | %.5f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.2f | %.0f |\n",
+      "| %s | %d | %d | %td | %d | %.5f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.0f |\n",
       elements ? "P1" : std::to_string(spacing).substr(0, 5).c_str(), mesh->num_cells(), mesh->num_vertices(),
       approximation.nodes.cols(), approximation.quadrature.size(), modulus, times["mesh"], times["cloud"],
       times["weights"], times["basis"], times["quadrature"], times["assembly"], times["solve"],
