@@ -121,7 +121,8 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   };
   hand_out();
   const bool free = settings.approximation.interpolation == 0 && options.iterations < 0;
-  bool finer = free && functions.space.degree() == 1 && memory;
+  const bool may_be_finer = free && functions.space.degree() == 1 && memory;
+  bool finer = may_be_finer;
   if (finer && estimates.total() <= bearable) {
     if (!settings.goals.empty()) tell(options.tolerance);
     finer = missed_goals(settings, result) > 1.0;
@@ -129,7 +130,7 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   }
   // One case that needs them is enough.
   bool corrected_before = false;
-  if (!finer && free && functions.space.degree() == 1 && memory && !result.more.empty()) {
+  if (!finer && may_be_finer && !result.more.empty()) {
     if (!stage) stage.emplace("correction", monitor);
     correct_more(settings, best, options, false, result, stage->within());
     corrected_before = true;

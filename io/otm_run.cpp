@@ -161,6 +161,15 @@ template <int Dim> void OtmRun<Dim>::forget() {
   unfinished_->forget();
 }
 
+namespace {
+
+/// Times that a point took another's functions, or would in the next step.
+template <int Dim> Index joined_so_far(const Otm<Dim>& otm) {
+  return otm.counts().joined + otm.num_held();
+}
+
+}  // namespace
+
 template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies) {
   std::vector<std::string> warnings = bodies.warnings;
   if (const double error = bodies.otm.energy().largest_error(); std::abs(error) > warned_imbalance)
@@ -168,7 +177,7 @@ template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, 
         fmt::format("the energy is off by up to {:.2g} %: smaller steps (otm.courant) or finer bodies "
                     "may help",
                     100.0 * error));
-  if (const Index joined = bodies.otm.counts().joined + bodies.otm.num_held(); joined > 0)
+  if (const Index joined = joined_so_far(bodies.otm); joined > 0)
     warnings.push_back(
         fmt::format("{} times of {} material points one had no functions of its own, or would have been turned inside "
                     "out, and took those of the next: finer bodies may help",
@@ -203,7 +212,7 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"renewals", counts.renewals}, {"iterations", counts.iterations},
                     {"widened", counts.widened},   {"kept", counts.kept},
                     {"merged", counts.merged},     {"injected", counts.injected},
-                    {"fused", counts.fused},       {"joined", counts.joined + otm.num_held()},
+                    {"fused", counts.fused},       {"joined", joined_so_far(otm)},
                     {"eroded", counts.eroded},     {"passed", counts.passed}};
   json["stable_step"] = otm.stable_step();
   json["energy"] = {{"start", energy.start},

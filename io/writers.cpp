@@ -56,7 +56,7 @@ std::string in_xml(const std::string& name) {
 }
 
 void name_components(vtkDataArray* array, const char* name, const std::vector<const char*>& components) {
-  array->SetName(name);
+  array->SetName(in_xml(name).c_str());
   array->SetNumberOfComponents(static_cast<int>(components.size()));
   for (std::size_t i = 0; components.size() > 1 && i < components.size(); ++i)
     if (components[i]) array->SetComponentName(static_cast<int>(i), components[i]);
@@ -249,7 +249,7 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
   add_fields<Dim>(grid, space, result.fields);
   for (std::size_t k = 0; k < result.more.size(); ++k)
-    add_fields(grid, space, result.more[k].fields, in_xml(settings.cases[k + 1].name) + ": ");
+    add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
   grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
   Matrix loaded = Matrix::Zero(1, space.num_places());
   for (const auto& loads : loads_by_case(settings))

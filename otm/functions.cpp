@@ -466,7 +466,7 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       if (joins(bodies[chunk.body]) && !chunk.is_eroded(p) && !chunk.is_crushed(p)) {
         const Mat<3> then = chunk.now.gradient(p) * Eigen::Map<const Mat<3>>(chunk.made.col(p).data()).inverse();
-        if (is_crushed(chunk.since[p], then)) {
+        if (would_crush(chunk.since[p], then)) {
           hold(chunk, p, then);
           continue;
         }

@@ -18,10 +18,8 @@ auto fields(EnergyWatch& of) {
   return std::tie(start, scale, off, furthest, beyond, begun);
 }
 auto fields(OtmCounts& of) {
-  auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept, widened] =
-      of;
-  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept,
-                  widened);
+  auto& [steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept, widened] = of;
+  return std::tie(steps, updates, renewals, iterations, merged, injected, fused, joined, eroded, passed, kept, widened);
 }
 auto fields(Deformation& of) {
   auto& [X, F, history, dt, heat] = of;

@@ -113,7 +113,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   for (Index p = 0; p < n; ++p) {
     const Mat<3> then = chunk.since[p];
     place(chunk, p);
-    if (holds && is_crushed(chunk.since[p], then))
+    if (holds && would_crush(chunk.since[p], then))
       hold(chunk, p, then);
     else if (const double now = chunk.since[p].determinant(); now > 0.0)
       shrunk = std::max(shrunk, then.determinant() / now);

@@ -7,7 +7,6 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/internal/cell_gradients.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/linear_step.hpp"
 

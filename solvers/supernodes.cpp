@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 
 #include <cblas.h>
+#include <cholmod.h>
 
 #include <algorithm>
 #include <memory>

@@ -178,7 +178,7 @@ template <int Dim> struct Motion {
     return body.renewed && !body.fracture.on() && options.functions == OtmFunctions::lme;
   }
   /// Whether a step from one F to another turns a point inside out, or nearly so.
-  static bool is_crushed(const Mat<3>& now, const Mat<3>& then) {
+  static bool would_crush(const Mat<3>& now, const Mat<3>& then) {
     constexpr double least_size = 0.3;  // volume, over that a step ago
     return !(now.determinant() > least_size * then.determinant());
   }

@@ -5,12 +5,12 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/core/types.hpp"
 
-#include <cholmod.h>
-
 #include <cstddef>
 #include <limits>
 #include <span>
 #include <vector>
+
+struct cholmod_factor_struct;
 
 namespace efree {
 
@@ -22,7 +22,7 @@ namespace efree {
 class Supernodes {
  public:
   /// `symbolic` is a supernodal analysis of `lower`, whose values do not count.
-  Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower);
+  Supernodes(const cholmod_factor_struct& symbolic, const SymmetricMatrix& lower);
 
   Supernodes(const Supernodes&) = delete;
   Supernodes& operator=(const Supernodes&) = delete;
