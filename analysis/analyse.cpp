@@ -10,6 +10,7 @@
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/finite.hpp"
 #include "efree/solvers/reactions.hpp"
 
 #include <fmt/format.h>
@@ -24,7 +25,7 @@ using namespace internal;
 namespace {
 
 template <int Dim> void check_finite(const Answer<Dim>& answer) {
-  if (!(answer.fields.displacement.allFinite() && answer.fields.stress.allFinite() &&
+  if (!(all_finite(answer.fields.displacement) && all_finite(answer.fields.stress) &&
         std::isfinite(answer.solution.strain_energy)))
     throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
 }
@@ -141,8 +142,8 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
         for (const auto& load : loads.followers) refuse_follower(load.on);
     });
   const bool on_cells = !in_steps && is_on_cells(settings, mesh);
-  const bool without_cloud =
-      !in_steps && !on_cells && needs_no_cloud(settings) && has_memory_for_quadratic_elements(*mesh.mesh);
+  const bool without_cloud = !in_steps && !on_cells && settings.asks_for_accuracy() && may_do_without_cloud(settings) &&
+                             has_memory_for_quadratic_elements(*mesh.mesh);
   located(settings, settings.where, [&] {
     if (in_steps) return answer_by_steps(settings, result, monitor);
     if constexpr (Dim == 3)

@@ -159,6 +159,17 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   return estimates;
 }
 
+/// The errors of finite elements in all load cases, by recovery.
+template <int Dim> void estimate_elements(Result<Dim>& result) {
+  std::vector<Answer<Dim>*> answers{&result};
+  for (Answer<Dim>& answer : result.more) answers.push_back(&answer);
+  std::vector<const Fields<Dim>*> fields;
+  for (const Answer<Dim>* answer : answers) fields.push_back(&answer->fields);
+  const auto errors = recovery_errors(result.approximation, fields, materials_of(result.model, *result.mesh));
+  for (std::size_t k = 0; k < answers.size(); ++k) answers[k]->estimates = Estimates{0.0, 0.0, errors[k].relative, 0};
+  result.error_density = error_density(result, errors.front().squares);
+}
+
 }  // namespace
 
 template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
@@ -192,6 +203,7 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     const auto fits = recovery_fits(result.approximation);
     result.fields = recover_fields(result.approximation, result.solution, fits);
     for (Answer<Dim>& answer : result.more) answer.fields = recover_fields(result.approximation, answer.solution, fits);
+    if (settings.estimated) estimate_elements(result);
     const Reference<Dim> reference{result.approximation, result.fields, result.model.essential == Essential::nitsche,
                                    [&](const Functional<Dim>& functional, const Monitor&) {
                                      return solver->respond(functional, result.solution, settings.loads);

@@ -9,12 +9,11 @@
 
 namespace efree::internal {
 
-template <int Dim> bool needs_no_cloud(const Settings<Dim>& settings) {
+template <int Dim> bool may_do_without_cloud(const Settings<Dim>& settings) {
   const ApproximationOptions& basis = settings.approximation;
-  return Dim == 2 && settings.asks_for_accuracy() && settings.cells == OnCells::automatic &&
-         basis.kind == BasisKind::mls && basis.spacing == 0.0 && basis.order == 1 && basis.interpolation != 1 &&
-         basis.dilatation != Dilatation::averaged && settings.estimated && settings.corrected &&
-         settings.correction.iterations < 0;
+  return Dim == 2 && settings.cells == OnCells::automatic && basis.kind == BasisKind::mls && basis.spacing == 0.0 &&
+         basis.order == 1 && basis.interpolation != 1 && basis.dilatation != Dilatation::averaged &&
+         settings.estimated && settings.corrected && settings.correction.iterations < 0;
 }
 
 template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
@@ -39,8 +38,8 @@ template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result
   tell_dual_errors(settings, best, result.approximation, result.fields, tolerance, result, monitor);
 }
 
-template bool needs_no_cloud<2>(const Settings<2>&);
-template bool needs_no_cloud<3>(const Settings<3>&);
+template bool may_do_without_cloud<2>(const Settings<2>&);
+template bool may_do_without_cloud<3>(const Settings<3>&);
 template void answer_by_elements<2>(const Settings<2>&, Result<2>&, const Monitor&);
 template void answer_by_elements<3>(const Settings<3>&, Result<3>&, const Monitor&);
 

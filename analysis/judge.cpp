@@ -93,9 +93,11 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
                 "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "
                 "(analysis.correction = \"auto\"), or use a smaller spacing",
                 100.0 * errors.cloud)
-          : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
-                        100.0 * errors.mesh,
-                        result.basis().space.degree() == 1 ? ", or quadratic cells (basis.interpolation = 2)" : "");
+          : fmt::format(
+                "the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}", 100.0 * errors.mesh,
+                result.basis().space.degree() == 2             ? ""
+                : settings.approximation.kind == BasisKind::p1 ? ", or quadratic elements (basis.kind = \"p2\")"
+                                                               : ", or quadratic cells (basis.interpolation = 2)");
   if (errors.total() < settings.largest_error)
     result.warnings.push_back(fmt::format("in the energy norm {}", what));
   else

@@ -3,7 +3,9 @@
 
 #include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/mentions.hpp"
+#include "efree/analysis/internal/paths.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
 #include "efree/materials/small_and_finite.hpp"
@@ -253,7 +255,6 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
 template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh) {
   ElasticModel& model = settings.model;
   ApproximationOptions& basis = settings.approximation;
-  const bool cloud = basis.kind == BasisKind::mls;
   require(settings.regime_tolerance > 0.0, "regime_tolerance: a number > 0 expected");
   if (!settings.regime) {
     const bool linear = std::ranges::all_of(mesh.materials, [](const auto& of) { return of->linear(); });
@@ -264,6 +265,14 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
   for (const SharedMaterial& material : mesh.materials) model.regions.push_back(modelled(material, *settings.regime));
   model.open_interface = mesh.open_interface;
   settings.loads.density = mesh.densities;  // of all cases
+  const auto locks = [&] {
+    return incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) || flows(model);
+  };
+  if (settings.cases.size() > 1 && settings.regime == Regime::linear && !settings.time &&
+      internal::may_do_without_cloud(settings) && internal::has_memory_for_factor_of_quadratic_elements(*mesh.mesh) &&
+      !locks())
+    basis.kind = BasisKind::p2;
+  const bool cloud = basis.kind == BasisKind::mls;
   if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
   if (cloud && model.essential == Essential::strong)
     for (const auto& support : settings.supports)
@@ -271,10 +280,7 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
         basis.vanish_on.push_back(support.on);
   basis.axisymmetric = model.plane == Plane::axisymmetric;
   basis.fine = basis.fine || model.stabilisation > 0.0;
-  if (basis.dilatation == Dilatation::automatic)
-    basis.dilatation =
-        averaged_if(basis.kind != BasisKind::p1 &&
-                    (incompressibility(model, *mesh.mesh) > bearable_incompressibility(basis.kind) || flows(model)));
+  if (basis.dilatation == Dilatation::automatic) basis.dilatation = averaged_if(basis.kind != BasisKind::p1 && locks());
   return settings;
 }
 

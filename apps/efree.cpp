@@ -58,6 +58,8 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
         "half a voxel changes it by {:.2g} %",
         result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
         result.cells->extrapolated_energy, 100.0 * result.cells->half_voxel);
+  if (estimates.total() == estimates.mesh && estimates.uncorrected == 0.0)  // finite elements that are solved at once
+    return fmt::format("error in the energy norm: about {:.2g} %", 100.0 * estimates.mesh);
   const bool has_cloud = result.elements || result.approximation.shape.num_nodes() < result.approximation.space.size();
   const std::string of_cloud = fmt::format("error in the energy norm: {:.2g} % of {}", 100.0 * estimates.uncorrected,
                                            has_cloud ? "the cloud" : "linear elements");

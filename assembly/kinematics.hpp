@@ -121,12 +121,14 @@ template <int Dim> VoigtMatrix<Dim> voigt_of(const Tangent<Dim>& A) {
 
 /// von Mises stress, of any finite numbers.
 template <int Dim> double von_mises(const Voigt<Dim>& stress) {
+  const auto of = [](const Voigt<Dim>& s) {
+    const double xx = s[0], yy = s[1], zz = s[2];
+    return std::sqrt(0.5 * ((xx - yy) * (xx - yy) + (yy - zz) * (yy - zz) + (zz - xx) * (zz - xx)) +
+                     3.0 * s.template tail<voigt_size<Dim> - 3>().squaredNorm());
+  };
   const double largest = stress.cwiseAbs().maxCoeff();
-  if (!(largest > 0.0)) return largest;
-  const Voigt<Dim> share = stress / largest;  // whose squares are in range
-  const double xx = share[0], yy = share[1], zz = share[2];
-  return largest * std::sqrt(0.5 * ((xx - yy) * (xx - yy) + (yy - zz) * (yy - zz) + (zz - xx) * (zz - xx)) +
-                             3.0 * share.template tail<voigt_size<Dim> - 3>().squaredNorm());
+  if (largest > 1e-140 && largest < 1e140) return of(stress);  // its squares are in range
+  return largest > 0.0 ? largest * of(stress / largest) : largest;
 }
 
 /// Traction of a symmetric stress in Voigt order on a facet with normal n.

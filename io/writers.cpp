@@ -114,13 +114,12 @@ template <> struct VtkCell<3> {
   static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
 };
 
-/// 1 at places on the parts that the conditions are on, else 0.
-template <int Dim, class Conditions> Matrix marked(const FineSpace<Dim>& space, const Conditions& conditions) {
-  Matrix mark = Matrix::Zero(1, space.size());
+/// Enters 1 at degrees of freedom on the parts that the conditions are on.
+template <int Dim, class Conditions>
+void mark(const FineSpace<Dim>& space, const Conditions& conditions, Matrix& at_dofs) {
   for (const auto& condition : conditions)
     for (const Index f : space.mesh().group(condition.on))
-      for (const Index dof : space.facet(f)) mark(0, dof) = 1.0;
-  return space.at_places(mark);
+      for (const Index dof : space.facet(f)) at_dofs(0, dof) = 1.0;
 }
 
 void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
@@ -250,13 +249,18 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   add_fields<Dim>(grid, space, result.fields);
   for (std::size_t k = 0; k < result.more.size(); ++k)
     add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
-  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("restrained", marked(space, settings.supports), {""}));
-  Matrix loaded = Matrix::Zero(1, space.num_places());
-  for (const auto& loads : loads_by_case(settings))
-    loaded = loaded.cwiseMax(marked(space, loads.tractions))
-                 .cwiseMax(marked(space, loads.resultants))
-                 .cwiseMax(marked(space, loads.followers));
-  grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>("loaded", loaded, {""}));
+  Matrix restrained = Matrix::Zero(1, space.size()), loaded = restrained;
+  mark(space, settings.supports, restrained);
+  for (const auto& loads : loads_by_case(settings)) {
+    mark(space, loads.tractions, loaded);
+    mark(space, loads.resultants, loaded);
+    mark(space, loads.followers, loaded);
+  }
+  const auto add_mark = [&](const char* name, const Matrix& at_dofs) {
+    grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>(name, space.at_places(at_dofs), {""}));
+  };
+  add_mark("restrained", restrained);
+  add_mark("loaded", loaded);
   if (result.instability.size() > 0)
     add_array(grid, "instability_mode", space.at_places(result.instability), {"x", "y", "z"});
   for (const auto& [name, values] : result.remembered) {

@@ -2,6 +2,7 @@
 /// Fields on the fine mesh, probes and errors.
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/finite.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/blend.hpp"
@@ -487,10 +488,9 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
       }
       at_nodes.col(I) = sum.reshaped();
     });
-    fields.displacement = interpolate<Dim>(approximation.shape, solution.coefficients);
-    internal::blend(approximation, at_nodes, fields);
+    fields = internal::blend<Dim>(approximation, solution.coefficients, at_nodes);
   }
-  if (!fields.strain.allFinite() || !fields.stress.allFinite())
+  if (!internal::all_finite(fields.strain) || !internal::all_finite(fields.stress))
     throw NumericalError("the recovered strains and stresses are not finite");
   return fields;
 }

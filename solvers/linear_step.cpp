@@ -2,6 +2,7 @@
 #include "efree/solvers/linear_step.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/finite.hpp"
 #include "efree/solvers/newton.hpp"
 
 #include <fmt/format.h>
@@ -24,7 +25,7 @@ std::vector<State> linear_steps(const std::vector<const Equations*>& equations, 
     forces.col(static_cast<Index>(k)) = -residual;
   }
   const Matrix changes = tangent.solve(forces);
-  if (!changes.allFinite()) throw NumericalError("the solution is not finite");
+  if (!internal::all_finite(changes)) throw NumericalError("the solution is not finite");
   for (std::size_t k = 0; k < equations.size(); ++k) {
     states[k] = equations[k]->moved(std::move(states[k]), changes.col(static_cast<Index>(k)));
     if (equations[k]->linear()) continue;

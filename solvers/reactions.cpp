@@ -195,17 +195,19 @@ Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const
     for (const auto& [node, own] : part.held)
       reaction.add(place(node), own * (inverse[place_of[node]] * Vec<Dim>(forces.col(node))));
   }
-  for (int d = 0; d < Dim; ++d) {
-    std::vector<Resultant<Dim>> to(along[d].parts.size());
-    for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
-      if (to.empty() || forces(d, node) == 0.0) continue;
+  std::array<std::vector<Resultant<Dim>>, Dim> to;  // by axis and part
+  for (int d = 0; d < Dim; ++d) to[d].resize(along[d].parts.size());
+  for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
+    if (forces.col(node).isZero(0.0)) continue;
+    const Vec<Dim> x = place(node);
+    for (int d = 0; d < Dim; ++d) {
       Vec<Dim> force = forces(d, node) * Vec<Dim>::Unit(d);
       if (place_of[node] >= 0) force = free[place_of[node]] * force;
-      const Vec<Dim> x = place(node);
-      for (std::size_t p = 0; p < to.size(); ++p) to[p].add(x, along[d].shares[p][node] * force);
+      for (std::size_t p = 0; p < to[d].size(); ++p) to[d][p].add(x, along[d].shares[p][node] * force);
     }
-    for (std::size_t p = 0; p < to.size(); ++p) reactions[parts[along[d].parts[p]].name] += to[p];
   }
+  for (int d = 0; d < Dim; ++d)
+    for (std::size_t p = 0; p < to[d].size(); ++p) reactions[parts[along[d].parts[p]].name] += to[d][p];
   if (space.axisymmetric())
     for (auto& [part, of] : reactions) of.moment.setZero();
   return reactions;

@@ -22,4 +22,10 @@ template <int Dim> bool has_memory_for_quadratic_elements(const FineMesh<Dim>& m
   return quadratic_bytes_per_cell<Dim> * mesh.num_cells() < usable_memory * available_memory();
 }
 
+/// Whether there is memory for a factor of their matrix, in the plane: measured (docs/evidence.md, "Load cases").
+template <int Dim> bool has_memory_for_factor_of_quadratic_elements(const FineMesh<Dim>& mesh) {
+  constexpr double bytes_per_cell = 10e3;
+  return Dim == 2 && bytes_per_cell * mesh.num_cells() < usable_memory * available_memory();
+}
+
 }  // namespace efree::internal

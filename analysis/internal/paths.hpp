@@ -6,10 +6,11 @@
 
 namespace efree::internal {
 
-/// Whether an analysis is answered by quadratic elements and no cloud: in the plane, where linear elements on the same
-/// cells are factored in less time than a cloud takes to build, and lead to the quadratic ones in fewer iterations. If
-/// an accuracy is asked for, that is, and nothing of a cloud is said.
-template <int Dim> bool needs_no_cloud(const Settings<Dim>& settings);
+/// Whether an analysis may be answered by quadratic elements and no cloud: in the plane, if nothing of a cloud is said.
+/// Where an accuracy is asked for they take over, since linear elements on the same cells are factored in less time
+/// than a cloud takes to build, and lead to the quadratic ones in fewer iterations; where there are several load cases,
+/// since one factor serves all of them.
+template <int Dim> bool may_do_without_cloud(const Settings<Dim>& settings);
 
 /// The functions and points of the settings, unless result.approximation has some already.
 template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);

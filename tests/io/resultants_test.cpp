@@ -488,6 +488,27 @@ TEST(LoadCases, HaveElementsThatAreFineEnoughForEachInWhateverOrder) {
   EXPECT_GT(other.estimates->uncorrected, 0.01);
 }
 
+TEST(LoadCases, InThePlaneShareAFactorOfQuadraticElementsUnlessACloudIsAskedFor) {
+  const std::string rectangle =
+      "[geometry]\nshape = \"rectangle\"\nparameters = { width = 2, height = 1 }\nmesh_size = 0.05\n"
+      "[analysis]\nplane = \"stress\"\n[material]\nE = 210e3\nnu = 0.3\n"
+      "[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n";
+  const std::string both =
+      "[[case]]\nname = \"pulled\"\n[[case.boundary]]\non = \"right\"\ntraction = [1, 0]\n"
+      "[[case]]\nname = \"bent\"\n[[case.boundary]]\non = \"right\"\ntraction = [0, 1]\n";
+  const auto together = solved<2>(rectangle + both),
+             by_cloud = solved<2>(rectangle + "[cloud]\nspacing = 0.2\n" + both);
+  EXPECT_EQ(together.solution.coefficients.cols(), together.basis().space.size());
+  EXPECT_FALSE(together.elements);
+  EXPECT_TRUE(by_cloud.elements);
+  const Answer<2>&bent = together.more[0], &corrected = by_cloud.more[0];
+  EXPECT_EQ(bent.estimates->corrections, 0);
+  EXPECT_GT(bent.estimates->mesh, 1e-4);
+  EXPECT_LT(bent.estimates->mesh, 0.03);
+  EXPECT_NEAR(bent.solution.strain_energy / corrected.solution.strain_energy, 1.0, 1e-3);
+  EXPECT_LT(bent.balance.error, 1e-8);
+}
+
 TEST(Results, FieldsOfAnyoneAreWrittenWithoutACase) {
   const Workspace work;
   const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.3});
