@@ -14,6 +14,7 @@
 #include "efree/solvers/reactions.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -46,12 +47,18 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
                                            const ElementReactions<Dim>* of_elements) {
   const FineSpace<Dim>& space = result.basis().space;
   Balance<Dim> balance{answer.balance.reactions, {}};
+  double free_work = 0.0, load_work = 0.0;
   if (result.cells) {
     if constexpr (Dim == 3) balance = {result.cells->finest().reactions, result.cells->applied};
   } else if (!result.history.empty()) {
     balance.loads = answer.balance.loads;
   } else {
-    if (of_elements) balance.reactions = (*of_elements)(loads, answer.solution);
+    if (of_elements) {
+      auto held = (*of_elements)(loads, answer.solution);
+      balance.reactions = std::move(held.reactions);
+      free_work = held.free_work;
+      load_work = std::abs(held.load_work);
+    }
     balance.loads = applied_loads(space, loads);
   }
   std::vector<Resultant<Dim>> all;
@@ -60,6 +67,9 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
   const auto& vertices = result.mesh->vertices();
   const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
   double least = rounding_force(materials, result, answer, length);
+  const double rounding_work = 1e-4 * least * answer.fields.displacement.cwiseAbs().maxCoeff();
+  if (free_work != 0.0)
+    balance.free_work = free_work / std::max({2.0 * answer.solution.strain_energy, load_work, rounding_work});
   for (const auto& step : result.history) {  // what has come and gone leaves rounding
     double forces = 0.0;
     for (const auto& [part, of] : step.reactions) forces += of.force.norm();
@@ -171,6 +181,13 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
     answer.balance = balance_of(materials, result, answer, loads, of_elements ? &*of_elements : nullptr);
     check_balance(answer.balance, of, result);
+    constexpr double rounding = 0.01;
+    const double bearable = rounding + (answer.estimates ? answer.estimates->cloud : 0.0);
+    if (const double work = std::abs(answer.balance.free_work); work > bearable && result.refusal.empty())
+      result.refusal = fmt::format(
+          "{}forces that nothing holds do {:.2g} % of the work: the equations are too ill-conditioned for corrections, "
+          "the body is too slender for its mesh, or moduli and springs are too far apart",
+          of, 100.0 * work);
   };
   finish(result, settings.loads, "");
   for (std::size_t k = 1; k < settings.cases.size(); ++k)

@@ -11,8 +11,13 @@ namespace efree::internal {
 
 template <int Dim> bool may_do_without_cloud(const Settings<Dim>& settings) {
   const ApproximationOptions& basis = settings.approximation;
-  return Dim == 2 && settings.cells == OnCells::automatic && basis.kind == BasisKind::mls && basis.spacing == 0.0 &&
-         basis.order == 1 && basis.interpolation != 1 && basis.dilatation != Dilatation::averaged &&
+  const bool says_nothing_of_points =
+                 basis.secondary == SecondaryKind::cells && basis.ratio == 0.0 && settings.model.stabilisation == 0.0,
+             says_nothing_of_nodes = basis.spacing == 0.0 && !basis.grading.features && !basis.grading.has_places(),
+             says_nothing_of_functions = basis.order == 1 && basis.interpolation != 1 && basis.support == 0.0 &&
+                                         basis.weight == Weight::automatic && basis.vanish_on.empty();
+  return Dim == 2 && settings.cells == OnCells::automatic && basis.kind == BasisKind::mls && says_nothing_of_nodes &&
+         says_nothing_of_functions && says_nothing_of_points && basis.dilatation != Dilatation::averaged &&
          settings.estimated && settings.corrected && settings.correction.iterations < 0;
 }
 

@@ -7,6 +7,7 @@
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/assembly/bodies.hpp"
+#include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/locking.hpp"
@@ -252,6 +253,14 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   return result;
 }
 
+/// Whether nodal values can hold all that is held: not the normal displacement of a part that is not flat.
+template <int Dim> bool can_hold_strongly(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {
+  const FineSpace<Dim> space(mesh.mesh, 1);
+  return std::ranges::all_of(restraints(settings.supports), [&](const Restraint<Dim>& restraint) {
+    return restraint.is_elastic() || can_be_nodal(space, restraint);
+  });
+}
+
 template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh) {
   ElasticModel& model = settings.model;
   ApproximationOptions& basis = settings.approximation;
@@ -273,7 +282,8 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
       !locks())
     basis.kind = BasisKind::p2;
   const bool cloud = basis.kind == BasisKind::mls;
-  if (!model.essential) model.essential = cloud ? Essential::nitsche : Essential::strong;
+  if (!model.essential)
+    model.essential = cloud || !can_hold_strongly(settings, mesh) ? Essential::nitsche : Essential::strong;
   if (cloud && model.essential == Essential::strong)
     for (const auto& support : settings.supports)
       if (!support.stiffness && std::ranges::find(basis.vanish_on, support.on) == basis.vanish_on.end())

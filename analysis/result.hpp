@@ -79,6 +79,7 @@ template <int Dim> struct Balance {
   Resultants<Dim> reactions;
   std::vector<AppliedLoad<Dim>> loads;  ///< each by itself
   double error = 0.0;                   ///< of both together, relative (imbalance); more than rounding is a fault
+  double free_work = 0.0;               ///< of forces that nothing holds, over that of all: what corrections leave
 };
 
 /// What was found for one load case.

@@ -190,7 +190,7 @@ template <int Dim> void remark_on_walls(const Settings<Dim>& analysis, Inspectio
           "[cloud] spacing = {:.2g}",
           enough, wanted));
   }
-  if (walls.edges[1] < enough)
+  if (walls.edges[1] < enough && analysis.approximation.kind != BasisKind::p2)
     out.remarks.push_back(fmt::format(
         "linear elements are too stiff in walls of fewer than {:g} edges of the fine mesh: {}", enough,
         analysis.approximation.kind == BasisKind::mls && analysis.approximation.interpolation == 0 &&
@@ -219,14 +219,15 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
   add_mesh(data, out);
   for (const auto& [name, reported] : made.reports)
     out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
+  const Settings<Dim> settings = with_defaults<Dim>(analysis, made);
   Vector spacing;
   try {
-    spacing = cloud_spacing(analysis, mesh);
+    spacing = cloud_spacing(settings, mesh);
   } catch (const InputError& error) {  // of a spacing below the edges of the mesh: what is in the way of an analysis
     out.remarks.emplace_back(error.what());
   }
   out.walls = find_walls(mesh, spacing);
-  remark_on_walls(with_defaults<Dim>(analysis, made), out);
+  remark_on_walls(settings, out);
   return out;
 }
 

@@ -402,7 +402,12 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                      {"interpolation", result.basis().space.degree()}};
   ApproximationOptions asked = settings.approximation;
   asked.dilatation = approximation.averaged ? Dilatation::averaged : Dilatation::pointwise;
-  if (!result.cells && asked.kind == BasisKind::mls && asked.secondary != SecondaryKind::full) {
+  const bool has_cloud = approximation.shape.num_nodes() < approximation.space.size();
+  json["reports"]["basis"] = result.cells                         ? "cells"
+                             : has_cloud                          ? "mls"
+                             : result.basis().space.degree() == 1 ? "p1"
+                                                                  : "p2";
+  if (!result.cells && has_cloud && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
     json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
     json["reports"]["ratio_reached"] = approximation.ratio();

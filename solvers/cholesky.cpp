@@ -132,6 +132,7 @@ struct Cholesky::Impl {
   std::size_t pattern = 0;               ///< hash of what was analysed
   std::optional<Supernodes> supernodes;  ///< none: simplicial
   bool is_current = false;               ///< whether there are values in the factor
+  double pivot_ratio = 1.0;
   Index negative = 0;
 
   /// Threaded BLAS sums in an order that depends on the number of threads.
@@ -257,9 +258,10 @@ struct Cholesky::Impl {
   void require_regular() {
     // Rounding can hide a zero pivot; what it leaves is no stiffness.
     constexpr double smallest_pivot_ratio = 1e-13;
-    if (const double ratio = cholmod_rcond(factor.get(), common.get()); ratio < smallest_pivot_ratio)
+    pivot_ratio = cholmod_rcond(factor.get(), common.get());
+    if (pivot_ratio < smallest_pivot_ratio)
       throw NumericalError(
-          fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", ratio));
+          fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", pivot_ratio));
   }
 };
 
@@ -324,6 +326,10 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
   }
   impl_->require_regular();
   impl_->is_current = true;
+}
+
+double Cholesky::pivot_ratio() const {
+  return impl_->pivot_ratio;
 }
 
 Index Cholesky::negative_pivots() const {

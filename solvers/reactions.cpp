@@ -214,6 +214,17 @@ Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const
 }
 
 template <int Dim>
+double NodalReactions<Dim>::free_work(const Points<Dim>& forces, const Points<Dim>& displacements) const {
+  double work = 0.0;
+  for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
+    const Vec<Dim> u = displacements.col(impl_->dof_of[node]), force = forces.col(node);
+    const Index place = impl_->place_of[node];
+    work += u.dot(place < 0 ? force : Vec<Dim>(impl_->free[place] * force));
+  }
+  return work;
+}
+
+template <int Dim>
 ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, const ElasticModel& model,
                                         const std::vector<DisplacementCondition<Dim>>& conditions)
     : elements_(elements) {
@@ -233,10 +244,12 @@ ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, cons
 }
 
 template <int Dim>
-Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const {
+typename ElementReactions<Dim>::Held ElementReactions<Dim>::operator()(const Loads<Dim>& loads,
+                                                                       const Solution<Dim>& solution) const {
   const FineSpace<Dim>& space = elements_.space;
   const Points<Dim>& u = solution.coefficients;
   Points<Dim> forces = -load_vector(space, elements_.shape, loads);
+  const double load_work = -forces.cwiseProduct(u).sum();
   if (terms_.size() == 1)  // the stiffness is that of the points, and their stress is known
     forces += forces_of_stress(elements_.quadrature, solution.stress);
   else
@@ -250,7 +263,7 @@ Resultants<Dim> ElementReactions<Dim>::operator()(const Loads<Dim>& loads, const
   Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes_);
   for (Index dof = 0; dof < space.size(); ++dof) at_nodes.col(node_at_[dof]) += forces.col(dof);
   for (const auto& [part, of] : (*nodally_)(at_nodes)) reactions[part] += of;
-  return reactions;
+  return {std::move(reactions), nodally_->free_work(at_nodes, u), load_work};
 }
 
 template class NodalReactions<2>;

@@ -26,6 +26,8 @@ template <int Dim> class NodalReactions {
   /// Of forces that are internal less external (Dim x nodes). Moments are those of forces at rest, or with `moved_by`
   /// (Dim x space.size()) where the body has moved since.
   Resultants<Dim> operator()(const Points<Dim>& forces, const Points<Dim>* moved_by = nullptr) const;
+  /// Work of these forces along displacements (Dim x space.size()) of what no nodal value holds.
+  double free_work(const Points<Dim>& forces, const Points<Dim>& displacements) const;
 
  private:
   struct Impl;
@@ -38,9 +40,13 @@ template <int Dim> class ElementReactions {
   /// Keeps a reference to the elements.
   ElementReactions(const Approximation<Dim>& elements, const ElasticModel& model,
                    const std::vector<DisplacementCondition<Dim>>& conditions);
-  /// By part with displacement conditions: what holds the body with these displacements (coefficients) and stresses
-  /// under these loads.
-  Resultants<Dim> operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const;
+  struct Held {
+    Resultants<Dim> reactions;  ///< by part with displacement conditions: what holds the body
+    double free_work;           ///< of the forces that nothing holds, along the displacements: what iterations leave
+    double load_work;           ///< of the loads
+  };
+  /// With these displacements (coefficients) and stresses, under these loads.
+  Held operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const;
 
  private:
   const Approximation<Dim>& elements_;

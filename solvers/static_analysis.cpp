@@ -181,6 +181,27 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
   return solutions;
 }
 
+/// Refuses solutions of which rounding has left an error, in the energy norm, that counts: what the forces out of
+/// balance move. Looked for where pivots are far apart: very slender bodies, or very soft ones beside stiff ones.
+template <int Dim> void require_solved(const Cholesky& factor, const std::vector<Equilibrium<Dim>>& equations,
+                                       const std::vector<State>& states, const std::vector<Solution<Dim>>& solutions) {
+  constexpr double alike = 1e-6, bearable = 0.01;
+  if (factor.pivot_ratio() > alike) return;
+  for (std::size_t k = 0; k < solutions.size(); ++k) {
+    const Vector left = equations[k].residual(states[k]);
+    Matrix forces(left.size(), 2);  // and those to begin with, springs' energy included
+    forces << left, equations[k].residual(equations[k].under(1.0, equations[k].rest()));
+    const Matrix moves = factor.solve(forces);
+    const double whole = std::max(2.0 * solutions[k].strain_energy, forces.col(1).dot(moves.col(1)));
+    const double error = std::sqrt(std::max(0.0, forces.col(0).dot(moves.col(0))) / whole);
+    if (whole > 0.0 && !(error < bearable))
+      throw NumericalError(fmt::format(
+          "the equations are so ill-conditioned (smallest over largest pivot {:.1g}) that rounding leaves an error of "
+          "{:.1g} % in the energy norm: the body is too slender for its mesh, or moduli and springs are too far apart",
+          factor.pivot_ratio(), 100.0 * error));
+  }
+}
+
 }  // namespace
 
 template <int Dim> struct ElasticSolver<Dim>::Impl {
@@ -205,9 +226,13 @@ template <int Dim> ElasticSolver<Dim>::ElasticSolver(const Approximation<Dim>& a
   try {
     impl_->factor.factorize_definite(K);
   } catch (const NumericalError& error) {
+    if (approximation.shape.num_nodes() == approximation.space.size())
+      throw NumericalError(
+          fmt::format("{}; {} nodes of finite elements: moduli, springs or sizes of cells are too far apart",
+                      error.what(), approximation.shape.num_nodes()));
     throw NumericalError(fmt::format(
         "{}; {} nodes, {} quadrature points: too few quadrature points per node leave deformations without stiffness "
-        "(raise the ratio M/N), as do euclidean weights across a slit (use geodesic ones)",
+        "(raise the ratio M/N), as do euclidean weights across a slit (use geodesic ones) and moduli too far apart",
         error.what(), approximation.shape.num_nodes(), approximation.quadrature.size()));
   }
 }
@@ -247,12 +272,13 @@ std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads
   std::vector<const Equations*> all;
   for (const auto& one : equations) all.push_back(&one);
   const auto& approximation = impl_->equations.approximation();
+  const std::vector<State> states = linear_steps(all, impl_->factor, impl_->equations.rest());
   std::vector<Points<Dim>> coefficients;
-  for (const State& state : linear_steps(all, impl_->factor, impl_->equations.rest()))
-    coefficients.emplace_back(state.u.reshaped(Dim, approximation.shape.num_nodes()));
+  for (const State& state : states) coefficients.emplace_back(state.u.reshaped(Dim, approximation.shape.num_nodes()));
   auto solutions =
       derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(), std::move(coefficients));
   require_stable(approximation, solutions);
+  require_solved(impl_->factor, equations, states, solutions);
   return solutions;
 }
 

@@ -31,7 +31,7 @@ TEST(Noise, BodiesThatNobodyPullsHaveNoEnergy) {
   const Result<3> result = analyse(bench::pulled(image, 1.0, {1.0}));
   EXPECT_LT(result.solution.strain_energy, 1e-20);
   EXPECT_EQ(result.estimates->total(), 0.0);
-  EXPECT_TRUE(result.refusal.empty() && result.warnings.empty());
+  EXPECT_TRUE(result.refusal.empty() && result.warnings.empty()) << result.refusal;
 }
 
 TEST(Noise, ImagesWithNothingWhereTheyAreHeldAreRefused) {

@@ -509,6 +509,38 @@ TEST(LoadCases, InThePlaneShareAFactorOfQuadraticElementsUnlessACloudIsAskedFor)
   EXPECT_LT(bent.balance.error, 1e-8);
 }
 
+TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
+  const auto beam = [](double length, const std::string& more) {
+    return solved<2>(
+        "[geometry]\nshape = \"rectangle\"\nparameters = { width = " + std::to_string(length) +
+        ", height = 0.2 }\nmesh_size = 0.2\n[analysis]\nplane = \"stress\"\n[material]\nE = 1e4\nnu = 0.3\n"
+        "[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n"
+        "[[boundary]]\non = \"right\"\nforce = [0, 1e-6]\n" +
+        more);
+  };
+  const std::string elements = "[basis]\nkind = \"p2\"\n";
+  for (const std::string& kind : {std::string(), elements}) {
+    const auto bearable = beam(100.0, kind);
+    EXPECT_TRUE(bearable.refusal.empty()) << bearable.refusal;
+    EXPECT_NEAR(bearable.solution.strain_energy / (1e-12 * 1e6 / 40.0), 1.0, 0.01);
+  }
+  EXPECT_THAT(beam(600.0, "").refusal, HasSubstr("ill-conditioned"));
+  EXPECT_THROW(beam(600.0, elements), NumericalError);
+}
+
+TEST(LoadCases, SlideOnHolesAndSlitsAsOneAloneDoes) {
+  const std::string body =
+      "[geometry]\nshape = \"annulus\"\nparameters = { inner = 1, outer = 2 }\nmesh_size = 0.2\n"
+      "[analysis]\nplane = \"strain\"\n[material]\nE = 1\nnu = 0.3\n"
+      "[[boundary]]\non = \"inner\"\nnormal_displacement = 0\n"
+      "[[boundary]]\non = { box = [[1.9, -0.3], [2.1, 0.3]] }\ndisplacement = [\"free\", 0]\n";
+  const std::string pulled = "[[case]]\nname = \"a\"\n[[case.boundary]]\non = \"outer\"\npressure = 1\n",
+                    pushed = "[[case]]\nname = \"b\"\n[[case.boundary]]\non = \"outer\"\npressure = -2\n";
+  const auto alone = solved<2>(body + pulled), together = solved<2>(body + pulled + pushed);
+  EXPECT_NEAR(together.solution.strain_energy / alone.solution.strain_energy, 1.0, 0.01);
+  EXPECT_NEAR(together.more[0].solution.strain_energy / together.solution.strain_energy, 4.0, 1e-9);
+}
+
 TEST(Results, FieldsOfAnyoneAreWrittenWithoutACase) {
   const Workspace work;
   const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = 0.3});
