@@ -64,6 +64,13 @@ template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim
   return std::max(energy, missed_goals(settings, result));
 }
 
+/// What else helps where elements are linear.
+template <int Dim> const char* or_quadratic(const Settings<Dim>& settings, const Result<Dim>& result) {
+  if (result.basis().space.degree() == 2) return "";
+  return settings.approximation.kind == BasisKind::p1 ? ", or quadratic elements (basis.kind = \"p2\")"
+                                                      : ", or quadratic cells (basis.interpolation = 2)";
+}
+
 /// Of the load cases after the first: they have its mesh and its matrix, but not its error.
 template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& result) {
   for (std::size_t k = 0; k < result.more.size(); ++k) {
@@ -71,8 +78,8 @@ template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& r
     const double error = result.more[k].estimates->total();
     if (error < std::min(bearable_error(settings), settings.largest_error)) continue;
     const std::string what =
-        fmt::format("the case \"{}\" has an error of about {:.2g} % in the energy norm: use a smaller mesh_size",
-                    settings.cases[k + 1].name, 100.0 * error);
+        fmt::format("the case \"{}\" has an error of about {:.2g} % in the energy norm: use a smaller mesh_size{}",
+                    settings.cases[k + 1].name, 100.0 * error, or_quadratic(settings, result));
     if (error < settings.largest_error)
       result.warnings.push_back(what);
     else if (result.refusal.empty())
@@ -93,11 +100,8 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
                 "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "
                 "(analysis.correction = \"auto\"), or use a smaller spacing",
                 100.0 * errors.cloud)
-          : fmt::format(
-                "the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}", 100.0 * errors.mesh,
-                result.basis().space.degree() == 2             ? ""
-                : settings.approximation.kind == BasisKind::p1 ? ", or quadratic elements (basis.kind = \"p2\")"
-                                                               : ", or quadratic cells (basis.interpolation = 2)");
+          : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
+                        100.0 * errors.mesh, or_quadratic(settings, result));
   if (errors.total() < settings.largest_error)
     result.warnings.push_back(fmt::format("in the energy norm {}", what));
   else

@@ -59,7 +59,7 @@ template <int Dim> struct Extreme {
 struct Estimates {
   double cloud;        ///< of the answer, against the finite elements of the fine mesh; on cells, of the iterations
   double uncorrected;  ///< of the cloud's own answer, against them (averaged dilatations: mixed_distance); on cells the
-                       ///< same as `cloud`; without a cloud of linear elements, or 0 if nothing led to these ones
+                       ///< same as `cloud`; without a cloud of linear elements; 0: finite elements solved at once
   double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
   int corrections;     ///< iterations that led to the answer
   double total() const { return std::hypot(cloud, mesh); }
