@@ -95,6 +95,18 @@ template <int Dim> void check_balance(const Balance<Dim>& balance, const std::st
     result.refusal = what;
 }
 
+/// Refuses answers whose corrections rounding has ended: what these leave beyond their tolerance.
+template <int Dim> void check_free_work(const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
+  constexpr double rounding = 0.01;
+  const double bearable = rounding + (answer.estimates ? answer.estimates->cloud : 0.0);
+  const double work = std::abs(answer.balance.free_work);
+  if (work <= bearable || !result.refusal.empty()) return;
+  result.refusal = fmt::format(
+      "{}forces that nothing holds do {:.2g} % of the work: the equations are too ill-conditioned for corrections, the "
+      "body is too slender for its mesh, or moduli and springs are too far apart",
+      of, 100.0 * work);
+}
+
 /// The settings with the loads of the first case in `loads`, and all that acts in each in `cases`.
 template <int Dim> Settings<Dim> with_cases(Settings<Dim> settings) {
   auto loads = loads_by_case(settings);
@@ -181,13 +193,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
     answer.balance = balance_of(materials, result, answer, loads, of_elements ? &*of_elements : nullptr);
     check_balance(answer.balance, of, result);
-    constexpr double rounding = 0.01;
-    const double bearable = rounding + (answer.estimates ? answer.estimates->cloud : 0.0);
-    if (const double work = std::abs(answer.balance.free_work); work > bearable && result.refusal.empty())
-      result.refusal = fmt::format(
-          "{}forces that nothing holds do {:.2g} % of the work: the equations are too ill-conditioned for corrections, "
-          "the body is too slender for its mesh, or moduli and springs are too far apart",
-          of, 100.0 * work);
+    check_free_work(answer, of, result);
   };
   finish(result, settings.loads, "");
   for (std::size_t k = 1; k < settings.cases.size(); ++k)
