@@ -16,59 +16,50 @@
 namespace efree::internal {
 namespace {
 
-/// The answers to the load cases after the first, corrected as that one was: from those of the cloud, or where they
-/// have been corrected before, from there.
-template <int Dim> void correct_more(const Settings<Dim>& settings, const Corrected<Dim>& best,
-                                     const CorrectionOptions& options, bool corrected_before, Result<Dim>& result,
-                                     const Monitor& monitor) {
-  const Approximation<Dim>& elements = result.basis();
-  const auto materials = materials_of(result.model, *result.mesh);
-  constexpr std::size_t together = 8;  // as many as share a product; more only take memory
-  for (std::size_t first = 0; first < result.more.size(); first += together) {
-    const std::size_t count = std::min(together, result.more.size() - first);
-    std::vector<Points<Dim>> starts, displacements;
-    std::vector<Loads<Dim>> cases;
-    for (std::size_t k = first; k < first + count; ++k) {
-      starts.push_back(corrected_before ? result.more[k].fields.displacement
-                                        : Points<Dim>(interpolate(result.approximation.shape,
-                                                                  result.more[k].solution.coefficients)));
-      cases.push_back(settings.cases[k + 1].loads);
-    }
-    auto corrections = best.corrector->correct_all(starts, cases, options, monitor);
-    for (auto& one : corrections) displacements.push_back(std::move(one.displacement));
-    auto solutions = evaluate_all(elements, result.model, std::move(displacements));
-    std::vector<const Fields<Dim>*> fields;
-    for (std::size_t k = 0; k < count; ++k) {
-      Answer<Dim>& answer = result.more[first + k];
-      answer.solution = std::move(solutions[k]);
-      answer.fields = recover_fields(elements, answer.solution, *best.fits);
-      fields.push_back(&answer.fields);
-    }
-    const auto mesh = recovery_errors(elements, fields, materials);
-    for (std::size_t k = 0; k < count; ++k) {
-      auto& estimates = result.more[first + k].estimates;
-      const Estimates before = corrected_before ? *estimates : Estimates{0.0, corrections[k].start_error, 0.0, 0};
-      estimates = {.cloud = corrections[k].error,
-                   .uncorrected = before.uncorrected,
-                   .mesh = mesh[k].relative,
-                   .corrections = before.corrections + corrections[k].iterations};
+/// Hands out a corrected answer. `before`: what had been found of it, if it was corrected before.
+template <int Dim> void hand_out(CorrectedAnswer<Dim>& from, const std::optional<Estimates>& before, Answer<Dim>& to) {
+  const Correction<Dim>& correction = from.correction;
+  to.solution = std::move(from.solution);
+  to.fields = std::move(from.fields);
+  to.estimates = {.cloud = correction.error,
+                  .uncorrected = before ? before->uncorrected : correction.start_error,
+                  .mesh = from.mesh_error.relative,
+                  .corrections = correction.iterations + (before ? before->corrections : 0)};
+}
+
+/// What the correction of a load case starts from: the answer of the cloud, or where that has been corrected before,
+/// this one.
+template <int Dim> Points<Dim> start_of(const Result<Dim>& result, const Answer<Dim>& answer) {
+  return answer.estimates ? answer.fields.displacement
+                          : Points<Dim>(interpolate(result.approximation.shape, answer.solution.coefficients));
+}
+
+/// The answers to the load cases from that of this number on, corrected as the ones before.
+template <int Dim> void correct_rest(const Settings<Dim>& settings, const Corrected<Dim>& best, std::size_t first,
+                                     const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
+  const auto answers = answers_in(result);
+  while (first < answers.size()) {
+    std::vector<Points<Dim>> starts;
+    for (std::size_t k = first; k < std::min(first + cases_together, answers.size()); ++k)
+      starts.push_back(start_of(result, *answers[k]));
+    for (auto& one : correct_more(settings, result, best, first, starts, options, monitor)) {
+      Answer<Dim>& answer = *answers[first++];
+      hand_out(one, std::optional(answer.estimates), answer);
     }
   }
 }
 
 /// The answer of the finite elements of the fine mesh, as near as it is wanted, and how far that of the cloud is
-/// from it. Where linear cells are too coarse, and their degree is left open, quadratic ones take over; where
-/// dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). None, and a warning, if
-/// there is no memory for these, or if, very near to nu = 1/2, their iterations do not end.
-template <int Dim>
-std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+/// from it, of all load cases. Where linear cells are too coarse, and their degree is left open, quadratic ones take
+/// over; where dilatations are averaged quadratic ones do not lock (takes_mean_dilatation). A warning instead if there
+/// is no memory for these, or if, very near to nu = 1/2, their iterations do not end.
+template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   std::optional<Stage> stage;
   stage.emplace("correction", monitor);
   const Approximation<Dim>& cloud = result.approximation;
   const bool memory = has_memory_for_quadratic_elements(*result.mesh);
   const auto none = [&](const std::string& why) {
     result.warnings.push_back(fmt::format("{}: the answer is that of the cloud, and its error is not known", why));
-    return std::nullopt;
   };
   if (cloud.averaged && !memory)
     return none("there is no memory for the quadratic elements that nearly incompressible materials need");
@@ -82,87 +73,89 @@ std::optional<Estimates> correct(const Settings<Dim>& settings, Result<Dim>& res
   std::optional<Approximation<Dim>> lifted;
   if (cloud.averaged && cloud.space.degree() == 1) lifted.emplace(in_quadratic_space(cloud));
   const Approximation<Dim>& functions = lifted ? *lifted : cloud;
-  const Points<Dim> start = interpolate(cloud.shape, result.solution.coefficients);
+  const Points<Dim> start = start_of(result, result);
   Corrected<Dim> best;
   try {
-    best = corrected(settings, result, functions, start, options, stage->within());
+    best = corrected(settings, result, functions, {start}, options, stage->within());
   } catch (const NumericalError& error) {
     if (!cloud.averaged) throw;
     return none(error.what());
   }
-  double uncorrected = best.correction.start_error;
+  double uncorrected = best.first().correction.start_error;
   if (cloud.averaged) {
     result.fields = recover_fields(cloud, result.solution);
     Fields<Dim> fields = result.fields;
     if (lifted) fields.stress = internal::lifted<Dim>(functions.space, fields.stress);
     fields.displacement = lifted ? Points<Dim>(internal::lifted<Dim>(functions.space, start)) : start;
-    uncorrected =
-        mixed_distance(best.elements, best.correction.displacement, fields, materials_of(result.model, *result.mesh));
+    uncorrected = mixed_distance(best.elements, best.first().fields.displacement, fields,
+                                 materials_of(result.model, *result.mesh));
   }
-  Estimates estimates{.cloud = settings.corrected ? best.correction.error : uncorrected,
-                      .uncorrected = uncorrected,
-                      .mesh = best.mesh_error.relative,
-                      .corrections = settings.corrected ? best.correction.iterations : 0};
-  const auto tell = [&](double tolerance) {
-    stage.reset();
-    tell_dual_errors(settings, best, settings.corrected ? *result.elements : best.elements,
-                     settings.corrected ? result.fields : best.fields, tolerance, result, monitor);
-  };
   if (!settings.corrected) {
     if (result.fields.displacement.size() == 0) result.fields = recover_fields(cloud, result.solution);
-    tell(options.tolerance);
-    return estimates;
+    const double mesh = best.first().mesh_error.relative;
+    stage.reset();
+    tell_dual_errors(settings, best, best.elements, {&best.first().fields}, options.tolerance, result, monitor);
+    result.estimates = {uncorrected, uncorrected, mesh, 0};
+    return;
   }
-  const auto hand_out = [&] {
-    result.elements = std::move(best.elements);
-    result.solution = std::move(best.solution);
-    result.fields = std::move(best.fields);
-    result.error_density = error_density(result, best.mesh_error.squares);
+  const auto tell = [&] {
+    stage.reset();
+    std::vector<const Fields<Dim>*> fields;
+    for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
+    tell_dual_errors(settings, best, *result.elements, fields, options.tolerance, result, monitor);
   };
-  hand_out();
+  // Takes the answers to the first load cases, with the elements that they are of.
+  const auto take = [&] {
+    const auto answers = answers_in(result);
+    for (std::size_t k = 0; k < best.answers.size(); ++k)
+      hand_out(best.answers[k], std::optional(answers[k]->estimates), *answers[k]);
+    result.elements = std::move(best.elements);
+    result.error_density = error_density(result, best.first().mesh_error.squares);
+  };
+  take();
+  result.estimates->uncorrected = uncorrected;
+  std::size_t done = 1;  // load cases
+  const auto correct_others = [&] {
+    if (done == 1 + result.more.size()) return;
+    if (!stage) stage.emplace("correction", monitor);
+    correct_rest(settings, best, done, options, result, stage->within());
+    done = 1 + result.more.size();
+  };
   const bool free = settings.approximation.interpolation == 0 && options.iterations < 0;
   const bool may_be_finer = free && functions.space.degree() == 1 && memory;
   bool finer = may_be_finer;
-  if (finer && estimates.total() <= bearable) {
-    if (!settings.goals.empty()) tell(options.tolerance);
+  if (finer && result.estimates->total() <= bearable) {
+    if (!settings.goals.empty()) tell();
     finer = missed_goals(settings, result) > 1.0;
-    if (!finer && !settings.goals.empty()) return estimates;  // no cases where there are goals
+    if (!finer && !settings.goals.empty()) return;  // no cases where there are goals
   }
   // One case that needs them is enough.
-  bool corrected_before = false;
-  if (!finer && may_be_finer && !result.more.empty()) {
-    if (!stage) stage.emplace("correction", monitor);
-    correct_more(settings, best, options, false, result, stage->within());
-    corrected_before = true;
+  if (!finer && may_be_finer) {
+    correct_others();
     finer = std::ranges::any_of(result.more, [&](const auto& answer) { return answer.estimates->total() > bearable; });
   }
   std::optional<Approximation<Dim>> quadratic;
   if (finer) {
     if (!stage) stage.emplace("correction", monitor);
     quadratic.emplace(in_quadratic_space(cloud));
-    const Points<Dim> from = std::move(best.correction.displacement);
+    std::vector<Points<Dim>> starts;
+    for (const Answer<Dim>* answer : answers_in(result))
+      if (starts.size() < cases_together) starts.push_back(start_of(result, *answer));
     best = {};  // what is replaced makes room
     result.elements.reset();
     result.solution = {};
     result.fields = {};
-    best = corrected(settings, result, *quadratic, from, options, stage->within());
-    estimates.cloud = best.correction.error;
-    estimates.mesh = best.mesh_error.relative;
-    estimates.corrections += best.correction.iterations;
-    hand_out();
+    best = corrected(settings, result, *quadratic, starts, options, stage->within());
+    take();
+    done = starts.size();
   }
-  if (!result.more.empty() && (finer || !corrected_before)) {
-    if (!stage) stage.emplace("correction", monitor);
-    correct_more(settings, best, options, corrected_before, result, stage->within());
-  }
-  tell(options.tolerance);
-  return estimates;
+  correct_others();
+  tell();
 }
 
 /// The errors of finite elements in all load cases, by recovery.
 template <int Dim> void estimate_elements(Result<Dim>& result) {
-  std::vector<Answer<Dim>*> answers{&result};
-  for (Answer<Dim>& answer : result.more) answers.push_back(&answer);
+  const auto answers = answers_in(result);
   std::vector<const Fields<Dim>*> fields;
   for (const Answer<Dim>* answer : answers) fields.push_back(&answer->fields);
   const auto errors = recovery_errors(result.approximation, fields, materials_of(result.model, *result.mesh));
@@ -187,10 +180,10 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   approximate_once(settings, result, monitor);
   std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
                                            monitor);
+  std::vector<Loads<Dim>> all{settings.loads};
+  for (std::size_t k = 1; k < settings.cases.size(); ++k) all.push_back(settings.cases[k].loads);
   {
     const Stage stage("solve", monitor);
-    std::vector<Loads<Dim>> all{settings.loads};
-    for (std::size_t k = 1; k < settings.cases.size(); ++k) all.push_back(settings.cases[k].loads);
     auto solutions = solver->solve_all(all);
     result.more.resize(all.size() - 1);
     for (std::size_t k = 0; k < all.size(); ++k) {
@@ -204,14 +197,18 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     result.fields = recover_fields(result.approximation, result.solution, fits);
     for (Answer<Dim>& answer : result.more) answer.fields = recover_fields(result.approximation, answer.solution, fits);
     if (settings.estimated) estimate_elements(result);
-    const Reference<Dim> reference{result.approximation, result.fields, result.model.essential == Essential::nitsche,
-                                   [&](const Functional<Dim>& functional, const Monitor&) {
-                                     return solver->respond(functional, result.solution, settings.loads);
-                                   }};
+    std::vector<const Fields<Dim>*> fields;
+    for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
+    const Reference<Dim> reference{
+        result.approximation, std::move(fields), result.model.essential == Essential::nitsche,
+        [&](const Functional<Dim>& functional, const Monitor&) { return solver->dual(functional); },
+        [&](const Functional<Dim>& functional, const Points<Dim>&, std::size_t k) {
+          return solver->value(functional, answers_in(result)[k]->solution.coefficients, all[k]);
+        }};
     tell_errors(settings, reference, result, monitor);
   } else if (settings.estimated) {
     solver.reset();  // its factor is of no use any more
-    result.estimates = correct(settings, result, monitor);
+    correct(settings, result, monitor);
   }
   if (options.kind == BasisKind::p1 &&
       incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind))

@@ -28,19 +28,21 @@ template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result
   quadratic.space = FineSpace<Dim>(result.mesh, 2, settings.approximation.axisymmetric);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, quadratic.space.size());
   const double tolerance = tolerance_of(settings);
-  Corrected<Dim> best = corrected(settings, result, quadratic, nothing, {.tolerance = tolerance}, stage->within());
+  Corrected<Dim> best = corrected(settings, result, quadratic, {nothing}, {.tolerance = tolerance}, stage->within());
+  CorrectedAnswer<Dim>& answer = best.answers.front();
   double squares = 0.0;  // what linear elements left
-  for (std::size_t k = 1; k < best.correction.taken.size(); ++k) squares += best.correction.taken[k];
-  result.estimates = {.cloud = best.correction.error,
+  const Correction<Dim>& correction = answer.correction;
+  for (std::size_t k = 1; k < correction.taken.size(); ++k) squares += correction.taken[k];
+  result.estimates = {.cloud = correction.error,
                       .uncorrected = std::sqrt(squares),
-                      .mesh = best.mesh_error.relative,
-                      .corrections = best.correction.iterations};
+                      .mesh = answer.mesh_error.relative,
+                      .corrections = correction.iterations};
   result.approximation = std::move(best.elements);
-  result.solution = std::move(best.solution);
-  result.fields = std::move(best.fields);
-  result.error_density = error_density(result, best.mesh_error.squares);
+  result.solution = std::move(answer.solution);
+  result.fields = std::move(answer.fields);
+  result.error_density = error_density(result, answer.mesh_error.squares);
   stage.reset();
-  tell_dual_errors(settings, best, result.approximation, result.fields, tolerance, result, monitor);
+  tell_dual_errors(settings, best, result.approximation, {&result.fields}, tolerance, result, monitor);
 }
 
 template bool may_do_without_cloud<2>(const Settings<2>&);

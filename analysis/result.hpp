@@ -89,7 +89,10 @@ template <int Dim> struct Answer {
   std::optional<Estimates> estimates;
   Fields<Dim> fields;                                            ///< displacements, recovered strains and stresses
   std::vector<std::pair<std::string, ProbeValues<Dim>>> probes;  ///< in the order of the settings
-  std::vector<Extreme<Dim>> extremes;                            ///< largest displacement and von Mises stress
+  /// Absolute errors of the components of the probes' displacements, by name, where they are known.
+  std::map<std::string, Vec<Dim>> probe_errors;
+  std::vector<Extreme<Dim>> extremes;          ///< largest displacement and von Mises stress
+  std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
   Balance<Dim> balance;
 };
 
@@ -104,11 +107,8 @@ template <int Dim> struct Result : Answer<Dim> {
   /// What `solution` and `fields` belong to.
   const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
 
-  std::optional<Errors> errors;  ///< if an exact solution is known
-  /// Absolute errors of the components of the probes' displacements, by name, where they are known.
-  std::map<std::string, Vec<Dim>> probe_errors;
-  std::vector<Answer<Dim>> more;               ///< answers to the load cases after the first, in their order
-  std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
+  std::optional<Errors> errors;   ///< if an exact solution is known
+  std::vector<Answer<Dim>> more;  ///< answers to the load cases after the first, in their order
   /// Of an analysis through time only if it is corrected. By cell of the mesh: what recovered stresses are off those of
   /// the displacement, in the energy norm, relative to the mean energy density of the body. The root of its mean square
   /// over the volume is the error of the body in all.
@@ -142,6 +142,13 @@ template <int Dim> struct Result : Answer<Dim> {
   StageTimes times;
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };
+
+/// The answers to all load cases.
+template <int Dim> std::vector<Answer<Dim>*> answers_in(Result<Dim>& result) {
+  std::vector<Answer<Dim>*> all{&result};
+  for (Answer<Dim>& answer : result.more) all.push_back(&answer);
+  return all;
+}
 
 /// Range of every component of displacement, strain and stress, and of the principal stresses.
 template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields);

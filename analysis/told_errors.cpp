@@ -5,14 +5,16 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 namespace efree::internal {
 namespace {
 
 /// What recovery changes in the cells around a place: the most in each, and the mean of these.
-template <int Dim> double stress_error(const Result<Dim>& result, Index place) {
+template <int Dim> double stress_error(const Approximation<Dim>& basis, const Fields<Dim>& fields,
+                                       const Materials<Dim>& materials, Index place) {
   double sum = 0.0;
-  const auto cells = stress_differences(result.basis(), result.fields, materials_of(result.model, *result.mesh), place);
+  const auto cells = stress_differences(basis, fields, materials, place);
   for (const auto& differences : cells) {
     double most = 0.0;
     for (Index k = 0; k < differences.cols(); ++k)
@@ -57,55 +59,67 @@ template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<
 
 template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
                                     const Monitor& monitor) {
-  read_off<Dim>(settings, result.basis().space, result);
-  result.probe_errors.clear();
-  result.reactions.clear();
+  const std::vector<Answer<Dim>*> all = answers_in(result);
+  const std::span answers(all.data(), reference.fields.size());
+  for (Answer<Dim>* answer : answers) {
+    read_off<Dim>(settings, result.basis().space, *answer);
+    answer->probe_errors.clear();
+    answer->reactions.clear();
+  }
   if (!asks_for_errors(settings)) return;
   const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
-  // Of a functional that has this value for the answer: of the reference's solution, and how far that is off.
-  const auto response_to = [&](const Functional<Dim>& functional) {
+  // Calls tell(k, value, left) for the load cases from `first` on: the value of a functional for the reference's
+  // solution, and how far that is off.
+  const auto respond = [&](const Functional<Dim>& functional, std::size_t first, std::size_t end, const auto& tell) {
     stage.check();
-    const Response<Dim> response = reference.respond(functional, stage.within());
-    const auto fields =
-        recover_fields(reference.elements, evaluate(reference.elements, result.model, response.displacement));
-    return std::pair(response.value, functional_error(reference.elements, reference.fields, fields, materials));
+    const Points<Dim> dual = reference.dual(functional, stage.within());
+    const auto fields = recover_fields(reference.elements, evaluate(reference.elements, result.model, dual));
+    for (std::size_t k = first; k < end; ++k)
+      tell(k, reference.value(functional, dual, k),
+           functional_error(reference.elements, *reference.fields[k], fields, materials));
   };
-  for (std::size_t k = 0; k < settings.probes.size(); ++k) {
-    const auto& [name, values] = result.probes[k];
-    Vec<Dim>& error = result.probe_errors[name];
-    for (int d = 0; d < Dim; ++d) {
-      const auto [value, left] = response_to(displacement_at<Dim>(space, settings.probes[k].at, Vec<Dim>::Unit(d)));
-      error[d] = std::abs(value - values.displacement[d]) + left;
-    }
+  for (std::size_t p = 0; p < settings.probes.size(); ++p) {
+    const auto& [name, at, where] = settings.probes[p];
+    for (int d = 0; d < Dim; ++d)
+      respond(displacement_at<Dim>(space, at, Vec<Dim>::Unit(d)), 0, answers.size(),
+              [&](std::size_t k, double value, double left) {
+                const double told = answers[k]->probes[p].second.displacement[d];
+                answers[k]->probe_errors.try_emplace(name, Vec<Dim>::Zero()).first->second[d] =
+                    std::abs(value - told) + left;
+              });
   }
   const auto ties = tied_facets(*result.mesh, result.model.open_interface);
   for (const auto& reaction : settings.reactions) {
-    Vec<Dim> force = Vec<Dim>::Zero(), error = Vec<Dim>::Zero();
+    for (Answer<Dim>* answer : answers)
+      answer->reactions.push_back({reaction.name, Vec<Dim>::Zero(), Vec<Dim>::Zero()});
     for (int d = 0; d < Dim; ++d) {
-      const auto functional =
-          reaction_of<Dim>(space, settings.supports, ties, reaction.on, Vec<Dim>::Unit(d), reference.weakly);
+      const Vec<Dim> along = Vec<Dim>::Unit(d);
+      const auto functional = reaction_of<Dim>(space, settings.supports, ties, reaction.on, along, reference.weakly);
       if (!functional.moves()) continue;
-      std::tie(force[d], error[d]) = response_to(functional);
-      error[d] += std::abs(shared_work<Dim>(space, settings.supports, reaction.on, Vec<Dim>::Unit(d), functional,
-                                            reference.fields.stress, reference.weakly));
+      respond(functional, 0, answers.size(), [&](std::size_t k, double value, double left) {
+        ReactionResult<Dim>& of = answers[k]->reactions.back();
+        of.force[d] = value;
+        of.error[d] = left + std::abs(shared_work<Dim>(space, settings.supports, reaction.on, along, functional,
+                                                       reference.fields[k]->stress, reference.weakly));
+      });
     }
-    result.reactions.push_back({reaction.name, force, error});
   }
-  for (auto& extreme : result.extremes) {
-    if (!(extreme.of == "displacement" ? settings.largest_displacement : settings.largest_stress)) continue;
-    if (extreme.of != "displacement") {
-      extreme.error = stress_error(result, extreme.place);
-      continue;
+  for (std::size_t k = 0; k < answers.size(); ++k)
+    for (auto& extreme : answers[k]->extremes) {
+      if (!(extreme.of == "displacement" ? settings.largest_displacement : settings.largest_stress)) continue;
+      if (extreme.of != "displacement") {
+        extreme.error = stress_error(result.basis(), answers[k]->fields, materials, extreme.place);
+        continue;
+      }
+      extreme.error = 0.0;
+      if (extreme.value == 0.0) continue;
+      Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
+      functional.forces.col(extreme.place) = answers[k]->fields.displacement.col(extreme.place) / extreme.value;
+      respond(functional, k, k + 1,
+              [&](std::size_t, double value, double left) { extreme.error = std::abs(value - extreme.value) + left; });
     }
-    extreme.error = 0.0;
-    if (extreme.value == 0.0) continue;
-    Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
-    functional.forces.col(extreme.place) = result.fields.displacement.col(extreme.place) / extreme.value;
-    const auto [value, left] = response_to(functional);
-    extreme.error = std::abs(value - extreme.value) + left;
-  }
 }
 
 void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {

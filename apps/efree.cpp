@@ -91,17 +91,15 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
       lines.back() +=
           fmt::format(" +- ({:.2g}), {:.2g} %", fmt::join(*error, ", "), 100.0 * relative_error<Dim>(value, *error));
   };
-  for (const auto& [name, values] : result.probes) {
-    const auto error = result.probe_errors.find(name);
-    say(fmt::format("probe \"{}\": displacement", name), values.displacement,
-        error == result.probe_errors.end() ? nullptr : &error->second);
-  }
-  for (const auto& reaction : result.reactions)
-    say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
-  if (!result.history.empty())  // without errors
-    for (const auto& reaction : settings.reactions)
-      say(fmt::format("reaction \"{}\": force", reaction.name), result.balance.reactions.at(reaction.on).force,
-          nullptr);
+  const auto say_wanted = [&](const Answer<Dim>& answer) {
+    for (const auto& [name, values] : answer.probes) {
+      const auto error = answer.probe_errors.find(name);
+      say(fmt::format("probe \"{}\": displacement", name), values.displacement,
+          error == answer.probe_errors.end() ? nullptr : &error->second);
+    }
+    for (const auto& reaction : answer.reactions)
+      say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
+  };
   const auto say_balance = [&](const Balance<Dim>& balance) {
     Resultant<Dim> scale;
     const auto add = [&](const Resultant<Dim>& of) { scale += {of.force.cwiseAbs(), of.moment.cwiseAbs()}; };
@@ -121,13 +119,17 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
           extreme.value, fmt::join(extreme.at, ", "), extreme.error ? fmt::format(" +- {:.2g}", *extreme.error) : ""));
   };
   if (!cases.empty()) lines.push_back(fmt::format("case \"{}\":", cases.front().name));
+  say_wanted(result);
+  if (!result.history.empty())  // without errors
+    for (const auto& reaction : settings.reactions)
+      say(fmt::format("reaction \"{}\": force", reaction.name), result.balance.reactions.at(reaction.on).force,
+          nullptr);
   say_balance(result.balance);
   say_extremes(result.extremes);
   for (std::size_t k = 1; k < cases.size(); ++k) {
     const Answer<Dim>& answer = result.more[k - 1];
     lines.push_back(fmt::format("case \"{}\":", cases[k].name));
-    for (const auto& [name, values] : answer.probes)
-      say(fmt::format("probe \"{}\": displacement", name), values.displacement, nullptr);
+    say_wanted(answer);
     say_balance(answer.balance);
     say_extremes(answer.extremes);
   }

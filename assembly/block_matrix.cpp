@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/assembly/internal/block_matrix.hpp"
 
-#include "efree/assembly/internal/few.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
-#include <array>
+#include <memory>
 #include <numeric>
 #include <stdexcept>
 
@@ -49,56 +48,61 @@ template <int Dim> Mat<Dim>& BlockMatrix<Dim>::block(Index i, Index j) {
   return chunk.blocks[found - chunk.columns.begin()];
 }
 
-template <int Dim> void BlockMatrix<Dim>::multiply(const Eightfold<Dim>& x, Eightfold<Dim>& y) const {
-  parallel_chunks(size(), chunk_rows, [&](Index begin, Index) {
-    const BlockRows rows = rows_of(begin / chunk_rows);
-    if constexpr (Dim == 2)
-      multiply_eightfold_2(rows, x.at(0), y.at(0));
-    else
-      multiply_eightfold_3(rows, x.at(0), y.at(0));
+namespace {
+
+constexpr int together = 8;
+/// Vectors from which on products take less time side by side, packing included.
+constexpr std::size_t worth_packing = 3;
+
+template <int Dim>
+EFREE_INLINE void multiply_lanes(int lanes, const BlockRows<double>& rows, const double* x, double* y) {
+  if (lanes == 1)
+    add_product<Dim, 1>(rows, x, y);
+  else
+    add_product<Dim, together>(rows, x, y);
+}
+
+}  // namespace
+
+EFREE_FOR_EACH_MACHINE void multiply_rows(int dim, int lanes, const BlockRows<double>& rows, const double* x,
+                                          double* y) {
+  if (dim == 2)
+    multiply_lanes<2>(lanes, rows, x, y);
+  else
+    multiply_lanes<3>(lanes, rows, x, y);
+}
+
+template <int Dim> void BlockMatrix<Dim>::multiply(const Points<Dim>& x, Points<Dim>& y) const {
+  y.resize(Dim, size());
+  parallel_chunks(size(), chunk_rows, [&](Index begin, Index end) {
+    y.middleCols(begin, end - begin).setZero();
+    const Chunk& chunk = chunks[begin / chunk_rows];
+    multiply_rows(Dim, 1, chunk.with(begin, chunk.blocks.front().data()), x.data(), y.col(begin).data());
   });
 }
 
 template <int Dim>
 void BlockMatrix<Dim>::multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const {
-  in_eights<Dim>(
-      x, y, [&](const Eightfold<Dim>& from, Eightfold<Dim>& to) { multiply(from, to); },
-      [&](const auto& from, const auto& to) { multiply_few(from, to); });
-}
-
-template <int Dim> void BlockMatrix<Dim>::multiply_few(const std::vector<const Points<Dim>*>& x,
-                                                       const std::vector<Points<Dim>*>& y) const {
-  for (Points<Dim>* one : y) one->resize(Dim, size());
-  for_few(x.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
-    using Column = Eigen::Map<Vec<Dim>>;
-    using Given = Eigen::Map<const Vec<Dim>>;
-    std::array<const double*, n> from;
-    std::array<double*, n> to;
-    for (int c = 0; c < n; ++c) from[c] = x[first + c]->data(), to[c] = y[first + c]->data();
-    parallel_chunks(size(), chunk_rows, [&, from, to](Index begin, Index end) {
-      const auto at = [](auto* data, Index i) { return data + static_cast<std::ptrdiff_t>(Dim) * i; };
-      const Chunk& chunk = chunks[begin / chunk_rows];
-      for (int c = 0; c < n; ++c) std::fill(at(to[c], begin), at(to[c], end), 0.0);
-      for (Index i = begin; i < end; ++i) {
-        const Index r = i - begin;
-        std::array<Vec<Dim>, n> moved, sum;
-        for (int c = 0; c < n; ++c) moved[c] = Given(at(from[c], i)), sum[c].setZero();
-        for (Index k = chunk.offsets[r]; k < chunk.own[r]; ++k)
-          for (int c = 0; c < n; ++c) sum[c].noalias() += chunk.blocks[k] * Given(at(from[c], chunk.columns[k]));
-        for (Index k = chunk.own[r]; k < chunk.diagonal[r]; ++k) {
-          const Mat<Dim> block = chunk.blocks[k];
-          const Index j = chunk.columns[k];
-          for (int c = 0; c < n; ++c) {
-            sum[c].noalias() += block * Given(at(from[c], j));
-            Column(at(to[c], j)).noalias() += block.transpose() * moved[c];
-          }
-        }
-        for (Index k = chunk.diagonal[r]; k < chunk.offsets[r + 1]; ++k)
-          for (int c = 0; c < n; ++c) sum[c].noalias() += chunk.blocks[k] * Given(at(from[c], chunk.columns[k]));
-        for (int c = 0; c < n; ++c) Column(at(to[c], i)) += sum[c];
-      }
+  std::size_t done = 0;
+  for (std::size_t count; (count = std::min<std::size_t>(x.size() - done, together)) >= worth_packing; done += count) {
+    const auto packed = std::make_unique_for_overwrite<double[]>(std::size_t{Dim} * together * size());
+    const auto at = [](Index node) { return std::ptrdiff_t{Dim} * together * node; };
+    parallel_chunks(size(), chunk_rows, [&](Index begin, Index end) {
+      double* to = packed.get() + at(begin);
+      for (std::ptrdiff_t i = std::ptrdiff_t{Dim} * begin; i < std::ptrdiff_t{Dim} * end; ++i, to += together)
+        for (std::size_t lane = 0; lane < together; ++lane) to[lane] = lane < count ? x[done + lane]->data()[i] : 0.0;
     });
-  });
+    for (std::size_t lane = 0; lane < count; ++lane) y[done + lane]->resize(Dim, size());
+    parallel_chunks(size(), chunk_rows, [&](Index begin, Index end) {
+      std::vector<double> products(at(end - begin), 0.0);
+      const Chunk& chunk = chunks[begin / chunk_rows];
+      multiply_rows(Dim, together, chunk.with(begin, chunk.blocks.front().data()), packed.get(), products.data());
+      const double* from = products.data();
+      for (std::ptrdiff_t i = std::ptrdiff_t{Dim} * begin; i < std::ptrdiff_t{Dim} * end; ++i, from += together)
+        for (std::size_t lane = 0; lane < count; ++lane) y[done + lane]->data()[i] = from[lane];
+    });
+  }
+  for (; done < x.size(); ++done) multiply(*x[done], *y[done]);
 }
 
 template struct BlockMatrix<2>;

@@ -74,8 +74,10 @@ template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degr
                      .displacement);
   }
   const auto respond = [&](const Functional<Dim>& functional) {
-    return solver ? solver->respond(functional, u, problem.loads)
-                  : corrector->respond(functional, u.coefficients, problem.loads, {.tolerance = tolerance});
+    if (solver) return std::pair(solver->dual(functional), solver->value(functional, u.coefficients, problem.loads));
+    auto z = corrector->dual(functional, {.tolerance = tolerance}).displacement;
+    const double value = corrector->value(functional, z, u.coefficients, problem.loads);
+    return std::pair(std::move(z), value);
   };
   const auto materials = materials_of(problem.model, problem.mesh);
   const auto fields_of = [&](const Points<Dim>& of) {
@@ -91,10 +93,10 @@ template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degr
     const auto functional = wanted.part.empty() ? displacement_at<Dim>(elements.space, wanted.at, along)
                                                 : reaction_of<Dim>(elements.space, problem.supports,
                                                                    tied_facets(problem.mesh), wanted.part, along);
-    const auto z = respond(functional);
-    Found here{z.value, 0.0, 0.0, 0.0, 0.0, seconds_u, 0.0};
+    const auto [z, value] = respond(functional);
+    Found here{value, 0.0, 0.0, 0.0, 0.0, seconds_u, 0.0};
     if (estimated) {
-      const auto dual = fields_of(z.displacement);
+      const auto dual = fields_of(z);
       here.reported = functional_error(elements, fields, dual, materials);
       here.seconds_z = cpu_seconds() - start;
       here.signed_error = recovery_products(elements, fields, dual, materials).sum();

@@ -153,7 +153,8 @@ template <int Dim> ordered_json balance_json(const Balance<Dim>& balance) {
   return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
 }
 
-/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes.
+/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes,
+/// with their errors.
 template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim>& answer, ordered_json& json) {
   json["strain_energy"] = answer.solution.strain_energy;
   if (answer.estimates)
@@ -168,6 +169,15 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
                             {"strain", array(values.strain)},
                             {"stress", array(values.stress)}};
   for (const auto& [part, of] : answer.balance.reactions) json["reactions"][part] = json_of<Dim>(of);
+  for (const auto& [name, values] : answer.probes)
+    if (const auto error = answer.probe_errors.find(name); error != answer.probe_errors.end()) {
+      json["probes"][name]["error"] = array(error->second);
+      json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
+    }
+  for (const auto& reaction : answer.reactions) {
+    json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
+    json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
+  }
   json["loads"] = ordered_json::array();
   for (const auto& load : answer.balance.loads) {
     ordered_json one = {{"kind", load.kind}};
@@ -176,8 +186,12 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
     json["loads"].push_back(one);
   }
   json["balance"] = balance_json(answer.balance);
-  for (const auto& extreme : answer.extremes)
+  for (const auto& extreme : answer.extremes) {
     json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
+    if (!extreme.error) continue;
+    json["extremes"][extreme.of]["error"] = *extreme.error;
+    json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
+  }
   for (const auto& range : field_ranges(space, answer.fields))
     json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", array(range.most_at)}}},
                                   {"min", {{"value", range.least}, {"at", array(range.least_at)}}}};
@@ -369,26 +383,12 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                                 {"degree", attempt.degree},
                                 {"error", attempt.error},
                                 {"seconds", attempt.seconds}});
-  for (const auto& [name, values] : result.probes)
-    if (const auto error = result.probe_errors.find(name); error != result.probe_errors.end()) {
-      json["probes"][name]["error"] = array(error->second);
-      json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
-    }
-  for (const auto& reaction : result.reactions) {
-    json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
-    json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
-  }
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)
       json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
   if (result.cloud_alone)
     json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
                                         {"probes", result.cloud_alone->probes}};
-  for (const auto& extreme : result.extremes) {
-    if (!extreme.error) continue;
-    json["extremes"][extreme.of]["error"] = *extreme.error;
-    json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
-  }
   for (std::size_t k = 0; k < settings.cases.size(); ++k) {
     const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
     add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);

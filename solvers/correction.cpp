@@ -388,6 +388,12 @@ template <int Dim> struct Corrector<Dim>::Impl {
     const Vector forces = weak.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped();
     return forces.reshaped(Dim, u.cols());
   }
+  /// What a functional works with on displacements, at the element nodes.
+  Points<Dim> forces_of(const Functional<Dim>& functional) const {
+    Points<Dim> forces = gathered(functional.forces);
+    if (functional.weak_motion.size() > 0) forces -= gathered(held_weakly(functional.weak_motion));
+    return forces;
+  }
   /// What iterations begin with: the displacement u, which has what is held, and forces; `start` is what errors are
   /// said of.
   struct Beginning {
@@ -700,25 +706,26 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
                                      result.error, result.iterations, options.tolerance));
 }
 
-template <int Dim> Response<Dim> Corrector<Dim>::respond(const Functional<Dim>& functional, const Points<Dim>& u,
-                                                         const Loads<Dim>& loads, const CorrectionOptions& options,
-                                                         const Monitor& monitor) const {
+template <int Dim> DualSolution<Dim> Corrector<Dim>::dual(const Functional<Dim>& functional,
+                                                          const CorrectionOptions& options,
+                                                          const Monitor& monitor) const {
   const Stage stage("correction", monitor);
-  const Impl& problem = *impl_;
-  Points<Dim> start = Points<Dim>::Zero(Dim, problem.nodes.count), forces = problem.gathered(functional.forces);
-  double value = 0.0;
-  if (functional.weak_motion.size() > 0) {
-    forces -= problem.gathered(problem.held_weakly(functional.weak_motion));
-    value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
-  }
-  if (functional.motion.size() > 0) start = -problem.at_nodes(functional.motion);
+  Points<Dim> start = Points<Dim>::Zero(Dim, impl_->nodes.count);
+  if (functional.motion.size() > 0) start = -impl_->at_nodes(functional.motion);
   std::vector<typename Impl::Beginning> from;
-  from.push_back({forces, start, start});
-  const Correction<Dim> dual = std::move(problem.iterate(std::move(from), options, stage).front());
-  const Points<Dim> at_nodes = problem.at_nodes(u), z = problem.at_nodes(dual.displacement);
-  value +=
-      dot<Dim>(forces, at_nodes) + dot<Dim>(z, problem.loads(loads, problem.identity())) - problem.work(z, at_nodes);
-  return {.displacement = dual.displacement, .value = value, .error = dual.error, .iterations = dual.iterations};
+  from.push_back({impl_->forces_of(functional), start, start});
+  Correction<Dim> z = std::move(impl_->iterate(std::move(from), options, stage).front());
+  return {.displacement = std::move(z.displacement), .error = z.error, .iterations = z.iterations};
+}
+
+template <int Dim> double Corrector<Dim>::value(const Functional<Dim>& functional, const Points<Dim>& z,
+                                                const Points<Dim>& u, const Loads<Dim>& loads) const {
+  const Impl& problem = *impl_;
+  const Points<Dim> u_at = problem.at_nodes(u), z_at = problem.at_nodes(z);
+  double value = dot<Dim>(problem.forces_of(functional), u_at) +
+                 dot<Dim>(z_at, problem.loads(loads, problem.identity())) - problem.work(z_at, u_at);
+  if (functional.weak_motion.size() > 0) value += dot<Dim>(problem.weak.rhs, problem.at_nodes(functional.weak_motion));
+  return value;
 }
 
 template bool takes_mean_dilatation<2>(const Approximation<2>&, const ElasticModel&);

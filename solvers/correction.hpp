@@ -60,16 +60,20 @@ template <int Dim> class Corrector {
   /// the iterations break down or end without reaching the tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads, const CorrectionOptions& options = {},
                           const Monitor& monitor = {}) const;
-  /// The same for several load cases, as one by one but for rounding, in less time: eight vectors are multiplied by the
-  /// matrix, swept and solved for coarsely together. Takes ten vectors of the elements for each.
+  /// The same for several load cases, as one by one but for rounding, in less time: several vectors are multiplied by
+  /// the matrix, swept and solved for coarsely together. Takes ten vectors of the elements for each.
   std::vector<Correction<Dim>> correct_all(const std::vector<Points<Dim>>& starts, const std::vector<Loads<Dim>>& cases,
                                            const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
 
-  /// The dual solution of a functional, iterated from nothing as `correct` iterates, and what it says of the
-  /// displacement u (Dim x space.size()) under these loads. Throws like `correct`; neither is to be called from two
-  /// threads at once.
-  Response<Dim> respond(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads,
-                        const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
+  /// The dual solution of a functional, iterated from nothing as `correct` iterates. Throws like `correct`; neither is
+  /// to be called from two threads at once.
+  DualSolution<Dim> dual(const Functional<Dim>& functional, const CorrectionOptions& options = {},
+                         const Monitor& monitor = {}) const;
+  /// The functional for the solution of the finite elements under these loads: that for the displacement u (Dim x
+  /// space.size()) near to it, and what the dual displacement z says is left; off by no more than the product of the
+  /// errors of u and z.
+  double value(const Functional<Dim>& functional, const Points<Dim>& z, const Points<Dim>& u,
+               const Loads<Dim>& loads) const;
 
  private:
   struct Impl;

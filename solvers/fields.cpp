@@ -231,63 +231,146 @@ template <int Dim> RecoveryError recovery_error(const Approximation<Dim>& approx
   return std::move(recovery_errors<Dim>(approximation, {&fields}, materials).front());
 }
 
+namespace {
+
+/// What a cell adds to the sums of recovery_errors.
+struct RecoverySums {
+  double error = 0.0, norm = 0.0, rounding = 0.0;
+
+  void add(const RecoverySums& other) {
+    error += other.error;
+    norm += other.norm;
+    rounding += other.rounding;
+  }
+};
+
+/// These, cell by cell, for any number of fields in each.
+template <int Dim> class RecoverySquares {
+ public:
+  RecoverySquares(const Approximation<Dim>& approximation, const Materials<Dim>& materials)
+      : space_(approximation.space),
+        materials_(materials),
+        averaged_(averages_in_cells(approximation)),
+        rule_(simplex_rule<Dim>(2 * space_.degree())),
+        volumes_(rule_.weights.size()),
+        rooms_(rule_.weights.size()),
+        stiffness_(rule_.weights.size()),
+        at_points_(space_, rule_),
+        at_corners_(space_, corners_),
+        own_(space_, space_.cell_rule()) {
+    for (Index q = 0; q < rule_.weights.size(); ++q) values_.push_back(space_.values(rule_.points.col(q)));
+    const auto n = values_.front().size();
+    Matrix mass = Matrix::Zero(n, n);
+    for (Index q = 0; q < rule_.weights.size(); ++q) mass += rule_.weights[q] * values_[q] * values_[q].transpose();
+    root_ = Eigen::LLT<Matrix>(mass).matrixL();
+  }
+
+  void enter(Index c) {
+    cell_ = c;
+    // Then the difference is a polynomial of the degree of the space.
+    by_nodes_ = materials_.is_uniform(space_.mesh().region(c)) && !space_.axisymmetric();
+    if (averaged_) own_.enter(c);
+    if (by_nodes_) {
+      at_corners_.enter(c);
+      stiffness_[0] = &materials_.stiffness(space_.mesh().region(c), space_.mesh().centroid(c), rooms_[0]);
+    } else {
+      at_points_.enter(c);
+      for (Index q = 0; q < volumes_.size(); ++q) {
+        const Vec<Dim> x = space_.position(c, rule_.points.col(q));
+        volumes_[q] = space_.mesh().volume(c) * rule_.weights[q] * space_.measure(x);
+        stiffness_[q] = &materials_.stiffness(space_.mesh().region(c), x, rooms_[q]);
+      }
+    }
+    smallest_ = 1e-24 * space_.mesh().hat_gradients(c).squaredNorm();
+  }
+
+  RecoverySums of(const Fields<Dim>& fields) const {
+    const Points<Dim>& u = fields.displacement;
+    const auto sigma = gather<Dim>(fields.stress, space_.places(cell_));
+    const double mean = averaged_ ? mean_dilatation(space_, cell_, own_, u) : 0.0;
+    RecoverySums sums = by_nodes_ ? by_nodes(u, sigma, mean) : by_rule(u, sigma, mean);
+    sums.rounding *= smallest_ * gather<Dim>(u, space_.cell(cell_)).colwise().squaredNorm().maxCoeff();
+    return sums;
+  }
+
+ private:
+  using Stresses =
+      Eigen::Matrix<double, voigt_size<Dim>, Eigen::Dynamic, 0, voigt_size<Dim>, FineSpace<Dim>::max_cell_size>;
+
+  Voigt<Dim> strain(const Gradient<Dim>& H, double mean, const Stiffness<Dim>& stiffness) const {
+    Voigt<Dim> eps = strain_of<Dim>(H);
+    if (averaged_) eps += (mean - eps.template head<3>().sum()) * stiffness.swelling;
+    return eps;
+  }
+
+  /// From the difference at the degrees of freedom, by the mass matrix; strains are linear.
+  RecoverySums by_nodes(const Points<Dim>& u, Stresses difference, double mean) const {
+    const double volume = space_.mesh().volume(cell_);
+    const Stiffness<Dim>& stiffness = *stiffness_[0];
+    Eigen::Matrix<double, voigt_size<Dim>, Dim + 1> strains, stresses;
+    for (int i = 0; i <= Dim; ++i) strains.col(i) = strain(at_corners_.of(i, u), mean, stiffness);
+    stresses = stiffness.C * strains;
+    Index node = 0;
+    for (; node <= Dim; ++node) difference.col(node) -= stresses.col(node);
+    for (int i = 0; i <= Dim && space_.degree() == 2; ++i)
+      for (int j = i + 1; j <= Dim; ++j, ++node) difference.col(node) -= 0.5 * (stresses.col(i) + stresses.col(j));
+    const Stresses columns = difference * root_;
+    const double work = strains.rowwise().sum().dot(stresses.rowwise().sum()) + strains.cwiseProduct(stresses).sum();
+    return {volume * (stiffness.S * columns).cwiseProduct(columns).sum(), volume * work / ((Dim + 1) * (Dim + 2)),
+            volume * stiffness.C(0, 0)};
+  }
+
+  RecoverySums by_rule(const Points<Dim>& u, const Stresses& sigma, double mean) const {
+    RecoverySums sums;
+    for (Index q = 0; q < volumes_.size(); ++q) {
+      const Stiffness<Dim>& stiffness = *stiffness_[q];
+      const Voigt<Dim> eps = strain(at_points_.of(q, u), mean, stiffness);
+      const Voigt<Dim> stress = stiffness.C * eps, difference = sigma * values_[q] - stress;
+      sums.add({volumes_[q] * difference.dot(stiffness.S * difference), volumes_[q] * eps.dot(stress),
+                volumes_[q] * stiffness.C(0, 0)});
+    }
+    return sums;
+  }
+
+  const FineSpace<Dim>& space_;
+  const Materials<Dim>& materials_;
+  bool averaged_;
+  SimplexRule<Dim> rule_, corners_{Eigen::Matrix<double, Dim + 1, Dim + 1>::Identity(), Vector::Ones(Dim + 1)};
+  std::vector<typename FineSpace<Dim>::CellValues> values_;  ///< at the points of the rule
+  Matrix root_;                                              ///< of the mass matrix of a cell of volume 1
+  Index cell_ = 0;
+  bool by_nodes_ = false;
+  Vector volumes_;  ///< by point of the rule
+  std::vector<Stiffness<Dim>> rooms_;
+  std::vector<const Stiffness<Dim>*> stiffness_;
+  CellGradients<Dim> at_points_, at_corners_, own_;
+  double smallest_ = 0.0;
+};
+
+}  // namespace
+
 template <int Dim> std::vector<RecoveryError> recovery_errors(const Approximation<Dim>& approximation,
                                                               const std::vector<const Fields<Dim>*>& fields,
                                                               const Materials<Dim>& materials) {
-  const auto& space = approximation.space;
-  const auto rule = simplex_rule<Dim>(2 * space.degree());
-  const Index cells = space.mesh().num_cells(), points = static_cast<Index>(rule.weights.size());
-  std::vector<typename FineSpace<Dim>::CellValues> values;
-  for (Index q = 0; q < points; ++q) values.push_back(space.values(rule.points.col(q)));
-  const bool averaged = averages_in_cells(approximation);
-  struct Sums {
-    double error = 0.0, norm = 0.0, rounding = 0.0;
-  };
+  const Index cells = approximation.space.mesh().num_cells();
   constexpr Index chunk = 1024;
-  std::vector<std::vector<Sums>> parts((cells + chunk - 1) / chunk, std::vector<Sums>(fields.size()));
+  std::vector<std::vector<RecoverySums>> parts((cells + chunk - 1) / chunk, std::vector<RecoverySums>(fields.size()));
   std::vector<RecoveryError> errors(fields.size());
   for (RecoveryError& one : errors) one.squares.resize(cells);
   parallel_chunks(cells, chunk, [&](Index begin, Index end) {
-    CellGradients<Dim> gradients(space, rule), own(space, space.cell_rule());
-    std::vector<double> volumes(static_cast<std::size_t>(points));
-    std::vector<const Stiffness<Dim>*> stiffness(volumes.size());
-    std::vector<Stiffness<Dim>> rooms(volumes.size());
+    RecoverySquares<Dim> squares(approximation, materials);
     for (Index c = begin; c < end; ++c) {
-      gradients.enter(c);
-      if (averaged) own.enter(c);
-      for (Index q = 0; q < points; ++q) {
-        const Vec<Dim> x = space.position(c, rule.points.col(q));
-        volumes[q] = space.mesh().volume(c) * rule.weights[q] * space.measure(x);
-        stiffness[q] = &materials.stiffness(space.mesh().region(c), x, rooms[q]);
-      }
-      const double steepness = space.mesh().hat_gradients(c).squaredNorm();
+      squares.enter(c);
       for (std::size_t k = 0; k < fields.size(); ++k) {
-        const Points<Dim>& u = fields[k]->displacement;
-        const auto sigma = gather<Dim>(fields[k]->stress, space.places(c));
-        const double smallest = 1e-24 * steepness * gather<Dim>(u, space.cell(c)).colwise().squaredNorm().maxCoeff();
-        const double mean = averaged ? mean_dilatation(space, c, own, u) : 0.0;
-        Sums& sum = parts[begin / chunk][k];
-        double square = 0.0;
-        for (Index q = 0; q < points; ++q) {
-          Voigt<Dim> eps = strain_of<Dim>(gradients.of(q, u));
-          if (averaged) eps += (mean - eps.template head<3>().sum()) * stiffness[q]->swelling;
-          const Voigt<Dim> stress = stiffness[q]->C * eps, difference = sigma * values[q] - stress;
-          square += volumes[q] * difference.dot(stiffness[q]->S * difference);
-          sum.norm += volumes[q] * eps.dot(stress);
-          sum.rounding += volumes[q] * smallest * stiffness[q]->C(0, 0);
-        }
-        errors[k].squares[c] = square;
-        sum.error += square;
+        const RecoverySums sums = squares.of(*fields[k]);
+        errors[k].squares[c] = sums.error;
+        parts[begin / chunk][k].add(sums);
       }
     }
   });
   for (std::size_t k = 0; k < fields.size(); ++k) {
-    Sums all;
-    for (const auto& part : parts) {
-      all.error += part[k].error;
-      all.norm += part[k].norm;
-      all.rounding += part[k].rounding;
-    }
+    RecoverySums all;
+    for (const auto& part : parts) all.add(part[k]);
     // Bodies that move as a whole have strains of rounding.
     errors[k].relative = all.norm > all.rounding ? std::sqrt(all.error / all.norm) : 0.0;
   }

@@ -21,14 +21,12 @@ template <int Dim> struct Functional {
   bool moves() const { return !motion.isZero(0.0) || !weak_motion.isZero(0.0); }
 };
 
-/// What a functional's dual solution says: the displacement z with a(v, z) = functional of v for all v that vanish
-/// where nodal values hold the body, and z = -motion there.
-template <int Dim> struct Response {
+/// A functional's dual solution: the displacement z with a(v, z) = functional of v for all v that vanish where nodal
+/// values hold the body, and z = -motion there.
+template <int Dim> struct DualSolution {
   Points<Dim> displacement;  ///< z, Dim x space.size()
-  double value = 0.0;  ///< of the functional for the solution of the finite elements: that of u and what z says is
-                       ///< left of it; off by no more than the product of the errors of u and z
-  double error = 0.0;  ///< of z against that of the finite elements; relative, in the energy norm
-  int iterations = 0;  ///< for z
+  double error = 0.0;        ///< of z against that of the finite elements; relative, in the energy norm
+  int iterations = 0;        ///< for z
 };
 
 /// The displacement at a point along a direction. Throws InputError like probe.

@@ -1,23 +1,39 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/smoother.hpp"
 
-#include "efree/assembly/internal/few.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
+#include "efree/solvers/internal/smoothing_pass.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <memory>
 #include <span>
+#include <utility>
 
 namespace efree {
 namespace {
 
-/// Part of the spectrum below the largest eigenvalue that a polynomial leaves to others.
-double lower_share(int degree) {
-  return std::min(0.04, 1.0 / (degree * degree));
+/// The part of a spectrum up to `largest` that a polynomial of this degree takes on.
+struct Range {
+  double middle, half;
+
+  Range(int degree, double largest) {
+    const double lower = std::min(0.04, 1.0 / (degree * degree));
+    middle = 0.5 * (1.0 + lower) * largest;
+    half = 0.5 * (1.0 - lower) * largest;
+  }
+};
+
+/// Lanes that hold so many vectors.
+Index lanes_for(Index count) {
+  for (const Index lanes : {1, 4, 8})
+    if (count <= lanes) return lanes;
+  return most_lanes;
 }
 
 /// Inverse of D on the range of the projector, zero beyond it, and for nodes without stiffness.
@@ -47,13 +63,26 @@ template <int Dim>
 Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(Index)>& free, int highest) {
   const Index n = K.size();
   inverse_diagonal_.resize(n);
+  scale_.resize(n);
   Points<Dim> r(Dim, n), z, p, q;
   parallel_for(n, [&](Index i) {
-    const Mat<Dim> open = free(i);
-    inverse_diagonal_[i] = inverse_on<Dim>(K.diagonal(i), open);
+    const Mat<Dim> open = free(i), &D = K.diagonal(i);
+    const double mean = D.trace() / Dim;
+    scale_[i] = mean > 0.0 ? std::sqrt(mean) : 1.0;
+    inverse_diagonal_[i] = (scale_[i] * inverse_on<Dim>(D, open) * scale_[i]).template cast<float>();
     Vec<Dim> start;
     for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
+  });
+  blocks_.resize(K.chunks.size());
+  parallel_chunks(n, BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
+    const Index number = begin / BlockMatrix<Dim>::chunk_rows;
+    const auto& chunk = K.chunks[number];
+    blocks_[number].reserve(chunk.blocks.size());
+    for (Index row = 0; row < end - begin; ++row)
+      for (Index k = chunk.offsets[row]; k < chunk.offsets[row + 1]; ++k)
+        blocks_[number].push_back(
+            (chunk.blocks[k] / scale_[begin + row] / scale_[chunk.columns[k]]).template cast<float>());
   });
   if (highest == 1) return;  // no polynomial to scale
   const HeldNodes<Dim> held(n, free);
@@ -63,7 +92,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
   double rz = 0.0, beta = 0.0, alpha_before = 1.0;
   int done = 0;
   for (int k = 0; k < steps; ++k, ++done) {
-    sweep(K, {&r}, {&z});
+    apply(K, 1, {&r}, {&z});
     const double next = r.cwiseProduct(z).sum();
     if (!(next > 0.0)) break;
     beta = k == 0 ? 0.0 : next / rz;
@@ -82,133 +111,80 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     r -= alpha * q;
     held.release(r);  // what is held takes no part
   }
-  if (done > 0) largest_ = 1.15 * internal::eigenvalues<Eigen::Dynamic>(T.topLeftCorner(done, done)).maxCoeff();
-}
-
-template <int Dim> void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const std::vector<const Points<Dim>*>& r,
-                                             const std::vector<Points<Dim>*>& z) const {
-  for (Points<Dim>* one : z) one->resize(Dim, K.size());
-  for_few(r.size(), [&]<int n>(std::size_t first, std::integral_constant<int, n>) {
-    using Column = Eigen::Map<Vec<Dim>>;
-    std::array<const double*, n> from;
-    std::array<double*, n> to;
-    for (int c = 0; c < n; ++c) from[c] = r[first + c]->data(), to[c] = z[first + c]->data();
-    parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&, from, to](Index begin, Index end) {
-      const auto at = [](auto* data, Index i) { return data + static_cast<std::ptrdiff_t>(Dim) * i; };
-      const auto& chunk = K.chunks[begin / BlockMatrix<Dim>::chunk_rows];
-      for (Index i = begin; i < end; ++i) {
-        const Index row = i - begin;
-        std::array<Vec<Dim>, n> rest;
-        for (int c = 0; c < n; ++c) rest[c] = Eigen::Map<const Vec<Dim>>(at(from[c], i));
-        for (Index k = chunk.diagonal[row] - 1; k >= chunk.own[row]; --k)
-          for (int c = 0; c < n; ++c) rest[c].noalias() -= chunk.blocks[k] * Column(at(to[c], chunk.columns[k]));
-        for (int c = 0; c < n; ++c) Column(at(to[c], i)).noalias() = inverse_diagonal_[i] * rest[c];
-      }
-      std::array<Points<Dim>, n> ahead;  // forces by the nodes that are done
-      for (auto& one : ahead) one = Points<Dim>::Zero(Dim, end - begin);
-      for (Index i = end - 1; i >= begin; --i) {
-        const Index row = i - begin;
-        std::array<Vec<Dim>, n> moved;
-        for (int c = 0; c < n; ++c) {
-          Column at_node(at(to[c], i));
-          at_node.noalias() -= inverse_diagonal_[i] * ahead[c].col(row);
-          moved[c] = at_node;
-        }
-        for (Index k = chunk.own[row]; k < chunk.diagonal[row]; ++k)
-          for (int c = 0; c < n; ++c)
-            ahead[c].col(chunk.columns[k] - begin).noalias() += chunk.blocks[k].transpose() * moved[c];
-      }
-    });
-  });
-}
-
-template <int Dim>
-void Smoother<Dim>::sweep(const BlockMatrix<Dim>& K, const Eightfold<Dim>& r, Eightfold<Dim>& z) const {
-  parallel_chunks(K.size(), BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
-    const BlockRows rows = K.rows_of(begin / BlockMatrix<Dim>::chunk_rows);
-    Eightfold<Dim> ahead(end - begin);  // forces by the nodes that are done
-    const double* inverse = inverse_diagonal_.front().data();
-    if constexpr (Dim == 2)
-      sweep_eightfold_2(rows, inverse, r.at(0), z.at(0), ahead.at(0));
-    else
-      sweep_eightfold_3(rows, inverse, r.at(0), z.at(0), ahead.at(0));
-  });
-}
-
-template <int Dim>
-void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree, const Eightfold<Dim>& r, Eightfold<Dim>& z) const {
-  const double lower = lower_share(degree);
-  const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
-  const Index n = K.size();
-  const auto for_each_number = [&](const auto& work) {
-    parallel_chunks(n, BlockMatrix<Dim>::chunk_rows, [&](Index begin, Index end) {
-      const std::ptrdiff_t first = 8 * Dim * static_cast<std::ptrdiff_t>(begin);
-      const std::ptrdiff_t last = 8 * Dim * static_cast<std::ptrdiff_t>(end);
-      work(first, last);
-    });
-  };
-  Eightfold<Dim> step(degree > 1 ? n : 0), rest(degree > 1 ? n : 0), swept(degree > 1 ? n : 0);
-  sweep(K, r, z);
-  for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
-    for (std::ptrdiff_t i = first; i < last; ++i) z.at(0)[i] /= middle;
-    if (degree > 1) std::copy(z.at(0) + first, z.at(0) + last, step.at(0) + first);
-  });
-  double rho = half / middle;
-  for (int k = 1; k < degree; ++k) {
-    K.multiply(z, rest);
-    for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
-      double* const of = rest.at(0);
-      for (std::ptrdiff_t i = first; i < last; ++i) of[i] = r.at(0)[i] - of[i];
-    });
-    // Held directions of `rest` do not matter: the inverse diagonal knows nothing of them.
-    sweep(K, rest, swept);
-    const double next = 1.0 / (2.0 * middle / half - rho), keep = next * rho, take = 2.0 * next / half;
-    for_each_number([&](std::ptrdiff_t first, std::ptrdiff_t last) {
-      for (std::ptrdiff_t i = first; i < last; ++i) {
-        step.at(0)[i] = keep * step.at(0)[i] + take * swept.at(0)[i];
-        z.at(0)[i] += step.at(0)[i];
-      }
-    });
-    rho = next;
-  }
+  // `apply` has divided by the middle of the spectrum of an eigenvalue of 1.
+  if (done > 0)
+    largest_ =
+        1.15 * Range(1, 1.0).middle * internal::eigenvalues<Eigen::Dynamic>(T.topLeftCorner(done, done)).maxCoeff();
 }
 
 template <int Dim> void Smoother<Dim>::apply(const BlockMatrix<Dim>& K, int degree,
                                              const std::vector<const Points<Dim>*>& r,
                                              const std::vector<Points<Dim>*>& z) const {
-  in_eights<Dim>(
-      r, z, [&](const Eightfold<Dim>& from, Eightfold<Dim>& to) { apply(K, degree, from, to); },
-      [&](const auto& from, const auto& to) { apply_to_few(K, degree, from, to); });
+  for (std::size_t first = 0; first < r.size(); first += most_lanes) {
+    const std::size_t count = std::min<std::size_t>(r.size() - first, most_lanes);
+    apply_at_once(K, degree, std::span(r).subspan(first, count), std::span(z).subspan(first, count));
+  }
 }
 
-template <int Dim> void Smoother<Dim>::apply_to_few(const BlockMatrix<Dim>& K, int degree,
-                                                    const std::vector<const Points<Dim>*>& r,
-                                                    const std::vector<Points<Dim>*>& z) const {
-  const double lower = lower_share(degree);
-  const double middle = 0.5 * (1.0 + lower) * largest_, half = 0.5 * (1.0 - lower) * largest_;
-  const std::size_t count = r.size();
-  std::vector<Points<Dim>> step(count), rest(degree > 1 ? count : 0), swept(rest.size());
-  const auto pointers = [](std::vector<Points<Dim>>& of) {
-    std::vector<Points<Dim>*> all;
-    for (auto& one : of) all.push_back(&one);
-    return all;
-  };
-  sweep(K, r, pointers(step));
-  for (std::size_t c = 0; c < count; ++c) *z[c] = step[c] /= middle;
-  double rho = half / middle;
-  for (int k = 1; k < degree; ++k) {
-    K.multiply(std::vector<const Points<Dim>*>(z.begin(), z.end()), pointers(rest));
-    for (std::size_t c = 0; c < count; ++c) rest[c] = *r[c] - rest[c];
-    // Held directions of `rest` do not matter: the inverse diagonal knows nothing of them.
-    const auto given = pointers(rest);
-    sweep(K, {given.begin(), given.end()}, pointers(swept));
-    const double next = 1.0 / (2.0 * middle / half - rho);
-    for (std::size_t c = 0; c < count; ++c) {
-      step[c] = next * rho * step[c] + (2.0 * next / half) * swept[c];
-      *z[c] += step[c];
-    }
-    rho = next;
+template <int Dim> void Smoother<Dim>::apply_at_once(const BlockMatrix<Dim>& K, int degree,
+                                                     std::span<const Points<Dim>* const> r,
+                                                     std::span<Points<Dim>* const> z) const {
+  constexpr Index chunk = BlockMatrix<Dim>::chunk_rows;
+  const Index n = K.size(), count = static_cast<Index>(r.size());
+  const Index lanes = lanes_for(count);
+  const auto vectors = [&] { return std::make_unique_for_overwrite<float[]>(std::size_t{Dim} * lanes * n); };
+  // Divided by their largest component, which single precision may not hold.
+  std::array<double, most_lanes> size{};
+  for (Index lane = 0; lane < count; ++lane) {
+    const double most = n > 0 ? r[lane]->cwiseAbs().maxCoeff() : 0.0;
+    size[lane] = most > 0.0 ? most : 1.0;
   }
+  const auto forces = vectors();
+  parallel_chunks(n, chunk, [&](Index begin, Index end) {
+    float* to = forces.get() + std::ptrdiff_t{Dim} * lanes * begin;
+    for (Index i = begin; i < end; ++i)
+      for (int d = 0; d < Dim; ++d, to += lanes)
+        for (Index lane = 0; lane < lanes; ++lane)
+          to[lane] = lane < count ? static_cast<float>((*r[lane])(d, i) / size[lane] / scale_[i]) : 0.0f;
+  });
+  auto now = vectors(), next = vectors();
+  const auto step = vectors();
+  const Range range(degree, largest_);
+  double rho = range.half / range.middle, keep = 0.0, take = 1.0 / range.middle;
+  for (int k = 0; k < degree; ++k) {
+    if (k > 0) {
+      const double after = 1.0 / (2.0 * range.middle / range.half - rho);
+      keep = after * rho;
+      take = 2.0 * after / range.half;
+      rho = after;
+    }
+    // Held directions of what is left do not matter: the inverse diagonal knows nothing of them.
+    parallel_chunks(n, chunk, [&](Index begin, Index end) {
+      const auto& rows = K.chunks[begin / chunk];
+      const std::size_t of_chunk = std::size_t{Dim} * lanes * (end - begin);
+      const auto room = std::make_unique_for_overwrite<float[]>(3 * of_chunk);
+      smooth_rows(Dim, lanes,
+                  {.rows = rows.with(begin, blocks_[begin / chunk].front().data()),
+                   .inverse = inverse_diagonal_.front().data(),
+                   .r = forces.get(),
+                   .z = k == 0 ? nullptr : now.get(),
+                   .step = step.get(),
+                   .next = next.get(),
+                   .keep = static_cast<float>(keep),
+                   .take = static_cast<float>(take),
+                   .rest = room.get(),
+                   .swept = room.get() + of_chunk,
+                   .ahead = room.get() + 2 * of_chunk});
+    });
+    std::swap(now, next);
+  }
+  for (Points<Dim>* one : z) one->resize(Dim, n);
+  parallel_chunks(n, chunk, [&](Index begin, Index end) {
+    const float* from = now.get() + std::ptrdiff_t{Dim} * lanes * begin;
+    for (Index i = begin; i < end; ++i)
+      for (int d = 0; d < Dim; ++d, from += lanes)
+        for (Index lane = 0; lane < count; ++lane) (*z[lane])(d, i) = from[lane] * size[lane] / scale_[i];
+  });
 }
 
 template class Smoother<2>;

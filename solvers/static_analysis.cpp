@@ -105,6 +105,12 @@ void require_stable(const Approximation<Dim>& approximation, const std::vector<S
   }
 }
 
+/// What a functional works with on displacements of finite elements.
+template <int Dim> Points<Dim> forces_of(const Equilibrium<Dim>& problem, const Functional<Dim>& functional) {
+  if (functional.weak_motion.size() == 0) return functional.forces;
+  return functional.forces - problem.weak_forces(functional.weak_motion);
+}
+
 /// The energy of the field with coefficients U in some terms of the stiffness.
 template <int Dim> double energy_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U) {
   double energy = 0.0;
@@ -290,29 +296,30 @@ Resultants<Dim> ElasticSolver<Dim>::reactions(const Solution<Dim>& solution, con
   return impl_->equations.with(loads).reactions(state, &solution.stress);
 }
 
-template <int Dim> Response<Dim> ElasticSolver<Dim>::respond(const Functional<Dim>& functional, const Solution<Dim>& u,
-                                                             const Loads<Dim>& loads) const {
+template <int Dim> Points<Dim> ElasticSolver<Dim>::dual(const Functional<Dim>& functional) const {
   const Equilibrium<Dim>& problem = impl_->equations;
   const auto& approximation = problem.approximation();
   require(approximation.shape.num_nodes() == approximation.space.size(),
           "dual solutions are of finite elements: correct the answer of a cloud");
-  Points<Dim> forces = functional.forces;
-  double value = 0.0;
-  if (functional.weak_motion.size() > 0) {
-    forces -= problem.weak_forces(functional.weak_motion);
-    value += problem.weak_prescribed().cwiseProduct(functional.weak_motion).sum();
-  }
-  value += forces.cwiseProduct(u.coefficients).sum();
-  const Equilibrium<Dim> dual = problem.homogeneous(forces);
+  const Equilibrium<Dim> dual = problem.homogeneous(forces_of(problem, functional));
   State z = dual.under(1.0, dual.rest());
-  if (functional.motion.size() > 0) {
-    const Points<Dim> held = -problem.held_part(functional.motion);
-    const Points<Dim> load = load_vector(approximation.space, approximation.shape, loads);
-    z.u = held.reshaped();
-    value += held.cwiseProduct(load - problem.initial_tangent_times(u.coefficients)).sum();
-  }
+  if (functional.motion.size() > 0) z.u = -problem.held_part(functional.motion).reshaped();
   z = dual.moved(z, impl_->factor.solve(-dual.residual(z)));
-  return {.displacement = z.u.reshaped(Dim, approximation.shape.num_nodes()), .value = value};
+  return z.u.reshaped(Dim, approximation.shape.num_nodes());
+}
+
+template <int Dim> double ElasticSolver<Dim>::value(const Functional<Dim>& functional, const Points<Dim>& u,
+                                                    const Loads<Dim>& loads) const {
+  const Equilibrium<Dim>& problem = impl_->equations;
+  const auto& approximation = problem.approximation();
+  double value = forces_of(problem, functional).cwiseProduct(u).sum();
+  if (functional.weak_motion.size() > 0) value += problem.weak_prescribed().cwiseProduct(functional.weak_motion).sum();
+  if (functional.motion.size() > 0)
+    value += problem.held_part(functional.motion)
+                 .cwiseProduct(problem.initial_tangent_times(u) -
+                               load_vector(approximation.space, approximation.shape, loads))
+                 .sum();
+  return value;
 }
 
 template Solution<2> evaluate<2>(const Approximation<2>&, const ElasticModel&, Points<2>);

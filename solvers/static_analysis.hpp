@@ -45,9 +45,11 @@ template <int Dim> class ElasticSolver {
   Solution<Dim> solve(const Loads<Dim>& loads) const;
   /// Any number of them, which take less time together than one by one. Throws likewise.
   std::vector<Solution<Dim>> solve_all(const std::vector<Loads<Dim>>& cases) const;
-  /// Of finite elements: the dual solution of a functional, by the same factor, and what it says of the answer `u`
-  /// under these loads. Throws InputError on other bases.
-  Response<Dim> respond(const Functional<Dim>& functional, const Solution<Dim>& u, const Loads<Dim>& loads) const;
+  /// Of finite elements: the displacement of the dual solution of a functional (DualSolution), by the same factor.
+  /// Throws InputError on other bases.
+  Points<Dim> dual(const Functional<Dim>& functional) const;
+  /// Likewise, the functional for the solution u under these loads.
+  double value(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads) const;
   /// By part with displacement conditions: the force and moment by which it holds the body (Equilibrium::reactions).
   Resultants<Dim> reactions(const Solution<Dim>& solution, const Loads<Dim>& loads) const;
   Index num_unknowns() const;

@@ -8,12 +8,14 @@
 
 namespace efree::internal {
 
-/// The finite elements that an answer is of, or is compared with.
+/// The finite elements that answers are of, or are compared with.
 template <int Dim> struct Reference {
   const Approximation<Dim>& elements;
-  const Fields<Dim>& fields;                                                     ///< recovered, of their solution
-  bool weakly;                                                                   ///< every condition is set by Nitsche
-  std::function<Response<Dim>(const Functional<Dim>&, const Monitor&)> respond;  ///< of that solution
+  std::vector<const Fields<Dim>*> fields;  ///< recovered, of their solutions for the first load cases, or all
+  bool weakly;                             ///< every condition is set by Nitsche
+  std::function<Points<Dim>(const Functional<Dim>&, const Monitor&)> dual;  ///< Response::displacement
+  /// Response::value for the solution of a load case.
+  std::function<double(const Functional<Dim>&, const Points<Dim>& dual, std::size_t)> value;
 };
 
 /// Whether there are errors to be told by dual solutions.
@@ -22,8 +24,9 @@ template <int Dim> bool asks_for_errors(const Settings<Dim>& settings);
 /// Probes, and the extremes, as the fields of the answer have them.
 template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<Dim>& space, Answer<Dim>& answer);
 
-/// Errors of probes, reactions and extremes of the result, and the reactions: by a dual solution for each component
-/// (stage "duals"). The displacements are those of result.fields.
+/// Errors of probes, reactions and extremes of the answers in the result that the reference has solutions for, and the
+/// reactions: by a dual solution for each component (stage "duals"), which serves all load cases; of the largest
+/// displacement each has its own. The displacements are those of the answers' fields.
 template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
                                     const Monitor& monitor);
 /// The same on cells, from what the three finest grids have.

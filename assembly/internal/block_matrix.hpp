@@ -2,7 +2,7 @@
 /// Symmetric sparse matrices of small dense blocks, stored for fast products.
 #pragma once
 
-#include "efree/assembly/internal/eightfold.hpp"
+#include "efree/assembly/internal/lanes.hpp"
 #include "efree/core/types.hpp"
 
 #include <cstdint>
@@ -30,6 +30,10 @@ template <int Dim> struct BlockMatrix {
     Ragged<Mirror> mirrors;         ///< by row: the entries below the diagonal in its column, and their rows
 
     Index rows() const { return static_cast<Index>(diagonal.size()); }
+    /// As kernels see it, the first row being number `first` of the matrix, with these blocks or others.
+    template <class Number> BlockRows<Number> with(Index first, const Number* of_entries) const {
+      return {first, rows(), offsets.data(), own.data(), diagonal.data(), columns.data(), of_entries};
+    }
     /// Ends the row of this number in the matrix: its columns are those beyond the row before.
     void close_row(Index number);
     /// Ends the chunk.
@@ -58,20 +62,9 @@ template <int Dim> struct BlockMatrix {
   /// Block (i, j), one that is stored. Throws std::out_of_range if it is not.
   Mat<Dim>& block(Index i, Index j);
   /// y = A x; both Dim x size().
-  void multiply(const Points<Dim>& x, Points<Dim>& y) const {
-    multiply(std::vector<const Points<Dim>*>{&x}, std::vector<Points<Dim>*>{&y});
-  }
+  void multiply(const Points<Dim>& x, Points<Dim>& y) const;
   /// The same for several, none of which is another one's product; as one by one but for rounding.
   void multiply(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
-  void multiply(const Eightfold<Dim>& x, Eightfold<Dim>& y) const;
-  /// Of fewer than are worth packing.
-  void multiply_few(const std::vector<const Points<Dim>*>& x, const std::vector<Points<Dim>*>& y) const;
-  /// Those of a chunk as kernels see them.
-  BlockRows rows_of(Index chunk) const {
-    const Chunk& of = chunks[chunk];
-    return {chunk * chunk_rows, of.rows(),         of.offsets.data(),       of.own.data(),
-            of.diagonal.data(), of.columns.data(), of.blocks.data()->data()};
-  }
 };
 
 }  // namespace efree

@@ -55,6 +55,35 @@ TEST(ToldErrors, OfDisplacementsAtAHoleAreHalfToTwiceTheTruth) {
   }
 }
 
+/// A dual solution serves all of them; what is said of each is what would be said of it alone.
+TEST(ToldErrors, OfLoadCasesAreThoseOfEachAlone) {
+  const std::string body =
+      "[geometry]\nshape = \"rectangle\"\nparameters = { width = 2, height = 1 }\nmesh_size = 0.1\n"
+      "[analysis]\nplane = \"stress\"\nextremes = [\"displacement\", \"von_mises\"]\n"
+      "[material]\nE = 1\nnu = 0.3\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n"
+      "[[boundary]]\non = \"bottom\"\ndisplacement = [\"free\", 0]\n"
+      "[[probe]]\nname = \"corner\"\nat = [2, 1]\n[[reaction]]\nname = \"wall\"\non = \"left\"\n";
+  const std::string pulled = "on = \"right\"\ntraction = [1, 0]\n", sheared = "on = \"top\"\ntraction = [\"x\", 1]\n";
+  for (const std::string& method : {with_basis("p1"), with_basis("p2"), std::string("[cloud]\nspacing = 0.3\n")}) {
+    const auto both = solved(body + method + "[[case]]\nname = \"a\"\n[[case.boundary]]\n" + pulled +
+                             "[[case]]\nname = \"b\"\n[[case.boundary]]\n" + sheared);
+    const auto alone = solved(body + method + "[[boundary]]\n" + sheared);
+    const Answer<2>& of = both.more.at(0);
+    const Vec<2> said = of.probe_errors.at("corner"), expected = alone.probe_errors.at("corner");
+    EXPECT_GT(expected.minCoeff(), 0.0) << method;
+    EXPECT_LT((said - expected).norm(), 0.05 * expected.norm()) << method;
+    ASSERT_EQ(of.reactions.size(), 1u);
+    EXPECT_LT((of.reactions[0].force - alone.reactions[0].force).norm(), 1e-3) << method;
+    EXPECT_LT((of.reactions[0].error - alone.reactions[0].error).norm(), 0.05 * alone.reactions[0].error.norm() + 1e-9)
+        << method;
+    for (std::size_t k = 0; k < 2; ++k) {
+      ASSERT_TRUE(of.extremes[k].error && both.extremes[k].error);
+      EXPECT_NEAR(*of.extremes[k].error, *alone.extremes[k].error, 0.05 * *alone.extremes[k].error) << method;
+      EXPECT_GT(std::abs(*of.extremes[k].error - *both.extremes[k].error), 0.1 * *of.extremes[k].error) << method;
+    }
+  }
+}
+
 /// Equilibrium alone says what the foot carries: the tractions' resultant, with any mesh.
 TEST(ToldErrors, AReactionThatEquilibriumDeterminesIsExactAndSaidToBe) {
   for (const char* kind : {"p1", "p2", "mls"}) {
