@@ -201,7 +201,7 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
     const Reference<Dim> reference{
         result.approximation, std::move(fields), result.model.essential == Essential::nitsche,
-        [&](const Functional<Dim>& functional, const Monitor&) { return solver->dual(functional); },
+        [&](const std::vector<Functional<Dim>>& functionals, const Monitor&) { return solver->duals(functionals); },
         [&](const Functional<Dim>& functional, const Points<Dim>&, std::size_t k) {
           return solver->value(functional, answers_in(result)[k]->solution.coefficients, all[k]);
         }};

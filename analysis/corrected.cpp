@@ -73,14 +73,17 @@ template <int Dim> void tell_dual_errors(const Settings<Dim>& settings, const Co
                                          const Approximation<Dim>& elements,
                                          const std::vector<const Fields<Dim>*>& fields, double tolerance,
                                          Result<Dim>& result, const Monitor& monitor) {
-  const auto dual = [&](const Functional<Dim>& functional, const Monitor& within) {
-    return best.corrector->dual(functional, {.tolerance = std::min(tolerance, 0.01)}, within).displacement;
+  const auto duals = [&](const std::vector<Functional<Dim>>& functionals, const Monitor& within) {
+    std::vector<Points<Dim>> displacements;
+    for (auto& z : best.corrector->duals(functionals, {.tolerance = std::min(tolerance, 0.01)}, within))
+      displacements.push_back(std::move(z.displacement));
+    return displacements;
   };
   const auto value = [&](const Functional<Dim>& functional, const Points<Dim>& z, std::size_t k) {
     return best.corrector->value(functional, z, fields[k]->displacement, loads_of(settings, k, 1).front());
   };
   try {
-    tell_errors(settings, {elements, fields, false, dual, value}, result, monitor);
+    tell_errors(settings, {elements, fields, false, duals, value}, result, monitor);
   } catch (const NumericalError& error) {
     for (Answer<Dim>* answer : answers_in(result)) answer->probe_errors.clear(), answer->reactions.clear();
     result.warnings.push_back(fmt::format("errors of probes and reactions are not known: {}", error.what()));

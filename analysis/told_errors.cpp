@@ -70,40 +70,38 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
   const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
-  // Calls tell(k, value, left) for the load cases from `first` on: the value of a functional for the reference's
-  // solution, and how far that is off.
-  const auto respond = [&](const Functional<Dim>& functional, std::size_t first, std::size_t end, const auto& tell) {
-    stage.check();
-    const Points<Dim> dual = reference.dual(functional, stage.within());
-    const auto fields = recover_fields(reference.elements, evaluate(reference.elements, result.model, dual));
-    for (std::size_t k = first; k < end; ++k)
-      tell(k, reference.value(functional, dual, k),
-           functional_error(reference.elements, *reference.fields[k], fields, materials));
+  // Of a functional, for some of the load cases: what takes its value for the reference's solution, and how far that is
+  // off.
+  struct Wanted {
+    Functional<Dim> functional;
+    std::size_t first, end;  // load cases
+    std::function<void(std::size_t, double value, double left)> tell;
   };
-  for (std::size_t p = 0; p < settings.probes.size(); ++p) {
-    const auto& [name, at, where] = settings.probes[p];
+  std::vector<Wanted> wanted;
+  for (std::size_t p = 0; p < settings.probes.size(); ++p)
     for (int d = 0; d < Dim; ++d)
-      respond(displacement_at<Dim>(space, at, Vec<Dim>::Unit(d)), 0, answers.size(),
-              [&](std::size_t k, double value, double left) {
-                const double told = answers[k]->probes[p].second.displacement[d];
-                answers[k]->probe_errors.try_emplace(name, Vec<Dim>::Zero()).first->second[d] =
-                    std::abs(value - told) + left;
-              });
-  }
+      wanted.push_back({displacement_at<Dim>(space, settings.probes[p].at, Vec<Dim>::Unit(d)), 0, answers.size(),
+                        [&, p, d](std::size_t k, double value, double left) {
+                          const auto& [name, told] = answers[k]->probes[p];
+                          answers[k]->probe_errors.try_emplace(name, Vec<Dim>::Zero()).first->second[d] =
+                              std::abs(value - told.displacement[d]) + left;
+                        }});
   const auto ties = tied_facets(*result.mesh, result.model.open_interface);
-  for (const auto& reaction : settings.reactions) {
-    for (Answer<Dim>* answer : answers)
-      answer->reactions.push_back({reaction.name, Vec<Dim>::Zero(), Vec<Dim>::Zero()});
+  for (std::size_t r = 0; r < settings.reactions.size(); ++r) {
+    const auto& [name, on, where] = settings.reactions[r];
+    for (Answer<Dim>* answer : answers) answer->reactions.push_back({name, Vec<Dim>::Zero(), Vec<Dim>::Zero()});
     for (int d = 0; d < Dim; ++d) {
-      const Vec<Dim> along = Vec<Dim>::Unit(d);
-      const auto functional = reaction_of<Dim>(space, settings.supports, ties, reaction.on, along, reference.weakly);
+      auto functional = reaction_of<Dim>(space, settings.supports, ties, on, Vec<Dim>::Unit(d), reference.weakly);
       if (!functional.moves()) continue;
-      respond(functional, 0, answers.size(), [&](std::size_t k, double value, double left) {
-        ReactionResult<Dim>& of = answers[k]->reactions.back();
-        of.force[d] = value;
-        of.error[d] = left + std::abs(shared_work<Dim>(space, settings.supports, reaction.on, along, functional,
-                                                       reference.fields[k]->stress, reference.weakly));
-      });
+      std::vector<double> shared;
+      for (const Fields<Dim>* fields : reference.fields)
+        shared.push_back(std::abs(shared_work<Dim>(space, settings.supports, on, Vec<Dim>::Unit(d), functional,
+                                                   fields->stress, reference.weakly)));
+      wanted.push_back(
+          {std::move(functional), 0, answers.size(), [&, r, d, shared](std::size_t k, double value, double left) {
+             answers[k]->reactions[r].force[d] = value;
+             answers[k]->reactions[r].error[d] = left + shared[k];
+           }});
     }
   }
   for (std::size_t k = 0; k < answers.size(); ++k)
@@ -117,9 +115,25 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
       if (extreme.value == 0.0) continue;
       Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
       functional.forces.col(extreme.place) = answers[k]->fields.displacement.col(extreme.place) / extreme.value;
-      respond(functional, k, k + 1,
-              [&](std::size_t, double value, double left) { extreme.error = std::abs(value - extreme.value) + left; });
+      wanted.push_back({std::move(functional), k, k + 1, [&extreme](std::size_t, double value, double left) {
+                          extreme.error = std::abs(value - extreme.value) + left;
+                        }});
     }
+  const RecoveryFits<Dim> fits = recovery_fits(reference.elements);
+  for (std::size_t first = 0; first < wanted.size(); first += cases_together) {
+    stage.check();
+    const std::span batch = std::span(wanted).subspan(first, std::min(cases_together, wanted.size() - first));
+    std::vector<Functional<Dim>> functionals;
+    for (Wanted& one : batch) functionals.push_back(std::move(one.functional));
+    const std::vector<Points<Dim>> duals = reference.duals(functionals, stage.within());
+    for (std::size_t w = 0; w < batch.size(); ++w) {
+      const auto fields =
+          recover_fields(reference.elements, evaluate(reference.elements, result.model, duals[w]), fits);
+      for (std::size_t k = batch[w].first; k < batch[w].end; ++k)
+        batch[w].tell(k, reference.value(functionals[w], duals[w], k),
+                      functional_error(reference.elements, *reference.fields[k], fields, materials));
+    }
+  }
 }
 
 void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {

@@ -74,8 +74,9 @@ template <int Dim> std::vector<Found> find(const Problem<Dim>& problem, int degr
                      .displacement);
   }
   const auto respond = [&](const Functional<Dim>& functional) {
-    if (solver) return std::pair(solver->dual(functional), solver->value(functional, u.coefficients, problem.loads));
-    auto z = corrector->dual(functional, {.tolerance = tolerance}).displacement;
+    if (solver)
+      return std::pair(solver->duals({functional}).front(), solver->value(functional, u.coefficients, problem.loads));
+    auto z = corrector->duals({functional}, {.tolerance = tolerance}).front().displacement;
     const double value = corrector->value(functional, z, u.coefficients, problem.loads);
     return std::pair(std::move(z), value);
   };

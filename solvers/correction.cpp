@@ -706,16 +706,20 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
                                      result.error, result.iterations, options.tolerance));
 }
 
-template <int Dim> DualSolution<Dim> Corrector<Dim>::dual(const Functional<Dim>& functional,
-                                                          const CorrectionOptions& options,
-                                                          const Monitor& monitor) const {
+template <int Dim> std::vector<DualSolution<Dim>> Corrector<Dim>::duals(const std::vector<Functional<Dim>>& functionals,
+                                                                        const CorrectionOptions& options,
+                                                                        const Monitor& monitor) const {
   const Stage stage("correction", monitor);
-  Points<Dim> start = Points<Dim>::Zero(Dim, impl_->nodes.count);
-  if (functional.motion.size() > 0) start = -impl_->at_nodes(functional.motion);
   std::vector<typename Impl::Beginning> from;
-  from.push_back({impl_->forces_of(functional), start, start});
-  Correction<Dim> z = std::move(impl_->iterate(std::move(from), options, stage).front());
-  return {.displacement = std::move(z.displacement), .error = z.error, .iterations = z.iterations};
+  for (const Functional<Dim>& functional : functionals) {
+    Points<Dim> start = Points<Dim>::Zero(Dim, impl_->nodes.count);
+    if (functional.motion.size() > 0) start = -impl_->at_nodes(functional.motion);
+    from.push_back({impl_->forces_of(functional), start, start});
+  }
+  std::vector<DualSolution<Dim>> solutions;
+  for (Correction<Dim>& z : impl_->iterate(std::move(from), options, stage))
+    solutions.push_back({.displacement = std::move(z.displacement), .error = z.error, .iterations = z.iterations});
+  return solutions;
 }
 
 template <int Dim> double Corrector<Dim>::value(const Functional<Dim>& functional, const Points<Dim>& z,

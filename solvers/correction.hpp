@@ -65,10 +65,10 @@ template <int Dim> class Corrector {
   std::vector<Correction<Dim>> correct_all(const std::vector<Points<Dim>>& starts, const std::vector<Loads<Dim>>& cases,
                                            const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
 
-  /// The dual solution of a functional, iterated from nothing as `correct` iterates. Throws like `correct`; neither is
-  /// to be called from two threads at once.
-  DualSolution<Dim> dual(const Functional<Dim>& functional, const CorrectionOptions& options = {},
-                         const Monitor& monitor = {}) const;
+  /// The dual solutions of functionals, iterated together from nothing as `correct_all` iterates. Throws like
+  /// `correct`; neither is to be called from two threads at once.
+  std::vector<DualSolution<Dim>> duals(const std::vector<Functional<Dim>>& functionals,
+                                       const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
   /// The functional for the solution of the finite elements under these loads: that for the displacement u (Dim x
   /// space.size()) near to it, and what the dual displacement z says is left; off by no more than the product of the
   /// errors of u and z.

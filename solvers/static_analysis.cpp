@@ -296,16 +296,27 @@ Resultants<Dim> ElasticSolver<Dim>::reactions(const Solution<Dim>& solution, con
   return impl_->equations.with(loads).reactions(state, &solution.stress);
 }
 
-template <int Dim> Points<Dim> ElasticSolver<Dim>::dual(const Functional<Dim>& functional) const {
+template <int Dim>
+std::vector<Points<Dim>> ElasticSolver<Dim>::duals(const std::vector<Functional<Dim>>& functionals) const {
   const Equilibrium<Dim>& problem = impl_->equations;
   const auto& approximation = problem.approximation();
   require(approximation.shape.num_nodes() == approximation.space.size(),
           "dual solutions are of finite elements: correct the answer of a cloud");
-  const Equilibrium<Dim> dual = problem.homogeneous(forces_of(problem, functional));
-  State z = dual.under(1.0, dual.rest());
-  if (functional.motion.size() > 0) z.u = -problem.held_part(functional.motion).reshaped();
-  z = dual.moved(z, impl_->factor.solve(-dual.residual(z)));
-  return z.u.reshaped(Dim, approximation.shape.num_nodes());
+  std::vector<Equilibrium<Dim>> duals;
+  std::vector<State> states;
+  Matrix forces(num_unknowns(), static_cast<Index>(functionals.size()));
+  for (Index k = 0; k < forces.cols(); ++k) {
+    const Equilibrium<Dim>& dual = duals.emplace_back(problem.homogeneous(forces_of(problem, functionals[k])));
+    State& z = states.emplace_back(dual.under(1.0, dual.rest()));
+    if (functionals[k].motion.size() > 0) z.u = -problem.held_part(functionals[k].motion).reshaped();
+    forces.col(k) = -dual.residual(z);
+  }
+  const Matrix changes = impl_->factor.solve(forces);
+  std::vector<Points<Dim>> displacements;
+  for (Index k = 0; k < forces.cols(); ++k)
+    displacements.emplace_back(
+        duals[k].moved(states[k], changes.col(k)).u.reshaped(Dim, approximation.shape.num_nodes()));
+  return displacements;
 }
 
 template <int Dim> double ElasticSolver<Dim>::value(const Functional<Dim>& functional, const Points<Dim>& u,

@@ -45,9 +45,9 @@ template <int Dim> class ElasticSolver {
   Solution<Dim> solve(const Loads<Dim>& loads) const;
   /// Any number of them, which take less time together than one by one. Throws likewise.
   std::vector<Solution<Dim>> solve_all(const std::vector<Loads<Dim>>& cases) const;
-  /// Of finite elements: the displacement of the dual solution of a functional (DualSolution), by the same factor.
+  /// Of finite elements: the displacements of the dual solutions of functionals (DualSolution), by the same factor.
   /// Throws InputError on other bases.
-  Points<Dim> dual(const Functional<Dim>& functional) const;
+  std::vector<Points<Dim>> duals(const std::vector<Functional<Dim>>& functionals) const;
   /// Likewise, the functional for the solution u under these loads.
   double value(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads) const;
   /// By part with displacement conditions: the force and moment by which it holds the body (Equilibrium::reactions).

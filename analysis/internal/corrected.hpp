@@ -2,7 +2,7 @@
 /// Answers that are led to the finite elements of the fine mesh.
 #pragma once
 
-#include "efree/analysis/result.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
 #include "efree/solvers/correction.hpp"
 
 #include <memory>
@@ -27,9 +27,6 @@ template <int Dim> struct Corrected {
 
   const CorrectedAnswer<Dim>& first() const { return answers.front(); }
 };
-
-/// Load cases that are corrected at a time: they share what is read of the matrix, and more only take memory.
-constexpr std::size_t cases_together = 16;
 
 /// Corrects displacements of the functions, those of the first load cases, towards the finite elements of their space.
 template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const Result<Dim>& result,

@@ -8,13 +8,18 @@
 
 namespace efree::internal {
 
+/// Load cases, or dual solutions, that are worked out at a time: they share what is read of the matrix, and more only
+/// take memory.
+constexpr std::size_t cases_together = 16;
+
 /// The finite elements that answers are of, or are compared with.
 template <int Dim> struct Reference {
   const Approximation<Dim>& elements;
   std::vector<const Fields<Dim>*> fields;  ///< recovered, of their solutions for the first load cases, or all
   bool weakly;                             ///< every condition is set by Nitsche
-  std::function<Points<Dim>(const Functional<Dim>&, const Monitor&)> dual;  ///< Response::displacement
-  /// Response::value for the solution of a load case.
+  /// The displacements of dual solutions.
+  std::function<std::vector<Points<Dim>>(const std::vector<Functional<Dim>>&, const Monitor&)> duals;
+  /// A functional for the solution of a load case.
   std::function<double(const Functional<Dim>&, const Points<Dim>& dual, std::size_t)> value;
 };
 
