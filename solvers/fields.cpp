@@ -15,6 +15,7 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -256,7 +257,6 @@ template <int Dim> class RecoverySquares {
         rooms_(rule_.weights.size()),
         stiffness_(rule_.weights.size()),
         at_points_(space_, rule_),
-        at_corners_(space_, corners_),
         own_(space_, space_.cell_rule()) {
     for (Index q = 0; q < rule_.weights.size(); ++q) values_.push_back(space_.values(rule_.points.col(q)));
     const auto n = values_.front().size();
@@ -271,7 +271,7 @@ template <int Dim> class RecoverySquares {
     by_nodes_ = materials_.is_uniform(space_.mesh().region(c)) && !space_.axisymmetric();
     if (averaged_) own_.enter(c);
     if (by_nodes_) {
-      at_corners_.enter(c);
+      for (int i = 0; i <= Dim; ++i) at_corners_[i] = space_.gradients(c, FineSpace<Dim>::Barycentric::Unit(i));
       stiffness_[0] = &materials_.stiffness(space_.mesh().region(c), space_.mesh().centroid(c), rooms_[0]);
     } else {
       at_points_.enter(c);
@@ -285,18 +285,12 @@ template <int Dim> class RecoverySquares {
   }
 
   RecoverySums of(const Fields<Dim>& fields) const {
-    const Points<Dim>& u = fields.displacement;
-    const auto sigma = gather<Dim>(fields.stress, space_.places(cell_));
-    const double mean = averaged_ ? mean_dilatation(space_, cell_, own_, u) : 0.0;
-    RecoverySums sums = by_nodes_ ? by_nodes(u, sigma, mean) : by_rule(u, sigma, mean);
-    sums.rounding *= smallest_ * gather<Dim>(u, space_.cell(cell_)).colwise().squaredNorm().maxCoeff();
-    return sums;
+    const double mean = averaged_ ? mean_dilatation(space_, cell_, own_, fields.displacement) : 0.0;
+    if (!by_nodes_) return by_rule(fields, mean);
+    return space_.degree() == 1 ? by_nodes<1>(fields, mean) : by_nodes<2>(fields, mean);
   }
 
  private:
-  using Stresses =
-      Eigen::Matrix<double, voigt_size<Dim>, Eigen::Dynamic, 0, voigt_size<Dim>, FineSpace<Dim>::max_cell_size>;
-
   Voigt<Dim> strain(const Gradient<Dim>& H, double mean, const Stiffness<Dim>& stiffness) const {
     Voigt<Dim> eps = strain_of<Dim>(H);
     if (averaged_) eps += (mean - eps.template head<3>().sum()) * stiffness.swelling;
@@ -304,30 +298,44 @@ template <int Dim> class RecoverySquares {
   }
 
   /// From the difference at the degrees of freedom, by the mass matrix; strains are linear.
-  RecoverySums by_nodes(const Points<Dim>& u, Stresses difference, double mean) const {
+  template <int degree> RecoverySums by_nodes(const Fields<Dim>& fields, double mean) const {
+    constexpr int n = degree == 1 ? Dim + 1 : FineSpace<Dim>::max_cell_size;
     const double volume = space_.mesh().volume(cell_);
     const Stiffness<Dim>& stiffness = *stiffness_[0];
+    const auto dofs = space_.cell(cell_), places = space_.places(cell_);
+    Eigen::Matrix<double, Dim, n> u;
+    Eigen::Matrix<double, voigt_size<Dim>, n> difference;
+    for (int i = 0; i < n; ++i) u.col(i) = fields.displacement.col(dofs[i]);
+    for (int i = 0; i < n; ++i) difference.col(i) = fields.stress.col(places[i]);
     Eigen::Matrix<double, voigt_size<Dim>, Dim + 1> strains, stresses;
-    for (int i = 0; i <= Dim; ++i) strains.col(i) = strain(at_corners_.of(i, u), mean, stiffness);
-    stresses = stiffness.C * strains;
-    Index node = 0;
-    for (; node <= Dim; ++node) difference.col(node) -= stresses.col(node);
-    for (int i = 0; i <= Dim && space_.degree() == 2; ++i)
+    for (int i = 0; i <= Dim; ++i) {
+      const Eigen::Map<const Eigen::Matrix<double, Dim, n>> dN(at_corners_[i].data());
+      Gradient<Dim> H = Gradient<Dim>::Zero();
+      Eigen::Map<Mat<Dim>>(H.data()).noalias() = u * dN.transpose();
+      strains.col(i) = strain(H, mean, stiffness);
+    }
+    stresses.noalias() = stiffness.C * strains;
+    difference.template leftCols<Dim + 1>() -= stresses;
+    for (int i = 0, node = Dim + 1; i <= Dim && degree == 2; ++i)
       for (int j = i + 1; j <= Dim; ++j, ++node) difference.col(node) -= 0.5 * (stresses.col(i) + stresses.col(j));
-    const Stresses columns = difference * root_;
+    const Eigen::Map<const Mat<n>> root(root_.data());
+    const Eigen::Matrix<double, voigt_size<Dim>, n> columns = difference * root;
     const double work = strains.rowwise().sum().dot(stresses.rowwise().sum()) + strains.cwiseProduct(stresses).sum();
     return {volume * (stiffness.S * columns).cwiseProduct(columns).sum(), volume * work / ((Dim + 1) * (Dim + 2)),
-            volume * stiffness.C(0, 0)};
+            volume * stiffness.C(0, 0) * smallest_ * u.colwise().squaredNorm().maxCoeff()};
   }
 
-  RecoverySums by_rule(const Points<Dim>& u, const Stresses& sigma, double mean) const {
+  RecoverySums by_rule(const Fields<Dim>& fields, double mean) const {
+    const auto sigma = gather<Dim>(fields.stress, space_.places(cell_));
+    const double smallest =
+        smallest_ * gather<Dim>(fields.displacement, space_.cell(cell_)).colwise().squaredNorm().maxCoeff();
     RecoverySums sums;
     for (Index q = 0; q < volumes_.size(); ++q) {
       const Stiffness<Dim>& stiffness = *stiffness_[q];
-      const Voigt<Dim> eps = strain(at_points_.of(q, u), mean, stiffness);
+      const Voigt<Dim> eps = strain(at_points_.of(q, fields.displacement), mean, stiffness);
       const Voigt<Dim> stress = stiffness.C * eps, difference = sigma * values_[q] - stress;
       sums.add({volumes_[q] * difference.dot(stiffness.S * difference), volumes_[q] * eps.dot(stress),
-                volumes_[q] * stiffness.C(0, 0)});
+                volumes_[q] * stiffness.C(0, 0) * smallest});
     }
     return sums;
   }
@@ -335,7 +343,7 @@ template <int Dim> class RecoverySquares {
   const FineSpace<Dim>& space_;
   const Materials<Dim>& materials_;
   bool averaged_;
-  SimplexRule<Dim> rule_, corners_{Eigen::Matrix<double, Dim + 1, Dim + 1>::Identity(), Vector::Ones(Dim + 1)};
+  SimplexRule<Dim> rule_;
   std::vector<typename FineSpace<Dim>::CellValues> values_;  ///< at the points of the rule
   Matrix root_;                                              ///< of the mass matrix of a cell of volume 1
   Index cell_ = 0;
@@ -343,7 +351,8 @@ template <int Dim> class RecoverySquares {
   Vector volumes_;  ///< by point of the rule
   std::vector<Stiffness<Dim>> rooms_;
   std::vector<const Stiffness<Dim>*> stiffness_;
-  CellGradients<Dim> at_points_, at_corners_, own_;
+  CellGradients<Dim> at_points_, own_;
+  std::array<typename FineSpace<Dim>::CellGradients, Dim + 1> at_corners_;
   double smallest_ = 0.0;
 };
 
