@@ -133,10 +133,12 @@ template <int Dim> void Smoother<Dim>::apply_at_once(const BlockMatrix<Dim>& K, 
   const Index n = K.size(), count = static_cast<Index>(r.size());
   const Index lanes = lanes_for(count);
   const auto vectors = [&] { return std::make_unique_for_overwrite<float[]>(std::size_t{Dim} * lanes * n); };
-  // Divided by their largest component, which single precision may not hold.
+  // As the scaled matrix has them, divided by their largest component: single precision may not hold it.
   std::array<double, most_lanes> size{};
   for (Index lane = 0; lane < count; ++lane) {
-    const double most = n > 0 ? r[lane]->cwiseAbs().maxCoeff() : 0.0;
+    const double most =
+        n > 0 ? (r[lane]->colwise().template lpNorm<Eigen::Infinity>().array() / scale_.transpose().array()).maxCoeff()
+              : 0.0;
     size[lane] = most > 0.0 ? most : 1.0;
   }
   const auto forces = vectors();
@@ -145,7 +147,7 @@ template <int Dim> void Smoother<Dim>::apply_at_once(const BlockMatrix<Dim>& K, 
     for (Index i = begin; i < end; ++i)
       for (int d = 0; d < Dim; ++d, to += lanes)
         for (Index lane = 0; lane < lanes; ++lane)
-          to[lane] = lane < count ? static_cast<float>((*r[lane])(d, i) / size[lane] / scale_[i]) : 0.0f;
+          to[lane] = lane < count ? static_cast<float>((*r[lane])(d, i) / scale_[i] / size[lane]) : 0.0f;
   });
   auto now = vectors(), next = vectors();
   const auto step = vectors();

@@ -103,6 +103,15 @@ TEST(Correction, EndsAtTheQuadraticElementsOfThePlate) {
 TEST(Correction, EndsAtTheTetrahedraOfABentBar) {
   expect_same_as_elements(bar());
 }
+/// Single precision, in which smoothers work, holds no such moduli.
+TEST(Correction, EndsAtTheElementsInWhateverUnits) {
+  for (const double unit : {1e-59, 1e59}) {
+    Problem<2> problem = plate(2);
+    problem.model.material = LinearElastic(unit, 0.3);
+    problem.loads.tractions = {tension<2>("right", unit)};
+    expect_same_as_elements(problem);
+  }
+}
 TEST(Correction, EndsAtTheElementsWithOrderTwo) {
   Problem<2> problem = plate(2);
   problem.cloud.order = 2;
