@@ -667,8 +667,13 @@ constexpr double pi = std::numbers::pi;
 /// Points of a circular arc around `centre`, both ends included, chords no longer than `size` and at least 16 a turn.
 std::vector<Vec<2>> arc(const Vec<2>& centre, double radius, double from, double to, double size) {
   if (!(size > 0.0)) throw InputError(fmt::format("shape: size is {}, expected a positive length", size));
+  constexpr double most = 1e7;
   const double angle = std::abs(to - from);
-  const int chords = static_cast<int>(std::ceil(std::max(8.0 * angle / pi, angle * radius / size) - 1e-9));
+  const double wanted = std::ceil(std::max(8.0 * angle / pi, angle * radius / size) - 1e-9);
+  if (!(wanted <= most))
+    throw InputError(fmt::format("shape: size {} makes {:.2g} chords of an arc of radius {}, expected no more than {}",
+                                 size, wanted, radius, most));
+  const int chords = static_cast<int>(wanted);
   std::vector<Vec<2>> points;
   for (int k = 0; k <= chords; ++k) {
     const double at = from + (to - from) * k / chords;

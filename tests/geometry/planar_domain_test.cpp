@@ -125,6 +125,7 @@ TEST(Shapes, RefuseImpossibleLengths) {
   EXPECT_INPUT_ERROR(shapes::annulus(2.0, 1.0, 0.1), "0 < inner < outer");
   EXPECT_INPUT_ERROR(shapes::quarter_plate_with_hole(4.0, 1.0, 0.1), "radius 4 and half width 1");
   EXPECT_INPUT_ERROR(shapes::annulus(1.0, 2.0, 0.0), "size is 0");
+  EXPECT_INPUT_ERROR(shapes::annulus(1.0, 4294967296.0, 0.2), "chords of an arc");
   EXPECT_INPUT_ERROR(shapes::plate_with_random_holes(1.0, 100, 0.2, 0.2, 0.01, 1, 0.1), "of 100 holes");
 }
 
