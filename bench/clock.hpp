@@ -2,6 +2,7 @@
 /// Time that this process has had.
 #pragma once
 
+#include <chrono>
 #include <ctime>
 
 namespace efree::bench {
@@ -11,6 +12,11 @@ inline double cpu_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Seconds by the clock, since some time.
+inline double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 }  // namespace efree::bench

@@ -184,15 +184,30 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     }
     const bool integrates = options.functions == OtmFunctions::lme && !body.shape && body.cells.size() != 0 &&
                             options.exact_integration && options.renewal > 0.0;
-    bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
-                      !body.shape.has_value(), integrates, material.finite_strain(), body.surface.has_value(),
-                      body.mass_terms, fracture, plastic_strain, row_of(material, "temperature_rise"),
-                      release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});
+    bodies.push_back({body.material,
+                      padded(tangent),
+                      compliance_of(tangent, shear, modulus),
+                      shear,
+                      modulus,
+                      !body.shape.has_value(),
+                      integrates,
+                      material.finite_strain(),
+                      body.surface.has_value(),
+                      body.mass_terms,
+                      fracture,
+                      plastic_strain,
+                      row_of(material, "temperature_rise"),
+                      release_factor<Dim>(shear, modulus),
+                      body.cells,
+                      {},
+                      num_nodes,
+                      num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
+  bodies.push_back(
+      {{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, 0.0, {}, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
   x_rest.setZero(Dim, num_nodes);
@@ -293,12 +308,11 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     OtmChunk<Dim>& chunk = chunks[c];
     std::vector<Index> all(chunk.size());
     std::iota(all.begin(), all.end(), 0);
-    Rows rows(all.size());
-    if (const auto& shape = given[chunk.body].shape)
-      take_functions(chunk, *shape, rows);
-    else if (const auto lost = make_functions(chunk, all, true, rows, counted[c]); !lost.empty())
-      throw NumericalError(has_no_functions(chunk, lost.front()));
-    put_rows(chunk, all, rows);
+    if (const auto& shape = given[chunk.body].shape) return put_rows(chunk, all, rows_of(chunk, *shape));
+    const Change made = make_functions(chunk, all, true);
+    if (!made.lost.empty()) throw NumericalError(has_no_functions(chunk, made.lost.front()));
+    counted[c] = made.counted;
+    put_rows(chunk, all, made.rows);
   });
   for (const auto& c : counted) counts.iterations += c.iterations;
   find_places();

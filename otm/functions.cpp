@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numeric>
 
@@ -48,6 +49,9 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
 
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
 constexpr double least_share = 0.6;
+
+/// Points whose functions a thread makes anew at once.
+constexpr Index points_at_once = 16;
 
 /// How far nodes go before trees of them are built anew, over their least spacing.
 constexpr double skin = 0.1;
@@ -158,7 +162,7 @@ bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std:
 /// Smoothed particles: N is 1 at the point's own node. Volumes are those of the start, as if J were 1: gradients that
 /// reproduce linear functions hardly notice.
 template <int Dim>
-void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) const {
+void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, std::span<const Index> which, Rows& rows) const {
   const BodyOf& body = bodies[chunk.body];
   std::vector<Index> around;
   for (std::size_t k = 0; k < which.size(); ++k) {
@@ -193,33 +197,34 @@ void Motion<Dim>::make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>&
   }
 }
 
-/// Functions of these points. Returns those that have none, nor any to keep, or are crushed: there are no rows of them.
-template <int Dim> std::vector<Index> Motion<Dim>::make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which,
-                                                                  bool first, Rows& rows, OtmCounts& counted) const {
-  std::vector<Index> lost;
+/// Functions of these points, ascending.
+template <int Dim> typename Motion<Dim>::Change Motion<Dim>::make_functions(OtmChunk<Dim>& chunk,
+                                                                            std::span<const Index> which,
+                                                                            bool first) const {
+  Change result;
+  result.rows.resize(which.size());
   if (options.functions == OtmFunctions::smoothed_particles) {
-    make_particles(chunk, which, rows);
-    return lost;
+    make_particles(chunk, which, result.rows);
+    return result;
   }
   LmeFunctions<Dim> functions(options.lme);
   std::vector<Index> used;
   for (std::size_t k = 0; k < which.size(); ++k) {
     const Index p = which[k];
-    auto& row = rows[k];
-    row.clear();
+    auto& row = result.rows[k];
     const Vec<Dim> at = chunk.at.col(p);
     if (chunk.is_crushed(p)) {
-      lost.push_back(p);
+      result.lost.push_back(p);
       continue;
     }
-    if (!find_functions(chunk, p, first, chunk.metric[p], chunk.lambda[p], functions, used, counted)) {
+    if (!find_functions(chunk, p, first, chunk.metric[p], chunk.lambda[p], functions, used, result.counted)) {
       if (first || !keep_functions(chunk, p, row)) {
         row.clear();
-        lost.push_back(p);
+        result.lost.push_back(p);
         continue;
       }
       complete<Dim>(row);
-      ++counted.kept;
+      ++result.counted.kept;
       continue;
     }
     for (std::size_t k_used = 0; k_used < used.size(); ++k_used) {
@@ -232,7 +237,7 @@ template <int Dim> std::vector<Index> Motion<Dim>::make_functions(OtmChunk<Dim>&
       const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
       if (eigenvalues<Dim>(functions.moment())[0] <
           0.8 * eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0])
-        chunk.narrowed.push_back(p);
+        result.narrowed.push_back(p);
     }
     if (first) {
       chunk.count[p] = static_cast<double>(row.size());
@@ -248,7 +253,7 @@ template <int Dim> std::vector<Index> Motion<Dim>::make_functions(OtmChunk<Dim>&
     chunk.penalty[p] =
         share * (bodies[chunk.body].shear + stress) * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
   }
-  return lost;
+  return result;
 }
 
 template <int Dim> std::string Motion<Dim>::has_no_functions(const OtmChunk<Dim>& chunk, Index p) const {
@@ -258,7 +263,8 @@ template <int Dim> std::string Motion<Dim>::has_no_functions(const OtmChunk<Dim>
 
 /// Functions that are given, for good. What LME functions say of motions that points do not see, others do not.
 template <int Dim>
-void Motion<Dim>::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const {
+typename Motion<Dim>::Rows Motion<Dim>::rows_of(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape) const {
+  Rows rows(chunk.size());
   for (Index p = 0; p < chunk.size(); ++p) {
     const ShapeRow<Dim> row = shape.row(chunk.number[p]);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
@@ -266,6 +272,7 @@ void Motion<Dim>::take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Di
                          entry_of<Dim>(row.N[k], row.dN[k], axisymmetric() ? row.hoop[k] : 0.0)});
     complete<Dim>(rows[p]);
   }
+  return rows;
 }
 
 template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows) {
@@ -332,8 +339,20 @@ template <int Dim> void Motion<Dim>::find_places() {
       node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
 }
 
+template <int Dim> void Motion<Dim>::Change::add(Change&& more) {
+  std::ranges::move(more.rows, std::back_inserter(rows));
+  lost.insert(lost.end(), more.lost.begin(), more.lost.end());
+  narrowed.insert(narrowed.end(), more.narrowed.begin(), more.narrowed.end());
+  counted.iterations += more.counted.iterations;
+  counted.widened += more.counted.widened;
+  counted.kept += more.counted.kept;
+  counted.joined += more.counted.joined;
+  unseen += more.unseen;
+}
+
 /// Points that have no functions go to the nearest of the chunk that has some, and take its.
-template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, std::vector<Index> lost, Change& change) const {
+template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, Change& change) const {
+  std::vector<Index>& lost = change.lost;
   const auto is_second = [&](Index q) {
     return std::any_of(chunk.pairs.begin(), chunk.pairs.end(),
                        [&](const auto& pair) { return pair.fuses() && pair.second == q; });
@@ -354,14 +373,14 @@ template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, std::vector<Inde
         // It wears with them.
         place(chunk, with);
         change.unseen += unseen(chunk, with);
-        Rows row(1);
-        const bool has_some = make_functions(chunk, {with}, false, row, change.counted).empty();
+        Change of_it = make_functions(chunk, std::span(&with, 1), false);
         chunk.wear(with);
-        change.rows.insert(change.rows.begin() + static_cast<std::ptrdiff_t>(place_of_it), std::move(row.front()));
-        if (!has_some) {
-          lost.push_back(with);
-          continue;
-        }
+        const bool has_some = of_it.lost.empty();
+        change.rows.insert(change.rows.begin() + static_cast<std::ptrdiff_t>(place_of_it),
+                           std::move(of_it.rows.front()));
+        of_it.rows.clear();
+        change.add(std::move(of_it));
+        if (!has_some) continue;
       }
       chunk.at.col(p) = chunk.at.col(with);
       chunk.metric[p] = chunk.metric[with];
@@ -483,8 +502,27 @@ template <int Dim> void Motion<Dim>::renew() {
       else
         chunk.at.col(q) -= chunk.mass[p] / chunk.mass[q] * way;
     }
-    changes[k].rows.resize(chunk.worn.size());
-    join(chunk, make_functions(chunk, chunk.worn, false, changes[k].rows, changes[k].counted), changes[k]);
+  });
+  // Some points at a time, as there are few such chunks, and of many points at once where much is going on.
+  struct Piece {
+    std::size_t of;
+    Index begin;
+    Change change;
+  };
+  std::vector<Piece> pieces;
+  for (std::size_t k = 0; k < worn_chunks.size(); ++k)
+    for (Index begin = 0; begin < static_cast<Index>(chunks[worn_chunks[k]].worn.size()); begin += points_at_once)
+      pieces.push_back({k, begin, {}});
+  parallel_chunks(static_cast<Index>(pieces.size()), 1, [&](Index i, Index) {
+    auto& [k, begin, change] = pieces[i];
+    OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
+    const std::span<const Index> rest = std::span<const Index>(chunk.worn).subspan(begin);
+    change = make_functions(chunk, rest.first(std::min<std::size_t>(rest.size(), points_at_once)), false);
+  });
+  for (Piece& piece : pieces) changes[piece.of].add(std::move(piece.change));
+  parallel_chunks(static_cast<Index>(worn_chunks.size()), 1, [&](Index k, Index) {
+    OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
+    join(chunk, changes[k]);
     for (const auto& pair : chunk.pairs) {
       if (!pair.fuses()) continue;
       chunk.at.col(pair.second) = chunk.at.col(pair.first);
@@ -550,6 +588,7 @@ template <int Dim> void Motion<Dim>::renew() {
       chunk.squeeze = std::max({chunk.squeeze, axes.eigenvalues()[Dim - 1], around});
     }
     chunk.crushed.clear();
+    chunk.narrowed = std::move(changes[k].narrowed);
     for (const auto& pair : chunk.pairs) chunk.narrowed.insert(chunk.narrowed.end(), {pair.first, pair.second});
   });
   fuse_pairs();

@@ -141,6 +141,7 @@ template <int Dim> void Motion<Dim>::fuse_pairs() {
     for (Index c = 0; c < cells.cols(); ++c)
       if (!std::binary_search(numbers.begin(), numbers.end(), c)) cells.col(next++) = cells.col(c).eval();
     cells.conservativeResize(Eigen::NoChange, next);
+    bodies[b].outer.clear();
     for (auto& chunk : chunks) {
       if (chunk.body != static_cast<Index>(b)) continue;
       for (Index& number : chunk.number)

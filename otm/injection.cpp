@@ -93,9 +93,12 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   changed_nodes = true;
 }
 
-/// Edges of sides of which a body has one cell only, as the body numbers its nodes, ascending.
-template <int Dim> std::vector<std::pair<Index, Index>> Motion<Dim>::outer_edges(Index of_body) const {
+/// Edges of sides of which a body has one cell only, as the body numbers its nodes, ascending. They are found when they
+/// are asked for after cells have changed.
+template <int Dim> const std::vector<std::pair<Index, Index>>& Motion<Dim>::outer_edges(Index of_body) {
   const Cells<Dim>& cells = bodies[of_body].cells;
+  std::vector<std::pair<Index, Index>>& edges = bodies[of_body].outer;
+  if (!edges.empty()) return edges;
   std::vector<std::array<Index, Dim>> sides;
   sides.reserve((Dim + 1) * static_cast<std::size_t>(cells.cols()));
   for (Eigen::Index c = 0; c < cells.cols(); ++c) {
@@ -110,7 +113,6 @@ template <int Dim> std::vector<std::pair<Index, Index>> Motion<Dim>::outer_edges
     }
   }
   std::sort(sides.begin(), sides.end());
-  std::vector<std::pair<Index, Index>> edges;
   for (std::size_t k = 0; k < sides.size(); ++k) {
     const auto& side = sides[k];
     if ((k > 0 && sides[k - 1] == side) || (k + 1 < sides.size() && sides[k + 1] == side)) continue;
@@ -150,7 +152,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   for (const auto& [edge, cells] : around) order.push_back({-length(edge.first, edge.second), edge});
   std::sort(order.begin(), order.end());
   build_tree(of_body);
-  const std::vector<std::pair<Index, Index>> outer = outer_edges(of_body);
+  const std::vector<std::pair<Index, Index>>& outer = outer_edges(of_body);
   std::vector<char> on_surface(x.cols(), 0);
   for (const auto& [a, b] : outer) on_surface[a] = on_surface[b] = 1;
   std::vector<char> is_split(static_cast<std::size_t>(body.cells.cols()), 0);
@@ -240,6 +242,7 @@ template <int Dim> void Motion<Dim>::inject() {
         chunk.number[p + ++before] = half.first;
       }
     }
+    body.outer.clear();
     find_points();
     find_places();
     find_free();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Nodes that have come too near to each other become one.
+#include "efree/core/parallel.hpp"
 #include "efree/otm/internal/motion.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -32,6 +33,7 @@ template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
   BodyOf& body = bodies[body_of_node[a]];
   for (Index& corner : body.cells.reshaped())
     if (corner == a - body.first_node) corner = with - body.first_node;
+  body.outer.clear();
   surfaces.clear();
   seen.resize(Dim, 0);
   ++counts.merged;
@@ -59,27 +61,29 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
   LmeFunctions<Dim> functions(options.lme);
   std::vector<Index> used;
   OtmCounts tried;
+  const auto has_functions = [&](Index c, Index p) {
+    Mat<Dim> metric = chunks[c].metric[p];
+    Vec<Dim> lambda = chunks[c].lambda[p];
+    return find_functions(chunks[c], p, false, metric, lambda, functions, used, tried);
+  };
+  // Where it fails it does so at that point nearly always.
+  bool good = has_functions(of_chunk, of_point) && smallest_width<Dim>(functions.moment()) >= wide;
   std::set<Index> counted_on;
   std::vector<std::pair<Index, Index>> seen_by;  // chunks and points
-  for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+  for (Index k = node_offsets[a]; good && k < node_offsets[a + 1]; ++k) {
     const auto [c, l] = node_places[k];
     const OtmChunk<Dim>& chunk = chunks[c];
-    for (Index p = 0; p < chunk.size(); ++p)
-      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-        if (chunk.local[e] != l) continue;
-        Mat<Dim> metric = chunk.metric[p];
-        Vec<Dim> lambda = chunk.lambda[p];
-        bool good = find_functions(chunk, p, false, metric, lambda, functions, used, tried);
-        if (good && c == of_chunk && p == of_point) {
-          good = smallest_width<Dim>(functions.moment()) >= wide;
-        }
-        if (!good) {
-          merged[a] = -1;
-          return false;
-        }
-        seen_by.push_back({c, p});
-        counted_on.insert(used.begin(), used.end());
-      }
+    for (Index p = 0; good && p < chunk.size(); ++p) {
+      const auto begin = chunk.local.begin() + chunk.offsets[p], end = chunk.local.begin() + chunk.offsets[p + 1];
+      if (std::find(begin, end, l) == end) continue;
+      good = has_functions(c, p);
+      seen_by.push_back({c, p});
+      counted_on.insert(used.begin(), used.end());
+    }
+  }
+  if (!good) {
+    merged[a] = -1;
+    return false;
   }
   locked.insert(counted_on.begin(), counted_on.end());
   become_one(a, with);
@@ -160,20 +164,31 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
   std::vector<char> is_built(bodies.size(), 0);
   std::vector<char> on_surface(x.cols(), 0);
   find_stars();
+  const auto moment_of = [](const OtmChunk<Dim>& chunk, Index p) -> Mat<Dim> {
+    const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+    return since * chunk.moment[p] * since.transpose();
+  };
+  const auto is_narrow = [&](const OtmChunk<Dim>& chunk, Index p) {
+    return !chunk.is_eroded(p) && !(smallest_width<Dim>(moment_of(chunk, p)) >= options.merging * chunk.width[p]);
+  };
+  std::vector<Index> first_narrow(chunks.size());
+  parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
+    const OtmChunk<Dim>& chunk = chunks[c];
+    Index& p = first_narrow[c];
+    if (!bodies[chunk.body].renewed) p = chunk.size();
+    while (p < chunk.size() && !is_narrow(chunk, p)) ++p;
+  });
   std::set<Index> locked;
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     OtmChunk<Dim>& chunk = chunks[c];
-    const BodyOf& body = bodies[chunk.body];
-    if (!body.renewed) continue;
     bool is_placed = false;
-    for (Index p = 0; p < chunk.size(); ++p) {
-      if (chunk.is_eroded(p)) continue;
-      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-      const Mat<Dim> moment = since * chunk.moment[p] * since.transpose();
-      if (smallest_width<Dim>(moment) >= options.merging * chunk.width[p]) continue;
+    for (Index p = first_narrow[c]; p < chunk.size(); ++p) {
+      if (!is_narrow(chunk, p)) continue;
+      const Mat<Dim> moment = moment_of(chunk, p);
+      const Mat<Dim> inverse = chunk.since[p].template topLeftCorner<Dim, Dim>().inverse();
       for (Index b = 0; b + 1 < static_cast<Index>(bodies.size()); ++b) {
         if (is_built[b] != 0 || (b != chunk.body && seized.empty())) continue;
-        build_tree(b);
+        follow_nodes(b);
         for (const auto& [a, e] : outer_edges(b))
           on_surface[bodies[b].first_node + a] = on_surface[bodies[b].first_node + e] = 1;
         is_built[b] = 1;
@@ -192,7 +207,7 @@ template <int Dim> void Motion<Dim>::merge_nodes() {
         const Index a = chunk.nodes[chunk.local[e]];
         Vec<Dim> dN;
         for (int i = 0; i < Dim; ++i) dN[i] = chunk.entries[e].dN[i];
-        if (merged[a] < 0) by.emplace_back(-std::abs(n.dot(since.inverse().transpose() * dN)), a);
+        if (merged[a] < 0) by.emplace_back(-std::abs(n.dot(inverse.transpose() * dN)), a);
       }
       std::sort(by.begin(), by.end());
       if (by.size() > 4) by.resize(4);

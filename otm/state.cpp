@@ -115,7 +115,7 @@ concept IsBody = requires(T of) {
 };
 auto fields(IsBody auto& of) {
   auto& [material, tangent, compliance, shear, modulus, renewed, integrates, finite, has_surface, mass_terms, fracture,
-         plastic_strain, temperature, release, cells, first_node, first_point] = of;
+         plastic_strain, temperature, release, cells, outer, first_node, first_point] = of;
   return std::tie(cells, first_node, first_point);
 }
 template <class T>
@@ -172,6 +172,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     chunk.columns.resize(16 * static_cast<std::size_t>(chunk.size()));
     chunk.from_origin.resize(Dim, chunk.size());
   }
+  for (auto& body : of.bodies) body.outer.clear();
   of.find_places();
   of.find_free();
   of.ball_offsets.clear();

@@ -320,8 +320,9 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
   auto begin = Clock::now();
   double omega2 = 0.0;
   const double size = mixed_in / std::sqrt(mass.sum());
-  for (Index a = 0; a < x.cols(); ++a)
+  parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
     for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
+  });
   for (Index k = 0; k < repeats; ++k) {
     parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
       OtmChunk<Dim>& chunk = chunks[c];

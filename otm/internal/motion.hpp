@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,9 +55,10 @@ template <int Dim> struct Motion {
     bool has_surface;                      ///< that walls act on; else they act on the nodes
     Index mass_terms;                      ///< 1: lumped masses
     OtmFracture fracture;
-    Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
-    double release;                     ///< C of its energy release rates
-    Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
+    Index plastic_strain, temperature;           ///< rows of the history, equivalent and its rise; -1: none
+    double release;                              ///< C of its energy release rates
+    Cells<Dim> cells;                            ///< around the points; nodes as the body numbers them
+    std::vector<std::pair<Index, Index>> outer;  ///< edges of these (outer_edges); none: not known
     Index first_node, first_point;
   };
   struct Prescribed {
@@ -103,19 +105,21 @@ template <int Dim> struct Motion {
   Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
   bool find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
                       LmeFunctions<Dim>& functions, std::vector<Index>& used, OtmCounts& counted) const;
-  void make_particles(OtmChunk<Dim>& chunk, const std::vector<Index>& which, Rows& rows) const;
+  void make_particles(OtmChunk<Dim>& chunk, std::span<const Index> which, Rows& rows) const;
   bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const;
-  std::vector<Index> make_functions(OtmChunk<Dim>& chunk, const std::vector<Index>& which, bool first, Rows& rows,
-                                    OtmCounts& counted) const;
   std::string has_no_functions(const OtmChunk<Dim>& chunk, Index p) const;
-  /// Of the worn points of a chunk.
+  /// Of points of a chunk.
   struct Change {
-    Rows rows;  ///< their functions from now on
+    Rows rows;                    ///< their functions from now on
+    std::vector<Index> lost;      ///< those that have none, nor any to keep, or are crushed: rows are empty
+    std::vector<Index> narrowed;  ///< those whose functions are narrower than they were
     OtmCounts counted;
     double unseen = 0.0;  ///< energy of the motions that they do not see
+    void add(Change&& more);
   };
-  void join(OtmChunk<Dim>& chunk, std::vector<Index> lost, Change& change) const;
-  void take_functions(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape, Rows& rows) const;
+  Change make_functions(OtmChunk<Dim>& chunk, std::span<const Index> which, bool first) const;
+  void join(OtmChunk<Dim>& chunk, Change& change) const;
+  Rows rows_of(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape) const;
   void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
   // Gradients that integrate exactly.
@@ -159,7 +163,7 @@ template <int Dim> struct Motion {
   void give_up_nodes();
   void merge_nodes();
   void spread(OtmChunk<Dim>& chunk, Index p, const Vec<Dim>& n, double width) const;
-  std::vector<std::pair<Index, Index>> outer_edges(Index of_body) const;
+  const std::vector<std::pair<Index, Index>>& outer_edges(Index of_body);
   bool merge(Index a, Index with, Index of_chunk, Index of_point, std::set<Index>& locked, double wide);
   struct PointRow {
     Index point;
