@@ -34,7 +34,7 @@ set title 'after 400 m/s; mm' offset 0,-0.4
 unset xlabel; unset ylabel
 set size ratio -1
 set xrange [-21:21]; set yrange [-22:8]; set xtics 10; set ytics 10
-set key at graph 0.02,0.98 left Left reverse samplen 1.6 font ",12"
+set key left bottom Left reverse samplen 1.6 font ",12"
 plot for [s in '-1 1'] points skip 1 using ($3 == 1 && $4 == 0 ? s * $1 : 1/0):2 with points pt 7 ps 0.4 lc rgb blue \
     title s eq '1' ? 'plate' : '', \
   for [s in '-1 1'] points skip 1 using ($3 == 0 && $4 == 0 ? s * $1 : 1/0):2 with points pt 7 ps 0.4 lc rgb grey \
