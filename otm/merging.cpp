@@ -77,7 +77,7 @@ bool Motion<Dim>::merge(Index a, Index with, Index of_chunk, Index of_point, std
       const auto begin = chunk.local.begin() + chunk.offsets[p], end = chunk.local.begin() + chunk.offsets[p + 1];
       if (std::find(begin, end, l) == end) continue;
       good = has_functions(c, p);
-      seen_by.push_back({c, p});
+      seen_by.emplace_back(c, p);
       counted_on.insert(used.begin(), used.end());
     }
   }
@@ -146,7 +146,7 @@ template <int Dim> void Motion<Dim>::give_up_nodes() {
       for (Index p = 0; p < chunk.size(); ++p) {
         const auto begin = chunk.local.begin() + chunk.offsets[p], end = chunk.local.begin() + chunk.offsets[p + 1];
         if (std::find(begin, end, l) == end) continue;
-        seen_by.push_back({c, p});
+        seen_by.emplace_back(c, p);
         for (auto place = begin; place != end; ++place)
           if (const Index other = chunk.nodes[*place]; other != a && merged[other] < 0 && !is_left(other) &&
                                                        body_of_node[other] == b && holds_as(other, a) &&

@@ -55,11 +55,11 @@ template <int Dim> struct Motion {
     bool has_surface;                      ///< that walls act on; else they act on the nodes
     Index mass_terms;                      ///< 1: lumped masses
     OtmFracture fracture;
-    Index plastic_strain, temperature;           ///< rows of the history, equivalent and its rise; -1: none
-    double release;                              ///< C of its energy release rates
-    Cells<Dim> cells;                            ///< around the points; nodes as the body numbers them
-    std::vector<std::pair<Index, Index>> outer;  ///< edges of these (outer_edges); none: not known
+    Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
+    double release;                     ///< C of its energy release rates
+    Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
     Index first_node, first_point;
+    std::vector<std::pair<Index, Index>> outer{};  ///< edges of the cells (outer_edges); none: not known
   };
   struct Prescribed {
     Index node;
