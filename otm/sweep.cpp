@@ -21,16 +21,9 @@ constexpr double small_strains = 0.05;
 
 /// How much of other shapes is mixed into that of the fastest vibration, over the whole, each time it is looked at: any
 /// of them may be the fastest next, and is to be found before steps have grown beyond it.
-constexpr double mixed_in = 0.1;
-/// Of the highest eigenvalue, what all of them are shifted by: of two that are near each other the higher one gains on
-/// the other nearly twice as fast, and low ones die out all the same.
-constexpr double shift = 0.4;
-/// By how much the highest eigenvalue grows in an iteration, where it has become too high for the step, to be looked at
-/// once more; and how many there are of these.
-constexpr double still_growing = 1.02;
-constexpr Index most_repeats = 10;
-/// By how much steps might be longer until they grow, and by how much they do at the most each time.
-constexpr double worth_growing = 1.25, growth_of_steps = 1.05;
+constexpr double mixed_in = 0.05;
+/// By how much steps grow at the most, each time.
+constexpr double growth_of_steps = 1.05;
 
 /// Volume of a point, over that by the dilatation it shares, below which it shares no more.
 constexpr double least_growth = 0.5;
@@ -328,13 +321,9 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
   double omega2 = 0.0;
   const double size = mixed_in / std::sqrt(mass.sum());
   parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
-    if (!(mass[a] > 0.0)) shaken.col(a).setZero();
-    for (int i = 0; i < Dim && mass[a] > 0.0; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
+    for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
   });
-  for (const auto& [node, axis, velocity] : prescribed) shaken(axis, node) = 0.0;
-  const auto step_at = [&](double eigenvalue) { return options.courant * 2.0 / std::sqrt(eigenvalue); };
   for (Index k = 0; k < repeats; ++k) {
-    const double last = omega2;
     parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
       OtmChunk<Dim>& chunk = chunks[c];
       const BodyOf& body = bodies[chunk.body];
@@ -374,21 +363,18 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
     resist(shaken, next);
     for (const auto& [node, axis, velocity] : prescribed) next(axis, node) = 0.0;
     next = velocities_of(next);
-    const auto square = [&](const Points<Dim>& of) {
-      double sum = 0.0;
-      for (Index a = 0; a < mass.size(); ++a) sum += mass[a] * of.col(a).squaredNorm();
-      return sum;
-    };
-    omega2 = std::sqrt(square(next) / square(shaken));
-    next -= shift * omega2 * shaken;
-    shaken = next / std::sqrt(square(next));
-    if (k + 1 == repeats && repeats < most_repeats && step_at(omega2) < stable && omega2 > still_growing * last)
-      ++repeats;
+    double norm2 = 0.0, before2 = 0.0;
+    for (Index a = 0; a < mass.size(); ++a) {
+      before2 += mass[a] * shaken.col(a).squaredNorm();
+      norm2 += mass[a] * next.col(a).squaredNorm();
+    }
+    omega2 = std::sqrt(norm2 / before2);
+    shaken = next / std::sqrt(norm2);
   }
   // Steps change no more than they have to: energy swings with their length. They grow slowly, as a shape that has lost
   // what made it fast takes a while to find what is fastest now.
-  const double found = step_at(omega2);
-  if (found < stable || found > worth_growing * stable)
+  const double found = options.courant * 2.0 / std::sqrt(omega2);
+  if (found < stable || found > 1.25 * stable)
     stable = counts.steps > 0 ? std::min(0.98 * found, growth_of_steps * stable) : 0.98 * found;
   times.stability += lap(begin);
 }
