@@ -412,8 +412,10 @@ template <int Dim> double Motion<Dim>::longest_way() const {
 template <int Dim> void Motion<Dim>::move(double kick, double dt) {
   auto start = Clock::now();
   was = v;
-  v += velocities_of(kick * force);
-  if (fixed) nodal_momentum += kick * force;
+  nodal_impulses = kick * force;
+  find_velocities(nodal_impulses, nodal_changes);
+  v += nodal_changes;
+  if (fixed) nodal_momentum += nodal_impulses;
   Points<Dim> rubbed(Dim, 0);
   if (options.contact.friction > 0.0 && !touches.empty()) rubbed = rub(kick);
   // What a force that changes v at the end does is its impulse times the mean of the velocities around it.
@@ -425,7 +427,8 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
   hold_back(dt);
   if (rubbed.size() != 0) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
   move_tools(kick, dt);
-  add<Dim>(dt * v, x, x_rest);
+  nodal_changes = dt * v;
+  add<Dim>(nodal_changes, x, x_rest);
   for (Index a = 0; a < x.cols(); ++a)
     if (merged[a] >= 0) {
       x.col(a) = x.col(merged[a]);

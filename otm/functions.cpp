@@ -465,13 +465,11 @@ template <int Dim> void Motion<Dim>::follow_nodes(Index body) {
 /// Functions of worn points are made anew where nodes and points are now; what their nodes carry of them follows.
 template <int Dim> void Motion<Dim>::renew() {
   std::vector<Index> worn_chunks;
-  std::vector<char> body_is_worn(bodies.size(), 0);
   for (std::size_t c = 0; c < chunks.size(); ++c)
-    if (!chunks[c].worn.empty()) {
-      worn_chunks.push_back(static_cast<Index>(c));
-      body_is_worn[chunks[c].body] = 1;
-    }
+    if (!chunks[c].worn.empty()) worn_chunks.push_back(static_cast<Index>(c));
   if (worn_chunks.empty()) return;
+  std::vector<char> body_is_worn(bodies.size(), 0);
+  for (const Index c : worn_chunks) body_is_worn[chunks[c].body] = 1;
   auto start = Clock::now();
   for (std::size_t b = 0; b + 1 < bodies.size(); ++b)
     if (body_is_worn[b] || !seized.empty()) follow_nodes(static_cast<Index>(b));

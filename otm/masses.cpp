@@ -93,9 +93,9 @@ template <int Dim> void Motion<Dim>::find_free() {
 /// D^-1 + D^-1 (D - M) D^-1 + ..., the series of M^-1 (Guermond & Pasquetti 2013). It is symmetric, and does to motions
 /// that all nodes share what D does, so momentum is conserved. Nodes that are held along an axis have lumped masses
 /// along it.
-template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& impulses) const {
+template <int Dim> void Motion<Dim>::find_velocities(const Points<Dim>& impulses, Points<Dim>& result) const {
   const auto N = static_cast<Index>(x.cols());
-  Points<Dim> result(Dim, N);
+  result.resize(Dim, N);
   parallel_for(N, [&](Index a) {
     if (mass[a] > 0.0)
       result.col(a) = impulses.col(a) / mass[a];
@@ -105,7 +105,8 @@ template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& imp
   Index terms = 1;
   for (const BodyOf& body : bodies) terms = std::max(terms, body.mass_terms);
   for (Index k = 1; k < terms; ++k) {
-    const Points<Dim> before = free.cwiseProduct(result);
+    Points<Dim>& before = seen_by_mass;
+    before = free.cwiseProduct(result);
     parallel_for(N, [&](Index a) {
       if (bodies[body_of_node[a]].mass_terms <= k) return;
       Vec<Dim> drawn = pull.col(a).cwiseProduct(result.col(a));
@@ -114,7 +115,12 @@ template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& imp
       result.col(a) = (impulses.col(a) + free.col(a).cwiseProduct(drawn)) / mass[a];
     });
   }
-  return result;
+}
+
+template <int Dim> Points<Dim> Motion<Dim>::velocities_of(const Points<Dim>& impulses) const {
+  Points<Dim> velocities;
+  find_velocities(impulses, velocities);
+  return velocities;
 }
 
 /// The momenta whose velocities are those of the nodes, by conjugate gradients: there are no more different numbers

@@ -76,22 +76,27 @@ template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const M
 template <int Dim> void Motion<Dim>::sweep(double dt) {
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) { sweep(c, dt); });
   for (auto& chunk : chunks) renewal_loss += std::exchange(chunk.lost, 0.0);
-  force = collected();
+  collect(force);
   counts.updates += static_cast<std::int64_t>(place_of_point.size());
 }
 
 /// What the chunks say of each node, summed in their order.
-template <int Dim> Points<Dim> Motion<Dim>::collected() const {
-  Points<Dim> result(Dim, x.cols());
+template <int Dim> void Motion<Dim>::collect(Points<Dim>& forces) const {
+  forces.resize(Dim, x.cols());
   parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
     for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
       const auto [c, l] = node_places[k];
       for (int i = 0; i < Dim; ++i) sum[i] += chunks[c].force[4 * l + i];
     }
-    result.col(a) = sum;
+    forces.col(a) = sum;
   });
-  return result;
+}
+
+template <int Dim> Points<Dim> Motion<Dim>::collected() const {
+  Points<Dim> forces;
+  collect(forces);
+  return forces;
 }
 
 template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
@@ -359,10 +364,12 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
       otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), chunk.columns.data());
       push(chunk, since, at);
     });
-    Points<Dim> next = -collected();
-    resist(shaken, next);
-    for (const auto& [node, axis, velocity] : prescribed) next(axis, node) = 0.0;
-    next = velocities_of(next);
+    collect(nodal_impulses);
+    nodal_impulses *= -1.0;
+    resist(shaken, nodal_impulses);
+    for (const auto& [node, axis, velocity] : prescribed) nodal_impulses(axis, node) = 0.0;
+    Points<Dim>& next = nodal_changes;
+    find_velocities(nodal_impulses, next);
     double norm2 = 0.0, before2 = 0.0;
     for (Index a = 0; a < mass.size(); ++a) {
       before2 += mass[a] * shaken.col(a).squaredNorm();

@@ -96,7 +96,10 @@ template <int Dim> struct Motion {
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
   Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
-  EnergyWatch watch;   ///< of energy, when it was last looked at
+  /// Room that steps do not have to allocate.
+  Points<Dim> nodal_impulses, nodal_changes;
+  mutable Points<Dim> seen_by_mass;
+  EnergyWatch watch;  ///< of energy, when it was last looked at
   OtmCounts counts;
   OtmTimes times;
 
@@ -136,6 +139,7 @@ template <int Dim> struct Motion {
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
   void hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
+  void collect(Points<Dim>& forces) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* rows, double across) const;
   void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const;
@@ -254,6 +258,7 @@ template <int Dim> struct Motion {
   void raise_light_masses(Index body);
   void find_free();
   void find_momenta();
+  void find_velocities(const Points<Dim>& impulses, Points<Dim>& velocities) const;
   Points<Dim> velocities_of(const Points<Dim>& impulses) const;
   Vec<Dim> momentum_of(Index a) const {
     return bodies[body_of_node[a]].mass_terms > 1 ? Vec<Dim>(nodal_momentum.col(a)) : Vec<Dim>(mass[a] * v.col(a));
