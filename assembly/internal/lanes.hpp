@@ -12,7 +12,7 @@
 namespace efree {
 
 template <class Number, int lanes> struct LanesOf {
-  typedef Number type __attribute__((vector_size(sizeof(Number) * lanes)));
+  typedef Number type __attribute__((vector_size(sizeof(Number) * lanes)));  // NOLINT: GCC drops it from an alias
 };
 template <class Number> struct LanesOf<Number, 1> { using type = Number; };
 

@@ -387,7 +387,12 @@ Values read_nrrd(const std::string& path, int dim) {
       for (std::size_t k = 0; k < v.pixels() * v.components; ++k) {
         double number = 0.0;
         if (!(file >> number)) truncated(path, static_cast<double>(bytes), static_cast<double>(v.bytes.size()));
-        value = static_cast<decltype(value)>(number);
+        using Value = decltype(value);
+        if constexpr (std::is_integral_v<Value>)
+          if (!(number >= static_cast<double>(std::numeric_limits<Value>::lowest()) &&
+                number < static_cast<double>(std::numeric_limits<Value>::max()) + 1.0))
+            throw InputError(fmt::format("{}: the value {} is none of type {}", path, number, v.type));
+        value = static_cast<Value>(number);
         const char* const first = reinterpret_cast<const char*>(&value);
         v.bytes.insert(v.bytes.end(), first, first + sizeof value);
       }

@@ -132,6 +132,8 @@ TEST_F(ReadImage, VolumesComeWithTheirSpacing) {
       EXPECT_EQ(image.origin, Vec<3>(0.75, 1.875, 2.0)) << name;
     }
   }
+  EXPECT_INPUT_ERROR(read_image<3>(put("e.nrrd", nrrd + "encoding: ascii\n\n1 0 2 2\n0 1e6 1 1\n")),
+                     "the value 1000000 is none of type");
   const LabelImage<3> finer = read_image<3>(put("a.mha", meta + "LOCAL\n" + eight), {.spacing = {0.125}});
   EXPECT_EQ(finer.spacing, Vec<3>(0.125, 0.125, 0.125));
   EXPECT_EQ(read_image<3>(put("a.inr", inr("unsigned fixed", 8, "decm", eight)), {.spacing = {1, 2, 3}}).spacing,
