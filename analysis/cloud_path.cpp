@@ -16,9 +16,10 @@
 namespace efree::internal {
 namespace {
 
-/// Hands out a corrected answer. `before`: what had been found of it, if it was corrected before.
-template <int Dim> void hand_out(CorrectedAnswer<Dim>& from, const std::optional<Estimates>& before, Answer<Dim>& to) {
+/// Hands out a corrected answer, to one that may have been corrected before.
+template <int Dim> void hand_out(CorrectedAnswer<Dim>& from, Answer<Dim>& to) {
   const Correction<Dim>& correction = from.correction;
+  const std::optional<Estimates> before = to.estimates;
   to.solution = std::move(from.solution);
   to.fields = std::move(from.fields);
   to.estimates = {.cloud = correction.error,
@@ -43,10 +44,16 @@ template <int Dim> void correct_rest(const Settings<Dim>& settings, const Correc
     for (std::size_t k = first; k < std::min(first + cases_together, answers.size()); ++k)
       starts.push_back(start_of(result, *answers[k]));
     for (auto& one : correct_more(settings, result, best, first, starts, options, monitor)) {
-      Answer<Dim>& answer = *answers[first++];
-      hand_out(one, std::optional(answer.estimates), answer);
+      hand_out(one, *answers[first++]);
     }
   }
+}
+
+/// The fields of the answers to all load cases.
+template <int Dim> std::vector<const Fields<Dim>*> fields_in(Result<Dim>& result) {
+  std::vector<const Fields<Dim>*> fields;
+  for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
+  return fields;
 }
 
 /// The answer of the finite elements of the fine mesh, as near as it is wanted, and how far that of the cloud is
@@ -100,15 +107,12 @@ template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& resu
   }
   const auto tell = [&] {
     stage.reset();
-    std::vector<const Fields<Dim>*> fields;
-    for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
-    tell_dual_errors(settings, best, *result.elements, fields, options.tolerance, result, monitor);
+    tell_dual_errors(settings, best, *result.elements, fields_in(result), options.tolerance, result, monitor);
   };
   // Takes the answers to the first load cases, with the elements that they are of.
   const auto take = [&] {
     const auto answers = answers_in(result);
-    for (std::size_t k = 0; k < best.answers.size(); ++k)
-      hand_out(best.answers[k], std::optional(answers[k]->estimates), *answers[k]);
+    for (std::size_t k = 0; k < best.answers.size(); ++k) hand_out(best.answers[k], *answers[k]);
     result.elements = std::move(best.elements);
     result.error_density = error_density(result, best.first().mesh_error.squares);
   };
@@ -156,9 +160,8 @@ template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& resu
 /// The errors of finite elements in all load cases, by recovery.
 template <int Dim> void estimate_elements(Result<Dim>& result) {
   const auto answers = answers_in(result);
-  std::vector<const Fields<Dim>*> fields;
-  for (const Answer<Dim>* answer : answers) fields.push_back(&answer->fields);
-  const auto errors = recovery_errors(result.approximation, fields, materials_of(result.model, *result.mesh));
+  const auto errors =
+      recovery_errors(result.approximation, fields_in(result), materials_of(result.model, *result.mesh));
   for (std::size_t k = 0; k < answers.size(); ++k) answers[k]->estimates = Estimates{0.0, 0.0, errors[k].relative, 0};
   result.error_density = error_density(result, errors.front().squares);
 }
@@ -180,27 +183,25 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
   approximate_once(settings, result, monitor);
   std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
                                            monitor);
-  std::vector<Loads<Dim>> all{settings.loads};
-  for (std::size_t k = 1; k < settings.cases.size(); ++k) all.push_back(settings.cases[k].loads);
+  const auto all = loads_of(settings, 0, std::max<std::size_t>(1, settings.cases.size()));
   {
     const Stage stage("solve", monitor);
     auto solutions = solver->solve_all(all);
     result.more.resize(all.size() - 1);
+    const auto answers = answers_in(result);
     for (std::size_t k = 0; k < all.size(); ++k) {
-      Answer<Dim>& answer = k == 0 ? static_cast<Answer<Dim>&>(result) : result.more[k - 1];
+      Answer<Dim>& answer = *answers[k];
       answer.solution = std::move(solutions[k]);
       answer.balance.reactions = solver->reactions(answer.solution, all[k]);
     }
   }
   if (options.kind != BasisKind::mls) {
     const auto fits = recovery_fits(result.approximation);
-    result.fields = recover_fields(result.approximation, result.solution, fits);
-    for (Answer<Dim>& answer : result.more) answer.fields = recover_fields(result.approximation, answer.solution, fits);
+    for (Answer<Dim>* answer : answers_in(result))
+      answer->fields = recover_fields(result.approximation, answer->solution, fits);
     if (settings.estimated) estimate_elements(result);
-    std::vector<const Fields<Dim>*> fields;
-    for (const Answer<Dim>* answer : answers_in(result)) fields.push_back(&answer->fields);
     const Reference<Dim> reference{
-        result.approximation, std::move(fields), result.model.essential == Essential::nitsche,
+        result.approximation, fields_in(result), result.model.essential == Essential::nitsche,
         [&](const std::vector<Functional<Dim>>& functionals, const Monitor&) { return solver->duals(functionals); },
         [&](const Functional<Dim>& functional, const Points<Dim>&, std::size_t k) {
           return solver->value(functional, answers_in(result)[k]->solution.coefficients, all[k]);

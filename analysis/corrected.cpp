@@ -31,6 +31,8 @@ std::vector<CorrectedAnswer<Dim>> answers_of(const Result<Dim>& result, const Ap
   return answers;
 }
 
+}  // namespace
+
 template <int Dim>
 std::vector<Loads<Dim>> loads_of(const Settings<Dim>& settings, std::size_t first, std::size_t count) {
   if (first == 0 && count == 1) return {settings.loads};
@@ -38,8 +40,6 @@ std::vector<Loads<Dim>> loads_of(const Settings<Dim>& settings, std::size_t firs
   for (std::size_t k = first; k < first + count; ++k) loads.push_back(settings.cases[k].loads);
   return loads;
 }
-
-}  // namespace
 
 template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const Result<Dim>& result,
                                             const Approximation<Dim>& functions, const std::vector<Points<Dim>>& starts,
@@ -65,7 +65,7 @@ std::vector<CorrectedAnswer<Dim>> correct_more(const Settings<Dim>& settings, co
                                                const Corrected<Dim>& towards, std::size_t first,
                                                const std::vector<Points<Dim>>& starts, const CorrectionOptions& options,
                                                const Monitor& monitor) {
-  return answers_of(result, result.elements ? *result.elements : towards.elements, *towards.fits,
+  return answers_of(result, result.basis(), *towards.fits,
                     towards.corrector->correct_all(starts, loads_of(settings, first, starts.size()), options, monitor));
 }
 
@@ -90,6 +90,8 @@ template <int Dim> void tell_dual_errors(const Settings<Dim>& settings, const Co
   }
 }
 
+template std::vector<Loads<2>> loads_of<2>(const Settings<2>&, std::size_t, std::size_t);
+template std::vector<Loads<3>> loads_of<3>(const Settings<3>&, std::size_t, std::size_t);
 template Corrected<2> corrected<2>(const Settings<2>&, const Result<2>&, const Approximation<2>&,
                                    const std::vector<Points<2>>&, const CorrectionOptions&, const Monitor&);
 template std::vector<CorrectedAnswer<2>> correct_more<2>(const Settings<2>&, const Result<2>&, const Corrected<2>&,

@@ -2,6 +2,8 @@
 /// Time that this process has had.
 #pragma once
 
+#include "efree/core/parallel.hpp"
+
 #include <chrono>
 #include <ctime>
 
@@ -17,6 +19,11 @@ inline double cpu_seconds() {
 /// Seconds by the clock, since some time.
 inline double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Seconds of the processor on one thread, whatever else runs beside it; on several, by the clock.
+inline double seconds() {
+  return num_threads() == 1 ? cpu_seconds() : wall_seconds();
 }
 
 }  // namespace efree::bench

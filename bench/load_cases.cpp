@@ -15,7 +15,6 @@
 #include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -24,7 +23,7 @@
 #include <string>
 
 using namespace efree;
-using efree::bench::cpu_seconds;
+using efree::bench::seconds;
 
 namespace {
 
@@ -57,11 +56,6 @@ constexpr Method methods[] = {{"P1", BasisKind::p1, false},
                               {"P2", BasisKind::p2, false},
                               {"cloud", BasisKind::mls, false},
                               {"corrected cloud", BasisKind::mls, true}};
-
-double seconds() {
-  if (num_threads() == 1) return cpu_seconds();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 std::filesystem::path folder() {
   return std::filesystem::temp_directory_path() / "efree_load_cases";

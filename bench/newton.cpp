@@ -11,7 +11,6 @@
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <map>
@@ -20,12 +19,6 @@
 using namespace efree;
 
 namespace {
-
-/// Seconds: of the processor on one thread, whatever else runs beside it.
-double now() {
-  if (num_threads() == 1) return bench::cpu_seconds();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 double median(std::vector<double> values) {
   std::ranges::sort(values);
@@ -54,9 +47,9 @@ double iteration(const char* name, const Approximation<Dim>& approximation, Esse
   std::map<std::string, std::vector<double>> times;
   for (int k = 0; k < repetitions; ++k) {
     const auto timed = [&](const char* part, const auto& work) {
-      const double start = now();
+      const double start = bench::seconds();
       work();
-      times[part].push_back(1e3 * (now() - start));
+      times[part].push_back(1e3 * (bench::seconds() - start));
     };
     Vector r;
     timed("residual", [&] { r = equations.residual(state); });

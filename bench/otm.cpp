@@ -106,8 +106,7 @@ template <int Dim> void taylor(double size, const Keys& keys) {
     const OtmTimes times = otm.times();
     std::printf(
         "functions %.2f s, kinematics %.2f, materials %.2f, forces %.2f, stability %.2f, nodes %.2f; by the clock %.2f "
-        "s, "
-        "set up too; peak %.0f MB\n",
+        "s, set up too; peak %.0f MB\n",
         times.functions, times.kinematics, times.materials, times.forces, times.stability, times.nodes,
         bench::wall_seconds() - clock, peak_memory_mb());
   } catch (const NumericalError& error) {

@@ -28,11 +28,15 @@ template <int Dim> struct Corrected {
   const CorrectedAnswer<Dim>& first() const { return answers.front(); }
 };
 
+/// What acts in so many load cases from one on, where all that does is in each; without cases there is one.
+template <int Dim>
+std::vector<Loads<Dim>> loads_of(const Settings<Dim>& settings, std::size_t first, std::size_t count);
+
 /// Corrects displacements of the functions, those of the first load cases, towards the finite elements of their space.
 template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const Result<Dim>& result,
                                             const Approximation<Dim>& functions, const std::vector<Points<Dim>>& starts,
                                             const CorrectionOptions& options, const Monitor& monitor);
-/// The same for further load cases, from that of this number on.
+/// The same for further load cases, from that of this number on, of the elements that the result has by now.
 template <int Dim>
 std::vector<CorrectedAnswer<Dim>> correct_more(const Settings<Dim>& settings, const Result<Dim>& result,
                                                const Corrected<Dim>& towards, std::size_t first,
