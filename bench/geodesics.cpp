@@ -7,9 +7,11 @@
 /// one on one thread, patch included; "heat_geodesic_shared" solves all sources at once and divides. The outside
 /// reference is CGAL's Heat_method_3 (intrinsic Delaunay) on the whole mesh: its time per source is that of one solve,
 /// factorisation shared by all sources and not counted.
-#include "efree/heatgeo/geodesics.hpp"
+#include "clock.hpp"
+
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/heatgeo/geodesics.hpp"
 #include "efree/heatgeo/internal/patch.hpp"
 
 #include <CGAL/Heat_method_3/Surface_mesh_geodesic_distances_3.h>
@@ -17,7 +19,6 @@
 #include <CGAL/Surface_mesh.h>
 
 #include <algorithm>
-#include <chrono>
 #include <fstream>
 #include <iostream>
 #include <numbers>
@@ -93,10 +94,6 @@ struct Summary {
   }
 };
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 class Study {
  public:
   Study(std::ostream& out, const Domain& domain, double h, double radius)
@@ -131,9 +128,9 @@ class Study {
     geodesics.from(sources_[0], radius_);  // scratch memory
     Summary summary;
     for (std::size_t s = 0; s < sources_.size(); ++s) {
-      const double start = now();
+      const double start = bench::wall_seconds();
       const LocalField field = geodesics.from(sources_[s], radius_);
-      summary.seconds.push_back(now() - start);
+      summary.seconds.push_back(bench::wall_seconds() - start);
       compare(s, field, summary);
     }
     write(name, summary);
@@ -142,9 +139,9 @@ class Study {
   void shared_heat() {
     const Geodesics<2> geodesics(mesh_, {.engine = Weight::heat_geodesic});
     Summary summary;
-    const double start = now();
+    const double start = bench::wall_seconds();
     const auto fields = geodesics.from(sources_, Vector::Constant(static_cast<Index>(sources_.size()), radius_));
-    summary.seconds.assign(1, (now() - start) / static_cast<double>(sources_.size()));
+    summary.seconds.assign(1, (bench::wall_seconds() - start) / static_cast<double>(sources_.size()));
     for (std::size_t s = 0; s < sources_.size(); ++s) compare(s, fields[s], summary);
     write("heat_geodesic_shared", summary);
   }
@@ -166,9 +163,9 @@ class Study {
     for (std::size_t s = 0; s < sources_.size(); ++s) {
       method.clear_sources();
       method.add_source(descriptor(sources_[s]));
-      const double start = now();
+      const double start = bench::wall_seconds();
       method.estimate_geodesic_distances(distance);
-      summary.seconds.push_back(now() - start);
+      summary.seconds.push_back(bench::wall_seconds() - start);
       LocalField field{exact_[s].vertices, {}};
       for (Index v : field.vertices) field.values.push_back(distance[descriptor(v)]);
       compare(s, field, summary);

@@ -17,7 +17,6 @@
 #include "efree/solvers/correction.hpp"
 
 #include <sys/resource.h>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -29,9 +28,6 @@ using efree::bench::cpu_seconds;
 
 namespace {
 
-double wall_seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 double peak_mib() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -57,14 +53,14 @@ std::vector<DisplacementCondition<3>> pulled(double shift) {
 int on_cells(const std::string& name, double size, double tolerance, int threads) {
   const Body body = body_named(name);
   set_num_threads(threads);
-  const double start = cpu_seconds(), wall = wall_seconds();
+  const double start = cpu_seconds(), wall = bench::wall_seconds();
   const LabelImage<3> image = keep_largest(body.image).image;
   const double kept = cpu_seconds();
   const double edge = image.size[0];
   StageTimes times;
   const CellSolution solution = solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, pulled(0.01 * edge), {},
                                                {.size = size, .tolerance = tolerance}, {.times = &times});
-  const double all = cpu_seconds() - start, passed = wall_seconds() - wall;
+  const double all = cpu_seconds() - start, passed = bench::wall_seconds() - wall;
   const auto modulus = [&](double energy) { return 2.0 * energy / (1e-4 * edge * edge * edge); };
   for (const CellLevel& level : solution.levels)
     std::printf("| %s | %.3g | %d | %.5f | %+.2f %% | %d | %.1e |\n", name.c_str(), level.edges[0], level.cells,
