@@ -3,6 +3,7 @@
 
 #include "efree/core/parallel.hpp"
 
+#include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -11,6 +12,17 @@
 #include <utility>
 
 namespace efree {
+
+std::pair<double, std::string> PathErrors::largest() const {
+  std::pair<double, std::string> most(work, "the work");
+  const auto look_at = [&](const char* kind, const std::map<std::string, double>& all) {
+    for (const auto& [name, error] : all)
+      if (error > most.first) most = {error, fmt::format("{} \"{}\"", kind, name)};
+  };
+  look_at("reaction", reactions);
+  look_at("probe", probes);
+  return most;
+}
 
 template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields) {
   const auto& stress = fields.stress;

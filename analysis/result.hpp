@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace efree {
@@ -72,6 +73,20 @@ struct CloudAlone {
   std::map<std::string, double> reactions, probes;
 };
 
+/// How far a path through time is from where finer clouds lead, by a coarser cloud on the same mesh that follows the same
+/// steps: the largest difference on the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if errors
+/// fell with the spacing to the 1.5 (Richardson 1911). What the fine mesh itself is off is not in it.
+struct PathErrors {
+  double coarser = 0.0;  ///< spacing of the other cloud over that of this one, by their numbers of nodes
+  double until = 0.0;    ///< time to which both went
+  double work = 0.0;     ///< of the energy stored and dissipated
+  /// By name; of a hundredth of the largest of their kind if that is more.
+  std::map<std::string, double> reactions, probes;
+
+  /// The largest of them, and what it is of, for people.
+  std::pair<double, std::string> largest() const;
+};
+
 /// What holds a body and what loads it.
 template <int Dim> struct Balance {
   /// By part with displacement conditions: the force and moment by which it holds the body, from the equilibrium of the
@@ -126,6 +141,7 @@ template <int Dim> struct Result : Answer<Dim> {
   std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
   std::optional<CloudAlone> cloud_alone{};
+  std::optional<PathErrors> path_errors{};  ///< where the finite elements find no way, and a coarser cloud does
   /// If the body was not stable on its way: how it gave way at the first step at which it was not, at the degrees of
   /// freedom of the approximation's space (softest_mode).
   Points<Dim> instability{};
@@ -137,8 +153,8 @@ template <int Dim> struct Result : Answer<Dim> {
   std::vector<std::string> warnings;  ///< what makes the numbers doubtful
   std::string refusal;                ///< why they are no answer; empty if they are one
 
-  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, duals (errors of
-  /// probes, reactions, extremes), output (recovery, errors, probes).
+  /// Wall-clock seconds: mesh, cloud, weights, basis, quadrature, assembly, solve, correction, coarser cloud (errors of
+  /// paths), duals (errors of probes, reactions, extremes), output (recovery, errors, probes).
   StageTimes times;
   double cpu_seconds = 0.0;  ///< of all threads, from mesh to solve
 };

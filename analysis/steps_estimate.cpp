@@ -54,9 +54,9 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
 
 }  // namespace
 
-template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
-                                       Result<Dim>& result, const Monitor& monitor) {
-  if (!is_deformed(result)) return;
+template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
+                                              Result<Dim>& result, const Monitor& monitor) {
+  if (!is_deformed(result)) return {};
   std::string unknown = reason_not_to(settings, result);
   std::optional<ElementsBeside<Dim>> beside;
   std::optional<BesideCloud<Dim>> there;
@@ -70,13 +70,7 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
           "the finite elements of the fine mesh find no balance near the cloud's, and may bear less: {}", error.what());
     }
   }
-  if (!there) {
-    result.warnings.push_back(fmt::format(
-        "how far the answer is from the truth is not estimated ({}): compare {}", unknown,
-        settings.approximation.kind == BasisKind::mls ? "clouds and meshes of two sizes, or with basis.kind = \"p2\""
-                                                      : "meshes of two sizes"));
-    return;
-  }
+  if (!there) return unknown;
   const NonlinearEquilibrium<Dim>& equations = beside->equations();
   const Approximation<Dim>& elements = beside->elements();
   PointFields<Dim> points = equations.fields(there->state);
@@ -108,15 +102,16 @@ template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Di
   for (std::size_t k = 0; k < settings.probes.size(); ++k)
     off.probes[settings.probes[k].name] =
         relative(cloud.probes[k], probe(elements.space, fields, locator(settings.probes[k].at)).displacement, most);
-  if (!corrected) return;
+  if (!corrected) return {};
   result.elements = elements;
   result.balance = {reactions, equations.applied(there->state)};
   result.solution = std::move(solution);
   result.fields = std::move(fields);
   result.error_density = error_density(result, mesh.squares);
+  return {};
 }
 
-template void estimate_steps<2>(const Settings<2>&, Program<2>, const State&, Result<2>&, const Monitor&);
-template void estimate_steps<3>(const Settings<3>&, Program<3>, const State&, Result<3>&, const Monitor&);
+template std::string estimate_steps<2>(const Settings<2>&, Program<2>, const State&, Result<2>&, const Monitor&);
+template std::string estimate_steps<3>(const Settings<3>&, Program<3>, const State&, Result<3>&, const Monitor&);
 
 }  // namespace efree::internal

@@ -342,6 +342,23 @@ template <int Dim> class Walk {
   bool telling_ = false;
 };
 
+/// What is said of errors where the finite elements do not tell them, for this reason.
+template <int Dim> void tell_path_errors(const Settings<Dim>& settings, const std::string& unknown, Result<Dim>& result,
+                                         const Monitor& monitor) {
+  const bool cloud = settings.approximation.kind == BasisKind::mls;
+  const std::string also = cloud && settings.estimated ? estimate_path(settings, result, monitor) : "";
+  if (!result.path_errors) {
+    result.warnings.push_back(fmt::format(
+        "how far the answer is from the truth is not estimated ({}{}{}): compare {}", unknown, also.empty() ? "" : "; ",
+        also, cloud ? "clouds and meshes of two sizes, or with basis.kind = \"p2\"" : "meshes of two sizes"));
+    return;
+  }
+  constexpr double doubtful = 0.1;
+  if (const auto [most, of] = result.path_errors->largest(); most > doubtful)
+    result.warnings.push_back(fmt::format(
+        "the path may be about {:.2g} % off ({}), as a coarser cloud tells: use a smaller spacing", 100.0 * most, of));
+}
+
 }  // namespace
 
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
@@ -367,7 +384,9 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   walk.finish();
   const NonlinearEquilibrium<Dim>& equations = walk.equations();
   result.balance = {equations.reactions(walk.at()), equations.applied(walk.at())};
-  estimate_steps(settings, program_of(settings), walk.at(), result, monitor);
+  if (const std::string unknown = estimate_steps(settings, program_of(settings), walk.at(), result, monitor);
+      !unknown.empty())
+    tell_path_errors(settings, unknown, result, monitor);
   warn_of_instability(result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))

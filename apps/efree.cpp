@@ -70,6 +70,13 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   return fmt::format("{}{}; about {:.2g} % of the fine mesh", of_cloud, corrected, 100.0 * estimates.mesh);
 }
 
+std::string path_errors_text(const PathErrors& errors) {
+  const auto [most, of] = errors.largest();
+  return fmt::format(
+      "error of the path, by a cloud of {:.2g} times the spacing: about {:.2g} % of the work, at most {:.2g} % ({})",
+      errors.coarser, 100.0 * errors.work, 100.0 * most, of);
+}
+
 /// The components with those that are rounding, measured by `scale`, as 0.
 template <class Values> Values rounded(Values values, double scale) {
   for (double& value : values)
@@ -170,6 +177,7 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
     }
     Result<Dim> result = analyse(analysis, monitor);
     if (result.estimates) say(estimates_text(result));
+    if (result.path_errors) say(path_errors_text(*result.path_errors));
     for (const std::string& line : numbers_text<Dim>(result, analysis)) say(line);
     for (const std::string& warning : result.warnings) display.say(fmt::format("warning: {}", warning));
     {

@@ -6,7 +6,8 @@ usage: load_paths.py CASE.toml PART COMPONENT VARIANT... [--out DIR] [--efree PR
 
 VARIANT: cloud:SPACING, p1:SIZE or p2:SIZE (length of edges); the last is the reference. Runs the case with each on one
 thread, and prints a table: the force of PART at the end, the largest difference of its path from that of the reference
-over the largest force, and seconds of the processor (mesh, functions, steps; "estimate" apart). DIR gets paths.csv
+over the largest force, what the run itself says of it by a coarser cloud, and seconds of the processor (mesh,
+functions, steps; "estimate" apart). DIR gets paths.csv
 (variant, time, force) and errors.csv.
 """
 import argparse
@@ -72,8 +73,8 @@ def main():
         runs.append((variant, path_of(folder / "history.csv", f"reaction.{arguments.part}.{arguments.component}"), result))
     reference = runs[-1][1]
     largest = max(abs(f) for _, f in reference)
-    print("| functions | nodes | fine cells | force at the end | path off by | comes to | steps | steps and before [s] | estimate [s] |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| functions | nodes | fine cells | force at the end | path off by | said | comes to | steps | steps and before [s] | estimate [s] |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     with open(arguments.out / "paths.csv", "w") as paths, open(arguments.out / "errors.csv", "w") as errors:
         print("variant,t,force", file=paths)
         print("variant,seconds,error,nodes", file=errors)
@@ -82,9 +83,11 @@ def main():
                 print(f"{variant},{t},{f}", file=paths)
             off = max((abs(f - there) for t, f in path if (there := at(reference, t)) is not None), default=0.0) / largest
             seconds = result["seconds"]
-            estimate = seconds.get("correction", 0.0)
+            estimate = seconds.get("correction", 0.0) + seconds.get("coarser cloud", 0.0)
+            said = result.get("estimates", {}).get("path", {}).get("reactions", {}).get(arguments.part)
             print(f"{variant},{seconds['total'] - estimate - seconds.get('output', 0.0)},{off},{result['counts']['nodes']}", file=errors)
             print(f"| {variant} | {result['counts']['nodes']} | {result['counts']['fine_cells']} | {path[-1][1]:.6g} | {100 * off:.2g} % | "
+                  f"{'' if said is None else f'{100 * said:.2g} %'} | "
                   f"{path[-1][0]:.4g} | {len(path) - 1} | {seconds['total'] - estimate - seconds.get('output', 0.0):.2f} | {estimate:.2f} |")
 
 

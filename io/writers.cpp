@@ -389,6 +389,12 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (result.cloud_alone)
     json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
                                         {"probes", result.cloud_alone->probes}};
+  if (result.path_errors)
+    json["estimates"]["path"] = {{"coarser", result.path_errors->coarser},
+                                 {"until", result.path_errors->until},
+                                 {"work", result.path_errors->work},
+                                 {"reactions", result.path_errors->reactions},
+                                 {"probes", result.path_errors->probes}};
   for (std::size_t k = 0; k < settings.cases.size(); ++k) {
     const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
     add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);

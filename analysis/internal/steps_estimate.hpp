@@ -5,6 +5,7 @@
 #include "efree/analysis/result.hpp"
 #include "efree/solvers/elements_beside.hpp"
 
+#include <string>
 #include <utility>
 
 namespace efree::internal {
@@ -18,8 +19,12 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
 }
 
 /// Puts the error of a cloud's last state into the result, which has its fields and history, and, of bodies whose
-/// answer is to be corrected, the state of the elements in its place; a warning where the error is not known.
-template <int Dim> void estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
-                                       Result<Dim>& result, const Monitor& monitor);
+/// answer is to be corrected, the state of the elements in its place. Why the error is not known; nothing where it is.
+template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
+                                              Result<Dim>& result, const Monitor& monitor);
+
+/// Puts the errors of the path, by a coarser cloud, into the result. Why they are not known; nothing where they are.
+template <int Dim> std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result,
+                                             const Monitor& monitor);
 
 }  // namespace efree::internal

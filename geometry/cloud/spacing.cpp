@@ -198,6 +198,7 @@ template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spaci
   check_length(spacing, "spacing");
   if (!(grading.least >= 1.0))
     throw InputError(fmt::format("cloud: least is {} fine edges, expected 1 or more", grading.least));
+  check_length(grading.scale, "the scale of all spacings");
   Vector out = Vector::Constant(mesh.num_vertices(), spacing);
   if (grading.features) {
     const Vector size = feature_size(mesh, 4.0 * spacing);
@@ -237,8 +238,8 @@ template <int Dim> Vector graded_spacing(const FineMesh<Dim>& mesh, double spaci
       for (int k = 0; k < Dim; ++k)
         if (const Index v = mesh.facets()(k, f); out[v] > part.spacing) lower(mesh, v, part.spacing, where, out);
   }
-  if (!grading.features && !grading.has_places()) return out;
-  return limit_growth(mesh, std::move(out), grading.growth);
+  if (grading.features || grading.has_places()) out = limit_growth(mesh, std::move(out), grading.growth);
+  return grading.scale * out;
 }
 
 template Vector feature_size<2>(const FineMesh<2>&, double);

@@ -37,6 +37,7 @@ struct Grading {
   std::vector<SpacingBox> boxes{};
   std::vector<SpacingRegion> regions{};
   std::vector<SpacingBoundary> boundaries{};
+  double scale = 1.0;  ///< of all that comes of this
 
   /// Whether a spacing is asked for at some place.
   bool has_places() const { return !boxes.empty() || !regions.empty() || !boundaries.empty(); }
