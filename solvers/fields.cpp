@@ -7,6 +7,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/blend.hpp"
 #include "efree/solvers/internal/cell_gradients.hpp"
+#include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/static_analysis.hpp"
 
 #include <fmt/format.h>
@@ -20,6 +21,9 @@
 #include <numeric>
 
 namespace efree {
+
+using internal::SideBySide, internal::UniformCell, internal::CellSquares, internal::most_side_by_side;
+
 namespace {
 
 /// For each node the quadrature points its function acts on, with the cube of the overlap int phi_I Phi_K as weight.
@@ -284,10 +288,35 @@ template <int Dim> class RecoverySquares {
     smallest_ = 1e-24 * space_.mesh().hat_gradients(c).squaredNorm();
   }
 
-  RecoverySums of(const Fields<Dim>& fields) const {
-    const double mean = averaged_ ? mean_dilatation(space_, cell_, own_, fields.displacement) : 0.0;
-    if (!by_nodes_) return by_rule(fields, mean);
-    return space_.degree() == 1 ? by_nodes<1>(fields, mean) : by_nodes<2>(fields, mean);
+  /// Of each field, which `displacements` and `stresses` have, too.
+  void find(const std::vector<const Fields<Dim>*>& fields, const std::vector<SideBySide<Dim>>& displacements,
+            const std::vector<SideBySide<voigt_size<Dim>>>& stresses, std::vector<RecoverySums>& sums) const {
+    const auto mean = [&](std::size_t k) {
+      return averaged_ ? mean_dilatation(space_, cell_, own_, fields[k]->displacement) : 0.0;
+    };
+    if (!by_nodes_) {
+      for (std::size_t k = 0; k < fields.size(); ++k) sums[k] = by_rule(*fields[k], mean(k));
+      return;
+    }
+    const Stiffness<Dim>& stiffness = *stiffness_[0];
+    const double volume = space_.mesh().volume(cell_), smallest = volume * stiffness.C(0, 0) * smallest_;
+    std::array<double, most_side_by_side> dilatations{};
+    UniformCell<Dim> cell{.dofs = space_.cell(cell_).data(),
+                          .places = space_.places(cell_).data(),
+                          .dN = {},
+                          .stiffness = &stiffness,
+                          .root = root_.data(),
+                          .dilatations = averaged_ ? dilatations.data() : nullptr};
+    for (int i = 0; i <= Dim; ++i) cell.dN[i] = at_corners_[i].data();
+    CellSquares squares;
+    std::size_t k = 0;
+    for (std::size_t part = 0; part < displacements.size(); ++part) {
+      const Index count = displacements[part].count();
+      for (Index lane = 0; averaged_ && lane < count; ++lane) dilatations[lane] = mean(k + lane);
+      compare(displacements[part], stresses[part], space_.degree(), cell, squares);
+      for (Index lane = 0; lane < count; ++lane)
+        sums[k++] = {volume * squares.error[lane], volume * squares.norm[lane], smallest * squares.displacement[lane]};
+    }
   }
 
  private:
@@ -295,34 +324,6 @@ template <int Dim> class RecoverySquares {
     Voigt<Dim> eps = strain_of<Dim>(H);
     if (averaged_) eps += (mean - eps.template head<3>().sum()) * stiffness.swelling;
     return eps;
-  }
-
-  /// From the difference at the degrees of freedom, by the mass matrix; strains are linear.
-  template <int degree> RecoverySums by_nodes(const Fields<Dim>& fields, double mean) const {
-    constexpr int n = degree == 1 ? Dim + 1 : FineSpace<Dim>::max_cell_size;
-    const double volume = space_.mesh().volume(cell_);
-    const Stiffness<Dim>& stiffness = *stiffness_[0];
-    const auto dofs = space_.cell(cell_), places = space_.places(cell_);
-    Eigen::Matrix<double, Dim, n> u;
-    Eigen::Matrix<double, voigt_size<Dim>, n> difference;
-    for (int i = 0; i < n; ++i) u.col(i) = fields.displacement.col(dofs[i]);
-    for (int i = 0; i < n; ++i) difference.col(i) = fields.stress.col(places[i]);
-    Eigen::Matrix<double, voigt_size<Dim>, Dim + 1> strains, stresses;
-    for (int i = 0; i <= Dim; ++i) {
-      const Eigen::Map<const Eigen::Matrix<double, Dim, n>> dN(at_corners_[i].data());
-      Gradient<Dim> H = Gradient<Dim>::Zero();
-      Eigen::Map<Mat<Dim>>(H.data()).noalias() = u * dN.transpose();
-      strains.col(i) = strain(H, mean, stiffness);
-    }
-    stresses.noalias() = stiffness.C * strains;
-    difference.template leftCols<Dim + 1>() -= stresses;
-    for (int i = 0, node = Dim + 1; i <= Dim && degree == 2; ++i)
-      for (int j = i + 1; j <= Dim; ++j, ++node) difference.col(node) -= 0.5 * (stresses.col(i) + stresses.col(j));
-    const Eigen::Map<const Mat<n>> root(root_.data());
-    const Eigen::Matrix<double, voigt_size<Dim>, n> columns = difference * root;
-    const double work = strains.rowwise().sum().dot(stresses.rowwise().sum()) + strains.cwiseProduct(stresses).sum();
-    return {volume * (stiffness.S * columns).cwiseProduct(columns).sum(), volume * work / ((Dim + 1) * (Dim + 2)),
-            volume * stiffness.C(0, 0) * smallest_ * u.colwise().squaredNorm().maxCoeff()};
   }
 
   RecoverySums by_rule(const Fields<Dim>& fields, double mean) const {
@@ -366,14 +367,23 @@ template <int Dim> std::vector<RecoveryError> recovery_errors(const Approximatio
   std::vector<std::vector<RecoverySums>> parts((cells + chunk - 1) / chunk, std::vector<RecoverySums>(fields.size()));
   std::vector<RecoveryError> errors(fields.size());
   for (RecoveryError& one : errors) one.squares.resize(cells);
+  std::vector<const Points<Dim>*> of_displacements;
+  std::vector<const VoigtPoints<Dim>*> of_stresses;
+  for (const Fields<Dim>* one : fields) {
+    of_displacements.push_back(&one->displacement);
+    of_stresses.push_back(&one->stress);
+  }
+  const auto displacements = internal::side_by_side(of_displacements);
+  const auto stresses = internal::side_by_side(of_stresses);
   parallel_chunks(cells, chunk, [&](Index begin, Index end) {
     RecoverySquares<Dim> squares(approximation, materials);
+    std::vector<RecoverySums> sums(fields.size());
     for (Index c = begin; c < end; ++c) {
       squares.enter(c);
+      squares.find(fields, displacements, stresses, sums);
       for (std::size_t k = 0; k < fields.size(); ++k) {
-        const RecoverySums sums = squares.of(*fields[k]);
-        errors[k].squares[c] = sums.error;
-        parts[begin / chunk][k].add(sums);
+        errors[k].squares[c] = sums[k].error;
+        parts[begin / chunk][k].add(sums[k]);
       }
     }
   });

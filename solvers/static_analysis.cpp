@@ -7,12 +7,14 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/linear_step.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace efree {
@@ -140,27 +142,33 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
     solutions[k].stress.resize(voigt_size<Dim>, quadrature.size());
     if (unions) mean[k] = strain(approximation.dilatation, solutions[k].coefficients);
   }
+  std::vector<const Points<Dim>*> of_solutions;
+  for (const auto& solution : solutions) of_solutions.push_back(&solution.coefficients);
+  const auto displacements = internal::side_by_side(of_solutions);
   constexpr Index chunk = 1024;
   std::vector<std::vector<double>> energies((quadrature.size() + chunk - 1) / chunk, std::vector<double>(count));
   parallel_chunks(quadrature.size(), chunk, [&](Index begin, Index end) {
     std::vector<double>& energy = energies[begin / chunk];
     Stiffness<Dim> room;
+    internal::PointResponse<Dim> there;
+    std::array<double, internal::most_side_by_side> dilatations{};
     for (Index K = begin; K < end; ++K) {
       const Stiffness<Dim>& stiffness = materials.stiffness(quadrature.region[K], quadrature.points.col(K), room);
       const auto row = quadrature.shape.row(K);
-      for (std::size_t k = 0; k < count; ++k) {
-        Solution<Dim>& solution = solutions[k];
-        Gradient<Dim> H = Gradient<Dim>::Zero();
-        for (std::size_t i = 0; i < row.nodes.size(); ++i)
-          H += nodal_gradient(row, i).of(solution.coefficients.col(row.nodes[i]));
-        Voigt<Dim> eps = strain_of<Dim>(H);
-        solution.strain.col(K) = eps;
-        solution.strain(2, K) += stiffness.thinning.dot(eps);
-        if (unions)  // the pressure lives on the unions
-          eps += (mean[k].col(approximation.union_of[K]) - eps).template head<3>().sum() * stiffness.swelling;
-        const Voigt<Dim> stress = stiffness.C * eps;
-        solution.stress.col(K) = stress;
-        energy[k] += 0.5 * quadrature.weights[K] * stress.dot(eps);
+      std::size_t k = 0;
+      for (const auto& u : displacements) {
+        for (Index lane = 0; unions && lane < u.count(); ++lane)  // the pressure lives on the unions
+          dilatations[lane] = mean[k + lane].col(approximation.union_of[K]).template head<3>().sum();
+        internal::respond(u, row, stiffness, unions ? dilatations.data() : nullptr, there);
+        for (Index lane = 0; lane < u.count(); ++lane, ++k) {
+          double* const strain = solutions[k].strain.col(K).data();
+          double* const stress = solutions[k].stress.col(K).data();
+          for (int i = 0; i < voigt_size<Dim>; ++i) {
+            strain[i] = there.strain[i * u.lanes() + lane];
+            stress[i] = there.stress[i * u.lanes() + lane];
+          }
+          energy[k] += 0.5 * quadrature.weights[K] * there.work[lane];
+        }
       }
     }
   });
