@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <ranges>
+#include <span>
 
 namespace efree {
 namespace {
@@ -164,84 +165,138 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
   return result;
 }
 
+namespace {
+
+/// Several fields side by side: their columns at a node are next to each other; those that lack are zero.
+template <int Dim, int lanes> Points<Dim> packed(std::span<const Points<Dim>* const> fields) {
+  const Index count = static_cast<Index>(fields.front()->cols());
+  Points<Dim> all(Dim, lanes * count);
+  parallel_chunks(count, 4096, [&](Index begin, Index end) {
+    for (Index node = begin; node < end; ++node) {
+      auto there = all.template middleCols<lanes>(lanes * node);
+      for (int lane = 0; lane < lanes; ++lane)
+        if (lane < std::ssize(fields))
+          there.col(lane) = fields[lane]->col(node);
+        else
+          there.col(lane).setZero();
+    }
+  });
+  return all;
+}
+
+}  // namespace
+
 template <int Dim>
 std::vector<Points<Dim>> CoarseSpace<Dim>::solve(const std::vector<const Points<Dim>*>& forces) const {
-  Matrix all(Dim * first_.back(), static_cast<Index>(forces.size()));
-  for (Index k = 0; k < all.cols(); ++k) all.col(k) = gathered(*forces[k]);
-  const Matrix solution = factor_->solve_all(all);
+  constexpr std::size_t most = 8;
   std::vector<Points<Dim>> displacements;
-  for (Index k = 0; k < all.cols(); ++k)
-    displacements.push_back(spread(solution.col(k), static_cast<Index>(forces[k]->cols())));
+  for (std::size_t first = 0; first < forces.size(); first += most) {
+    const auto some = std::span(forces).subspan(first, std::min(most, forces.size() - first));
+    if (some.size() == 1)
+      solve_in<1>(some, displacements);
+    else if (some.size() <= 4)
+      solve_in<4>(some, displacements);
+    else
+      solve_in<most>(some, displacements);
+  }
   return displacements;
 }
 
-template <int Dim> Vector CoarseSpace<Dim>::gathered(const Points<Dim>& r) const {
+template <int Dim> template <int lanes> void CoarseSpace<Dim>::solve_in(std::span<const Points<Dim>* const> forces,
+                                                                        std::vector<Points<Dim>>& displacements) const {
+  const Index nodes = static_cast<Index>(forces.front()->cols());
+  const Points<Dim> own = lanes == 1 ? gathered<1>(*forces.front()) : gathered<lanes>(packed<Dim, lanes>(forces));
+  Matrix columns(Dim * first_.back(), std::ssize(forces));
+  for (Index f = 0; f < first_.back(); ++f)
+    columns.middleRows<Dim>(Dim * f) = own.middleCols(lanes * f, std::ssize(forces));
+  const Matrix solution = factor_->solve_all(columns);
+  Points<Dim> moved = Points<Dim>::Zero(Dim, lanes * first_.back());
+  for (Index f = 0; f < first_.back(); ++f)
+    moved.middleCols(lanes * f, std::ssize(forces)) = solution.middleRows<Dim>(Dim * f);
+  Points<Dim> all = spread<lanes>(moved, nodes);
+  if constexpr (lanes == 1) {
+    held_.release(displacements.emplace_back(std::move(all)));
+  } else {
+    for (Index lane = 0; lane < std::ssize(forces); ++lane) {
+      Points<Dim>& z = displacements.emplace_back(Dim, nodes);
+      parallel_chunks(nodes, 4096, [&](Index begin, Index end) {
+        for (Index node = begin; node < end; ++node) z.col(node) = all.col(lanes * node + lane);
+      });
+      held_.release(z);
+    }
+  }
+}
+
+template <int Dim> template <int lanes> Points<Dim> CoarseSpace<Dim>::gathered(const Points<Dim>& r) const {
+  using Forces = Eigen::Matrix<double, Dim, lanes>;
+  const auto at = [](auto& fields, Index node) { return fields.template middleCols<lanes>(lanes * node); };
   const Index count = static_cast<Index>(points().cols());
   Points<Dim> lifted, moments;  // on the points of the lift
   if (lift_) {
-    lifted.resize(Dim, count);
-    if (turning_) moments.resize(Dim, count);
+    lifted.resize(Dim, lanes * count);
+    if (turning_) moments.resize(Dim, lanes * count);
     parallel_for(count, [&](Index p) {
-      Vec<Dim> force = Vec<Dim>::Zero(), moment = Vec<Dim>::Zero();
+      Forces force = Forces::Zero(), moment = Forces::Zero();
       for (const Place& place : followers_[p]) {
-        const Vec<Dim> part = lift_->parents[place.row][place.position].share * r.col(place.row);
+        const Forces part = lift_->parents[place.row][place.position].share * at(r, place.row);
         force += part;
-        if (turning_) moment += rotations<Dim>(places_.col(place.row) - lift_->points.col(p)).transpose() * part;
+        if (turning_)
+          moment.noalias() += rotations<Dim>(places_.col(place.row) - lift_->points.col(p)).transpose() * part;
       }
-      lifted.col(p) = force;
-      if (turning_) moments.col(p) = moment;
+      at(lifted, p) = force;
+      if (turning_) at(moments, p) = moment;
     });
   }
   const Points<Dim>& given = lift_ ? lifted : r;
-  Points<Dim> forces(Dim, first_.back());
+  Points<Dim> forces(Dim, lanes * first_.back());
   parallel_for(shape_.num_nodes(), [&](Index I) {
-    Vec<Dim> force = Vec<Dim>::Zero(), moment = Vec<Dim>::Zero();
+    Forces force = Forces::Zero(), moment = Forces::Zero();
     for (const auto& [v, k] : shape_.by_node()[I]) {
       const double N = shape_.row(v).N[k];
-      const Vec<Dim> part = N * given.col(v);
+      const Forces part = N * at(given, v);
       force += part;
       if (!turns(I)) continue;
-      moment += rotations<Dim>(points().col(v) - nodes_.col(I)).transpose() * part;
-      if (lift_) moment += N * moments.col(v);
+      moment.noalias() += rotations<Dim>(points().col(v) - nodes_.col(I)).transpose() * part;
+      if (lift_) moment += N * at(moments, v);
     }
-    forces.col(first_[I]) = force;
-    if (turns(I)) forces.col(first_[I] + 1) = moment;
+    at(forces, first_[I]) = force;
+    if (turns(I)) at(forces, first_[I] + 1) = moment;
   });
-  return forces.reshaped();
+  return forces;
 }
 
-template <int Dim> Points<Dim> CoarseSpace<Dim>::spread(const Eigen::Ref<const Vector>& solution, Index nodes) const {
+template <int Dim> template <int lanes>
+Points<Dim> CoarseSpace<Dim>::spread(const Points<Dim>& moved, Index nodes) const {
+  using Displacements = Eigen::Matrix<double, Dim, lanes>;
+  const auto at = [](auto& fields, Index node) { return fields.template middleCols<lanes>(lanes * node); };
   const Index count = static_cast<Index>(points().cols());
-  const Points<Dim> moved = solution.reshaped(Dim, first_.back());
-  Points<Dim> z(Dim, count), turned;
-  if (lift_ && turning_) turned.resize(Dim, count);
+  Points<Dim> z(Dim, lanes * count), turned;
+  if (lift_ && turning_) turned.resize(Dim, lanes * count);
   parallel_for(count, [&](Index v) {
     const auto row = shape_.row(v);
-    Vec<Dim> sum = Vec<Dim>::Zero(), turn = Vec<Dim>::Zero();
+    Displacements sum = Displacements::Zero(), turn = Displacements::Zero();
     for (std::size_t k = 0; k < row.nodes.size(); ++k) {
       const Index I = row.nodes[k];
-      sum += row.N[k] * moved.col(first_[I]);
+      sum += row.N[k] * at(moved, first_[I]);
       if (!turns(I)) continue;
-      sum += row.N[k] * (rotations<Dim>(points().col(v) - nodes_.col(I)) * moved.col(first_[I] + 1));
-      turn += row.N[k] * moved.col(first_[I] + 1);
+      sum.noalias() += row.N[k] * (rotations<Dim>(points().col(v) - nodes_.col(I)) * at(moved, first_[I] + 1));
+      turn += row.N[k] * at(moved, first_[I] + 1);
     }
-    z.col(v) = sum;
-    if (turned.size() > 0) turned.col(v) = turn;
+    at(z, v) = sum;
+    if (turned.size() > 0) at(turned, v) = turn;
   });
-  if (lift_) {
-    Points<Dim> followed(Dim, nodes);
-    parallel_for(nodes, [&](Index node) {
-      Vec<Dim> sum = Vec<Dim>::Zero();
-      for (const auto& [point, share] : lift_->parents[node]) {
-        sum += share * z.col(point);
-        if (turning_) sum += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * turned.col(point));
-      }
-      followed.col(node) = sum;
-    });
-    z = std::move(followed);
-  }
-  held_.release(z);
-  return z;
+  if (!lift_) return z;
+  Points<Dim> followed(Dim, lanes * nodes);
+  parallel_for(nodes, [&](Index node) {
+    Displacements sum = Displacements::Zero();
+    for (const auto& [point, share] : lift_->parents[node]) {
+      sum += share * at(z, point);
+      if (turning_)
+        sum.noalias() += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * at(turned, point));
+    }
+    at(followed, node) = sum;
+  });
+  return followed;
 }
 
 template std::vector<char> thin_nodes<2>(const ShapeTable<2>&, const Points<2>&, Index, double);

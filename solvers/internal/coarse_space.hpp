@@ -12,6 +12,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 
 namespace efree {
 
@@ -42,10 +43,13 @@ template <int Dim> class CoarseSpace final : public CoarseSolver<Dim> {
   std::vector<Points<Dim>> solve(const std::vector<const Points<Dim>*>& forces) const override;
 
  private:
+  /// Solves for some forces side by side: in this many lanes, each with a column of its own at every node.
+  template <int lanes>
+  void solve_in(std::span<const Points<Dim>* const> forces, std::vector<Points<Dim>>& displacements) const;
   /// Forces at the nodes of the elements as forces on the functions.
-  Vector gathered(const Points<Dim>& r) const;
+  template <int lanes> Points<Dim> gathered(const Points<Dim>& r) const;
   /// The displacement of the nodes of the elements by that of the functions.
-  Points<Dim> spread(const Eigen::Ref<const Vector>& solution, Index nodes) const;
+  template <int lanes> Points<Dim> spread(const Points<Dim>& moved, Index nodes) const;
   BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
   SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
   const Points<Dim>& points() const { return lift_ ? lift_->points : places_; }
