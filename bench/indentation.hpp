@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 namespace efree::bench {
 
@@ -17,24 +18,37 @@ namespace efree::bench {
 struct Indentation {
   static constexpr double radius = 25.0, depth = 1.0 / radius, far = 100.0, nu = 0.3;
 
-  /// Half of a ball's section below y = 0, nodes on its axis, cells that grow with the distance from the origin.
-  static FineMesh<2> mesh(Index n) {
+  /// Half of a ball's section below y = 0, nodes on its axis, cells that grow with the distance from the origin. Nodes
+  /// inside are off a lattice by up to `careless` of its spacing, whose squares are cut along either diagonal then.
+  static FineMesh<2> mesh(Index n, double careless = 0.0) {
     const auto vertex = [n](Index i, Index j) { return i + j * (n + 1); };
     MeshData<2> data;
     data.vertices.resize(2, (n + 1) * (n + 1));
     data.cells.resize(3, 2 * n * n);
+    std::mt19937 random(static_cast<unsigned>(n));
+    std::uniform_real_distribution<double> uniform(-careless, careless);
     Index c = 0;
     for (Index j = 0; j <= n; ++j)
       for (Index i = 0; i <= n; ++i) {
-        const double u = static_cast<double>(i) / n, w = static_cast<double>(j) / n;
+        double u = static_cast<double>(i) / n, w = static_cast<double>(j) / n;
+        if (careless > 0.0 && i > 0 && i < n && j > 0 && j < n) {
+          u += uniform(random) / n;
+          w += uniform(random) / n;
+        }
         const Vec<2> disk(u * std::sqrt(1.0 - 0.5 * w * w), -w * std::sqrt(1.0 - 0.5 * u * u));
         const double s = disk.norm();
         data.vertices.col(vertex(i, j)).setZero();
         if (s > 0.0) data.vertices.col(vertex(i, j)) = far * std::sinh(growth * s) / std::sinh(growth) / s * disk;
         if (i == n || j == n) continue;
         const Index a = vertex(i, j), b = vertex(i + 1, j), d = vertex(i, j + 1), e = vertex(i + 1, j + 1);
-        data.cells.col(c++) << a, d, b;
-        data.cells.col(c++) << b, d, e;
+        const bool is_corner = i == n - 1 && j == n - 1;  // flat if cut the other way
+        if (careless > 0.0 && !is_corner && uniform(random) > 0.0) {
+          data.cells.col(c++) << a, e, b;
+          data.cells.col(c++) << a, d, e;
+        } else {
+          data.cells.col(c++) << a, d, b;
+          data.cells.col(c++) << b, d, e;
+        }
       }
     return FineMesh<2>(std::move(data));
   }
@@ -47,8 +61,9 @@ struct Indentation {
     Index steps;
   };
   /// Pressed within three times that a wave takes to the end; the force is the mean over two more.
-  static Answer press(Index n) {
-    Otm<2> otm({otm_body(mesh(n), NeoHookean({.E = 1.0, .nu = nu}), 1.0, true)}, {.plane = Plane::axisymmetric});
+  static Answer press(Index n, OtmOptions options = {}, double careless = 0.0) {
+    options.plane = Plane::axisymmetric;
+    Otm<2> otm({otm_body(mesh(n, careless), NeoHookean({.E = 1.0, .nu = nu}), 1.0, true)}, options);
     const double crossing = far / std::sqrt((1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))), ramp = 3.0 * crossing;
     for (Index a = 0; a < otm.num_nodes(); ++a) {
       const Vec<2> x = otm.nodes().col(a);

@@ -5,7 +5,8 @@
 // shocks), threads, quarter (1: a quarter of the bar, between planes of symmetry).
 // bench_otm chart [SIZE ...]: lengths and feet of the meridian section by one choice at a time and by the size [m], as
 // CSV, with what they come to; a few minutes.
-// bench_otm hertz N ...: a rigid ball pressed into a half-space of N x N cells.
+// bench_otm hertz N ... [key=value ...]: a rigid ball pressed into a half-space of N x N cells; careless=0.2: the
+// share of a spacing by which nodes are off their lattice, exact=0: without exact integration.
 // bench_otm momenta 2|3 SIZE [steps=1e5]: what a block, 2 x 1 (x 1), loses of its momenta while it vibrates at 2 % of
 // the speed of sound, and while it flies and spins as well.
 // bench_otm bar 2|3 SIZE ... : frequency of a bar with free ends on careless triangles (tetrahedra) of these sizes.
@@ -46,7 +47,7 @@ OtmOptions options_of(const Keys& keys) {
   options.lme.gamma = value("gamma", options.lme.gamma);
   options.lme.cutoff = value("cutoff", options.lme.cutoff);
   options.renewal = value("renewal", options.renewal);
-  options.exact_integration = value("exact", 0.0) != 0.0;
+  options.exact_integration = value("exact", options.exact_integration) != 0.0;
   options.anisotropy = value("anisotropy", options.anisotropy);
   options.courant = value("courant", options.courant);
   options.merging = value("merging", options.merging);
@@ -260,12 +261,18 @@ int main(int argc, char** argv) {
     if (sizes.empty()) sizes = {1.28e-3, 0.9e-3, 0.64e-3, 0.45e-3, 0.32e-3};
     return efree::chart(sizes), 0;
   }
+  efree::Keys keys;
+  for (int i = 2; i < argc; ++i)
+    if (const char* equals = std::strchr(argv[i], '='))
+      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
   if (argc > 2 && std::strcmp(argv[1], "hertz") == 0) {
     efree::set_num_threads(1);
     for (int i = 2; i < argc; ++i) {
       const auto n = static_cast<efree::Index>(std::atoi(argv[i]));
+      if (n <= 0) continue;  // a key
       const double start = efree::bench::cpu_seconds();
-      const auto answer = efree::bench::Indentation::press(n);
+      const auto answer =
+          efree::bench::Indentation::press(n, efree::options_of(keys), efree::value_of(keys, "careless", 0.0));
       std::printf("%d cells, contact radius of %.3g spacings: force over Hertz's %.4f, energy %.2g, %d steps, %.2f s\n",
                   n, 1.0 / efree::bench::Indentation::spacing(n), answer.force, answer.energy, answer.steps,
                   efree::bench::cpu_seconds() - start);
@@ -277,10 +284,6 @@ int main(int argc, char** argv) {
                "bench_otm taylor|momenta|bar 2|3 SIZE [key=value ...], bench_otm chart [SIZE ...], bench_otm hertz N "
                "..."),
            2;
-  efree::Keys keys;
-  for (int i = 4; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '='))
-      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
   const std::string what = argv[1];
   const bool in_plane = std::atoi(argv[2]) == 2;
   if (what == "bar") {

@@ -10,19 +10,50 @@
 namespace efree::internal {
 namespace {
 
-/// Weights of a point change by at most this part of them at once.
-constexpr double largest_change = 0.8;
+/// Logarithms of weights change by at most this at once.
+constexpr double largest_change = 1.0;
 /// What may be left of what sums are off, and of what is left each time.
 constexpr double enough = 1e-2, enough_at_once = 0.1;
-constexpr int most_times = 4, most_iterations = 15;
+constexpr int most_times = 3, most_iterations = 15, most_tilts = 30;
 
-/// Gradients of the linear functions of a cell, by columns. False if the cell is flat.
-template <int Dim>
-bool slopes_of(const Eigen::Matrix<double, Dim, Dim + 1>& corner, Eigen::Matrix<double, Dim, Dim + 1>& slope) {
+/// Gradients of the linear functions of a cell, by columns; no numbers if the cell is flat.
+template <int Dim> Eigen::Matrix<double, Dim, Dim + 1> slopes_of(const Eigen::Matrix<double, Dim, Dim + 1>& corner) {
+  Eigen::Matrix<double, Dim, Dim + 1> slope;
   const Mat<Dim> edges = corner.template rightCols<Dim>().colwise() - corner.col(0);
   slope.template rightCols<Dim>() = edges.inverse().transpose();
   slope.col(0) = -slope.template rightCols<Dim>().rowwise().sum();
-  return slope.allFinite();
+  return slope;
+}
+
+/// Makes positive weights sum up to one and have their mean at zero, by factors exp(-lambda . offset): the least change
+/// by its entropy. Newton's method, whose last step is taken on the weights. Says their second moments. False, and the
+/// weights are of no use, if that leads nowhere.
+template <int Dim> bool centre(const std::vector<Vec<Dim>>& offset, std::vector<double>& weight, Mat<Dim>& moment) {
+  const std::size_t count = weight.size();
+  for (int k = 0; k < most_tilts; ++k) {
+    double sum = 0.0;
+    Vec<Dim> mean = Vec<Dim>::Zero();
+    moment.setZero();
+    for (std::size_t a = 0; a < count; ++a) {
+      sum += weight[a];
+      mean += weight[a] * offset[a];
+      moment += weight[a] * offset[a] * offset[a].transpose();
+    }
+    mean /= sum;
+    moment /= sum;
+    const Vec<Dim> step = (moment - mean * mean.transpose()).inverse() * mean;
+    const double decrement = step.dot(mean);
+    if (!(decrement >= 0.0)) return false;
+    const bool is_last = decrement < 1e-10;
+    const double length = 1.0 / (1.0 + std::sqrt(decrement));
+    for (std::size_t a = 0; a < count; ++a)
+      weight[a] *= (is_last ? 1.0 - step.dot(offset[a] - mean) : std::exp(-length * step.dot(offset[a]))) / sum;
+    if (!is_last) continue;
+    moment.setZero();
+    for (std::size_t a = 0; a < count; ++a) moment += weight[a] * offset[a] * offset[a].transpose();
+    return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -47,10 +78,10 @@ template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
     const BodyOf& body = bodies[chunk.body];
     if (!body.integrates) continue;
     for (Index p = 0; p < chunk.size(); ++p) {
-      Eigen::Matrix<double, Dim, Dim + 1> corner, slope;
+      Eigen::Matrix<double, Dim, Dim + 1> corner;
       const auto cell = body.cells.col(chunk.number[p]);
       for (int k = 0; k <= Dim; ++k) corner.col(k) = x.col(body.first_node + cell[k]);
-      slopes_of<Dim>(corner, slope);
+      Eigen::Matrix<double, Dim, Dim + 1> slope = slopes_of<Dim>(corner);
       if (axisymmetric()) slope.row(0).array() += 1.0 / ((Dim + 1) * chunk.at(0, p));
       for (int k = 0; k <= Dim; ++k) result.col(body.first_node + cell[k]) += chunk.volume[p] * slope.col(k);
     }
@@ -59,7 +90,8 @@ template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
 }
 
 /// Least changes of a point's weights that multipliers on those sums (`chunk.x`) ask for, such that weights go on to
-/// sum up to one and to have their mean at the point. Returns their second moments.
+/// sum up to one and to have their mean at the point, to first order. Returns their second moments. What changes cost
+/// is the same at all points, however large: fine parts of a mesh are no less well off than coarse ones.
 template <int Dim> Mat<Dim> Motion<Dim>::change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
                                                         WeightChanges& changes) const {
   const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
@@ -81,6 +113,7 @@ template <int Dim> Mat<Dim> Motion<Dim>::change_weights(const OtmChunk<Dim>& chu
     const Vec<Dim>& d = changes.offset[k];
     double change = slope(k).dot(multiplier(k) - gradient * d);
     if (axisymmetric()) change += entries[k].dN[2] * multiplier(k)[0];
+    change *= chunk.volume[p];
     changes.weight[k] = change;
     zeroth += change;
     first += change * d;
@@ -120,7 +153,7 @@ template <int Dim> Points<Dim> Motion<Dim>::integrated_changes(const Points<Dim>
   return collected();
 }
 
-/// Weights change as multipliers ask for, as far as they may; gradients follow.
+/// Weights change as multipliers ask for, by factors, as far as they may; gradients follow.
 template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multipliers) {
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     OtmChunk<Dim>& chunk = chunks[c];
@@ -133,17 +166,16 @@ template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multiplie
       change_weights(chunk, p, before, changes);
       const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
       OtmEntry* entries = chunk.entries.data() + begin;
-      double most = 0.0;
-      for (Index k = 0; k < count; ++k) most = std::max(most, std::abs(changes.weight[k]) / entries[k].N);
-      const double part = most > largest_change ? largest_change / most : 1.0;
-      Mat<Dim>& moment = chunk.moment[p];
-      moment.setZero();
       for (Index k = 0; k < count; ++k) {
-        entries[k].N += part * changes.weight[k];
-        moment += entries[k].N * changes.offset[k] * changes.offset[k].transpose();
+        const double share = entries[k].N > 0.0 ? changes.weight[k] / entries[k].N : 0.0;
+        changes.weight[k] = entries[k].N * std::exp(std::clamp(share, -largest_change, largest_change));
       }
+      Mat<Dim> moment;
+      if (!centre<Dim>(changes.offset, changes.weight, moment)) continue;
+      chunk.moment[p] = moment;
       const Mat<Dim> inverse = moment.inverse();
       for (Index k = 0; k < count; ++k) {
+        entries[k].N = changes.weight[k];
         Eigen::Map<Vec<Dim>>(entries[k].dN) = entries[k].N * (inverse * changes.offset[k]);
         if (axisymmetric()) entries[k].dN[2] = entries[k].N / chunk.at(0, p);
       }
@@ -156,22 +188,22 @@ template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multiplie
 
 /// Weights of points are changed, as little as it takes, until gradients integrate exactly: a stress that is the same
 /// everywhere is in balance then (variational consistency, Chen, Hillman & Rueter 2013). Newton's method; conjugate
-/// gradients on the multipliers of each of its steps.
+/// gradients on the multipliers of each of its steps. Sums are measured by what weights change of them at each node.
 template <int Dim> void Motion<Dim>::integrate_exactly() {
   if (std::none_of(bodies.begin(), bodies.end(), [](const BodyOf& body) { return body.integrates; })) return;
-  Points<Dim> off = integration_error();
-  const double first = off.norm();
-  double left = first;
-  for (int step_of = 0; step_of < most_times && left > enough * first; ++step_of) {
+  double first = 0.0;
+  for (int k = 0; k < most_times; ++k) {
+    Points<Dim> off = integration_error();
     // What the changes of a point's own weights do to its nodes, of others apart.
     std::vector<Mat<Dim>> scale(x.cols(), Mat<Dim>::Zero());
     for (const OtmChunk<Dim>& chunk : chunks) {
       if (!bodies[chunk.body].integrates) continue;
       for (Index p = 0; p < chunk.size(); ++p)
         for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
-          if (!(chunk.entries[e].N > 0.0)) continue;
-          const Vec<Dim> slope = Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
-          scale[chunk.nodes[chunk.local[e]]] += chunk.volume[p] / chunk.entries[e].N * slope * slope.transpose();
+          const OtmEntry& entry = chunk.entries[e];
+          if (!(entry.N > 0.0)) continue;
+          const Vec<Dim> slope = chunk.volume[p] * Eigen::Map<const Vec<Dim>>(entry.dN);
+          scale[chunk.nodes[chunk.local[e]]] += slope * slope.transpose() / entry.N;
         }
     }
     for (Mat<Dim>& of : scale)
@@ -181,23 +213,23 @@ template <int Dim> void Motion<Dim>::integrate_exactly() {
       for (Eigen::Index a = 0; a < of.cols(); ++a) result.col(a) = scale[a] * of.col(a);
       return result;
     };
-    Points<Dim> multipliers = Points<Dim>::Zero(Dim, x.cols()), rest = off, weighted = scaled(rest), way = weighted;
-    double size = rest.cwiseProduct(weighted).sum();
-    const double start = rest.norm();
-    for (int k = 0; k < most_iterations && rest.norm() > enough_at_once * start; ++k) {
+    Points<Dim> multipliers = Points<Dim>::Zero(Dim, x.cols()), weighted = scaled(off), way = weighted;
+    double size = off.cwiseProduct(weighted).sum();
+    const double start = size;
+    if (k == 0) first = start;
+    if (!(start > enough * enough * first)) return;
+    for (int i = 0; i < most_iterations && size > enough_at_once * enough_at_once * start; ++i) {
       const Points<Dim> change = integrated_changes(way);
       const double length = size / way.cwiseProduct(change).sum();
       if (!std::isfinite(length)) break;
       multipliers += length * way;
-      rest -= length * change;
-      weighted = scaled(rest);
-      const double next = rest.cwiseProduct(weighted).sum();
+      off -= length * change;
+      weighted = scaled(off);
+      const double next = off.cwiseProduct(weighted).sum();
       way = weighted + next / size * way;
       size = next;
     }
     change_weights(multipliers);
-    off = integration_error();
-    left = off.norm();
   }
 }
 

@@ -67,8 +67,9 @@ struct OtmOptions {
   /// step.
   double renewal = 0.2;
   /// Whether the functions that points of bodies with cells have at the start are changed, as little as it takes, so
-  /// that gradients integrate exactly (Chen, Hillman & Rueter 2013). Without, bodies on careless meshes are too soft.
-  bool exact_integration = false;
+  /// that gradients integrate exactly (Chen, Hillman & Rueter 2013). Without, bodies on careless meshes are too soft,
+  /// and waves converge with order one at best. Not with renewal = 0.
+  bool exact_integration = true;
   /// Largest ratio of the axes of a function's support, which the motion stretches; 1: balls.
   double anisotropy = 3.0;
   /// When the stable step gets shorter than this, over the first one, nodes that squeeze functions to less than this,

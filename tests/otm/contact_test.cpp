@@ -186,7 +186,7 @@ TEST(OtmSeizing, BlocksThatMeetMoveOnAsOne) {
     for (auto& body : bodies) body.material = rubber_or_metal(is_metal);
     bodies[1].density = 3.0;
     Otm<2> otm(bodies, {.contact = {.seizing = true}});
-    const auto speeds = expect_that_they_seize(otm, 60.0, 0.15);
+    const auto speeds = expect_that_they_seize(otm, 60.0, 0.15, 0.015);
     EXPECT_NEAR(speeds[0], -0.05, 0.003);
     EXPECT_NEAR(speeds[1], -0.05, 0.003);
     const auto after = otm.balance();
@@ -197,7 +197,7 @@ TEST(OtmSeizing, BlocksThatMeetMoveOnAsOne) {
       EXPECT_GT(lost, 0.012);
     } else {
       // It vibrates.
-      EXPECT_NEAR(after.kinetic + after.stored + after.stabilising + after.renewal, 0.02, 2e-4);
+      EXPECT_NEAR(after.kinetic + after.stored + after.stabilising + after.renewal, 0.02, 3e-4);
     }
   }
 }
