@@ -41,8 +41,6 @@ template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, cons
   if (settings.approximation.kind != BasisKind::mls) return "there is no cloud beside the finite elements";
   if (!settings.estimated) return "nobody asked for it";
   if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
-  if (takes_mean_dilatation(cloud, result.model))
-    return "materials are nearly incompressible, and elements do not find the way from a cloud's motion";
   if (result.instability.size() > 0) return "the body was not stable on its way";
   const bool quadratic = ElementsBeside<Dim>::degree(cloud) == 2;
   const Index nodes =

@@ -4,10 +4,12 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/basis/internal/lifted.hpp"
 #include "efree/core/error.hpp"
+#include "efree/materials/internal/softened.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/correction.hpp"
 #include "efree/solvers/locking.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -18,10 +20,44 @@ namespace {
 /// Forces out of balance that are nothing beside what a cloud is off.
 constexpr double nothing = 1e-7;
 
-template <int Dim> ApproximationOptions elements_of(const Approximation<Dim>& cloud) {
+/// Stiffness against volume over that against shear (incompressibility) from which on bulk moduli begin there, and
+/// their next values over the last ones: the second step has nothing to be foreseen from.
+constexpr double bearable = 20.0, first_rise = 3.0, rise = 10.0;
+
+template <int Dim> ApproximationOptions elements_of(const Approximation<Dim>& cloud, const ElasticModel& model) {
   return {.kind = ElementsBeside<Dim>::degree(cloud) == 2 ? BasisKind::p2 : BasisKind::p1,
           .axisymmetric = cloud.space.axisymmetric(),
-          .dilatation = Dilatation::pointwise};
+          .dilatation = averaged_if(takes_mean_dilatation(cloud, model))};
+}
+
+/// By region, the stiffness of its material against volume over that against shear, in one of its cells; 0 of materials
+/// of small strains, and in plane stress.
+template <int Dim> std::vector<double> incompressibilities(const ElasticModel& model, const FineMesh<Dim>& mesh) {
+  const auto count = std::max<std::size_t>(1, model.regions.size());
+  if (model.plane == Plane::stress) return std::vector<double>(count, 0.0);
+  std::vector<double> all(count, -1.0);
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const std::size_t region = model.regions.empty() ? 0 : mesh.region(c);
+    if (all[region] >= 0.0) continue;
+    const Material& material = model.regions.empty() ? *model.material : *model.regions[region];
+    Points<3> X = Points<3>::Zero(3, 1);
+    X.template topRows<Dim>() = mesh.centroid(c);
+    all[region] =
+        !material.finite_strain()
+            ? 0.0
+            : incompressibility(respond(material, Deformation::none(X, material.history_size()), true).tangent_at(0));
+  }
+  return all;
+}
+
+/// The model with bulk moduli that are no more than so many times the shear moduli.
+ElasticModel softened(ElasticModel model, const std::vector<double>& ratios, double most) {
+  const auto soften = [&](SharedMaterial& material, double ratio) {
+    if (ratio > most) material = internal::Softened(material, most / ratio);
+  };
+  if (model.regions.empty()) soften(model.material, ratios.front());
+  for (std::size_t r = 0; r < model.regions.size(); ++r) soften(model.regions[r], ratios[r]);
+  return model;
 }
 
 /// Factors of tangents that are positive definite. Where one is not, as in cells that a cloud's motion has crushed, as
@@ -83,19 +119,52 @@ double mean_stress(const auto& stress) {
 
 template <int Dim> ElementsBeside<Dim>::ElementsBeside(const Approximation<Dim>& cloud, const ElasticModel& model,
                                                        Program<Dim> program, const Monitor& monitor)
-    : cloud_(cloud) {
-  require(is_elastic(model) && !takes_mean_dilatation(cloud, model),
-          "finite elements beside a cloud: elastic materials expected that are not nearly incompressible");
+    : cloud_(cloud), model_(model), program_(std::move(program)) {
+  require(is_elastic(model), "finite elements beside a cloud: elastic materials expected");
   elements_ = std::make_shared<const Approximation<Dim>>(
-      approximate<Dim>(cloud.space.shared_mesh(), elements_of(cloud), monitor));
-  ElasticModel held = model;
-  held.essential = shared_holds(cloud.space.mesh(), program) ? model.essential : Essential::strong;
+      approximate<Dim>(cloud.space.shared_mesh(), elements_of(cloud, model), monitor));
+  if (!shared_holds(cloud.space.mesh(), program_)) model_.essential = Essential::strong;
   try {
-    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, held, program);
+    equations_ = equations_of(model_);
   } catch (const InputError&) {  // normal displacements on a part that is not flat
-    if (held.essential == model.essential) throw;
-    equations_ = std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, std::move(program));
+    if (model_.essential == model.essential) throw;
+    model_.essential = model.essential;
+    equations_ = equations_of(model_);
   }
+}
+
+template <int Dim> auto ElementsBeside<Dim>::equations_of(const ElasticModel& model) const -> SharedEquations {
+  return std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, program_);
+}
+
+template <int Dim> BesideCloud<Dim> ElementsBeside<Dim>::from(const State& start) const {
+  BesideCloud<Dim> now{start};
+  const auto solve = [&](const NonlinearEquilibrium<Dim>& equations, double tolerance) {
+    Steadied linear(equations);
+    TangentSolver tangent(equations, linear);
+    Converged there =
+        newton(equations, tangent, now.state, start.time, {.tolerance = tolerance, .max_iterations = 50, .keep = 0.3});
+    now.iterations += there.iterations() + 1;
+    now.state = std::move(there.state);
+  };
+  const std::vector<double> ratios = incompressibilities(model_, elements_->space.mesh());
+  const double highest = std::ranges::max(ratios);
+  constexpr double near = 1e-4;
+  double softness = 0.0;  // 1 / ratio
+  Vector slope;           // of the motion by that, where it is known
+  const auto foresee = [&](double next) {
+    if (slope.size() > 0) now.state.u += (next - softness) * slope;
+  };
+  for (double ratio = bearable, factor = first_rise; ratio < highest; ratio *= factor, factor = rise) {
+    const Vector before = now.state.u;
+    foresee(1.0 / ratio);
+    solve(*equations_of(softened(model_, ratios, ratio)), near);
+    if (softness > 0.0) slope = (now.state.u - before) / (1.0 / ratio - softness);
+    softness = 1.0 / ratio;
+  }
+  foresee(1.0 / highest);
+  solve(*equations_, nothing);
+  return now;
 }
 
 template <int Dim>
@@ -105,14 +174,13 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
       interpolate(cloud_.shape, Points<Dim>(cloud.u.reshaped(Dim, cloud_.shape.num_nodes())));
   start.u = internal::lifted<Dim>(elements_->space, at_vertices).reshaped();
   start.history = equations_->rest().history;
-  Steadied linear(*equations_);
-  TangentSolver tangent(*equations_, linear);
-  Converged there =
-      newton(*equations_, tangent, start, start.time, {.tolerance = nothing, .max_iterations = 50, .keep = 0.3});
+  BesideCloud<Dim> there = from(start);
   equations_->check(there.state);
   SymmetricMatrix K;
   equations_->tangent(there.state, K);
-  if (!linear.is_definite(K)) throw NumericalError("the one that they find is not stable");
+  Cholesky factor;
+  factor.analyse(K, equations_->node_of_unknowns());
+  if (!factor.factorize_if_definite(K)) throw NumericalError("the one that they find is not stable");
   const auto& points = elements_->quadrature;
   const PointFields<Dim> from = equations_->fields(start), to = equations_->fields(there.state);
   double work = 0.0;
@@ -137,9 +205,8 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
     }
   }
   const double done = 2.0 * points.weights.dot(to.energy);
-  BesideCloud<Dim> result{std::move(there.state), there.iterations() + 1};
-  if (done > 0.0) result.distance = std::sqrt(std::abs(work) / done);
-  return result;
+  if (done > 0.0) there.distance = std::sqrt(std::abs(work) / done);
+  return there;
 }
 
 template class ElementsBeside<2>;

@@ -23,8 +23,8 @@ template <int Dim> struct BesideCloud {
 /// The nonlinear problem of the finite elements on a cloud's fine mesh, of bodies that remember nothing, solved from
 /// the cloud's answer: Newton's method starts where the cloud is, and ends where the mesh is. They are held at
 /// their nodes, for weakly they part from their supports as strains grow; as the cloud is where parts held alike meet,
-/// whose reactions nodes cannot tell apart. Not for what is nearly incompressible (takes_mean_dilatation): in
-/// single cells a cloud's motion changes volumes by more than such materials bear. Nor for plastic bodies: the past of
+/// whose reactions nodes cannot tell apart. In single cells a cloud's motion changes volumes by more than nearly
+/// incompressible materials bear: bulk moduli begin low and rise to what they are. Not for plastic bodies: the past of
 /// their elements is not that of the cloud, and they have to go all the way by themselves.
 template <int Dim> class ElementsBeside {
  public:
@@ -42,7 +42,14 @@ template <int Dim> class ElementsBeside {
   BesideCloud<Dim> balance(const State& cloud, const VoigtPoints<Dim>& stress) const;
 
  private:
+  using SharedEquations = std::shared_ptr<const NonlinearEquilibrium<Dim>>;
+  SharedEquations equations_of(const ElasticModel& model) const;
+  /// Balance from a motion on; bulk moduli rise on the way.
+  BesideCloud<Dim> from(const State& start) const;
+
   const Approximation<Dim>& cloud_;
+  ElasticModel model_;
+  Program<Dim> program_;
   std::shared_ptr<const Approximation<Dim>> elements_;
   std::shared_ptr<const NonlinearEquilibrium<Dim>> equations_;
 };

@@ -35,8 +35,8 @@ FineMesh<2> plate(double size) {
 }
 
 /// The same by quadratic elements alone, all the way.
-Result<2> by_elements(const FineMesh<2>& mesh, Settings<2> settings) {
-  settings.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise};
+Result<2> by_elements(const FineMesh<2>& mesh, Settings<2> settings, Dilatation dilatation) {
+  settings.approximation = {.kind = BasisKind::p2, .dilatation = dilatation};
   settings.model.essential = Essential::strong;
   return analyse(mesh, settings);
 }
@@ -63,14 +63,17 @@ TEST(StepsEstimate, ALinearBodyInStepsHasTheErrorsOfOneThatIsSolvedAtOnce) {
 }
 
 TEST(StepsEstimate, ACorrectedRubberPlateIsThatOfItsElementsAndTheCloudIsOffByWhatIsSaid) {
-  const FineMesh<2> mesh = plate(0.15);
-  for (const auto& [plane, dilatation, material] :
-       {std::tuple{Plane::strain, Dilatation::pointwise, NeoHookean({.E = 1.0, .nu = 0.3})},
-        std::tuple{Plane::stress, Dilatation::pointwise, NeoHookean({.E = 1.0, .nu = 0.45})},
-        std::tuple{Plane::strain, Dilatation::averaged, NeoHookean({.E = 1.0, .nu = 0.45})}}) {
-    Settings<2> settings = pulled(material, 3.0, plane);
+  for (const auto& [plane, dilatation, nu, by] : {std::tuple{Plane::strain, Dilatation::pointwise, 0.3, 3.0},
+                                                  {Plane::stress, Dilatation::pointwise, 0.45, 3.0},
+                                                  {Plane::strain, Dilatation::averaged, 0.45, 3.0},
+                                                  {Plane::strain, Dilatation::averaged, 0.49, 1.0},
+                                                  {Plane::strain, Dilatation::averaged, 0.4999, 1.0},
+                                                  {Plane::strain, Dilatation::averaged, 0.499999, 1.0}}) {
+    SCOPED_TRACE(nu);
+    const FineMesh<2> mesh = plate(nu > 0.45 ? 0.25 : 0.15);  // elements take ever smaller steps as nu grows
+    Settings<2> settings = pulled(NeoHookean({.E = 1.0, .nu = nu}), by, plane);
     settings.approximation.dilatation = dilatation;
-    const Result<2> corrected = analyse(mesh, settings), elements = by_elements(mesh, settings);
+    const Result<2> corrected = analyse(mesh, settings), elements = by_elements(mesh, settings, averaged_if(nu > 0.49));
     ASSERT_TRUE(corrected.estimates && corrected.elements);
     EXPECT_NEAR(crown(corrected), crown(elements), 1e-6 * std::abs(crown(elements)));
     EXPECT_NEAR(pull(corrected), pull(elements), 1e-6 * pull(elements));
@@ -106,19 +109,19 @@ TEST(StepsEstimate, TheErrorOfACloudFallsWithItsSpacing) {
 
 TEST(StepsEstimate, SolidsAreCorrectedToo) {
   const FineMesh<3> mesh = FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.2));
-  DisplacementCondition<3> top{"top", {}, {}};
-  for (int i = 0; i < 3; ++i) top.components[i] = [i](const Vec<3>&) { return i == 2 ? 0.5 : 0.0; };
-  DisplacementCondition<3> bottom{"bottom", {}, {}};
-  for (int i = 0; i < 3; ++i) bottom.components[i] = [](const Vec<3>&) { return 0.0; };
-  const Settings<3> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3})},
-                             .supports = {bottom, top},
-                             .time = TimeSettings<3>{.path = {.step = 0.5}},
-                             .approximation = {.spacing = 0.4}};
-  const Result<3> result = analyse(mesh, settings);
-  ASSERT_TRUE(result.estimates);
-  EXPECT_LT(result.balance.error, 1e-8);
-  EXPECT_GT(result.estimates->uncorrected, 0.01);
-  EXPECT_LT(result.estimates->uncorrected, 0.3);
+  for (const auto& [nu, by] : {std::pair{0.3, 0.5}, {0.4999, 0.1}}) {
+    DisplacementCondition<3> bottom = clamp<3>("bottom"), top = clamp<3>("top");
+    top.components[2] = [by](const Vec<3>&) { return by; };
+    const Settings<3> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = nu})},
+                               .supports = {bottom, top},
+                               .time = TimeSettings<3>{.path = {.step = 0.5}},
+                               .approximation = {.spacing = 0.4}};
+    const Result<3> result = analyse(mesh, settings);
+    ASSERT_TRUE(result.estimates) << nu;
+    EXPECT_LT(result.balance.error, 1e-8);
+    EXPECT_GT(result.estimates->uncorrected, 0.01);
+    EXPECT_LT(result.estimates->uncorrected, 0.4);
+  }
 }
 
 TEST(Instability, ModeOfAClampedColumnIsEulers) {
@@ -212,30 +215,26 @@ double off_on_the_way(const Result<2>& result, const Result<2>& reference, const
   return off / largest;
 }
 
-TEST(StepsEstimate, PathsThatFlowOrKeepTheirVolumeAreOffByWhatACoarserCloudTells) {
+TEST(StepsEstimate, PathsThatFlowAreOffByWhatACoarserCloudTells) {
   const FineMesh<2> mesh = plate(0.06);
-  const Settings<2> metal = pulled(J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1}), 0.05),
-                    rubber = pulled(NeoHookean({.E = 1.0, .nu = 0.4999}), 1.5);
-  for (const Settings<2>* body : {&metal, &rubber})
-    for (const double spacing : {0.5, 0.3}) {
-      Settings<2> settings = *body;
-      settings.approximation.spacing = spacing;
-      const Result<2> result = analyse(mesh, settings);
-      EXPECT_FALSE(result.estimates);
-      ASSERT_TRUE(result.path_errors) << result.warnings.at(0);
-      EXPECT_NEAR(result.path_errors->coarser, 1.5, 0.25);
-      EXPECT_EQ(result.path_errors->until, 1.0);
-      Settings<2> finer = settings;
-      finer.approximation.spacing = 0.1;
-      finer.estimated = false;
-      finer.time->path.stops.clear();
-      for (const auto& step : result.history) finer.time->path.stops.push_back(step.time);
-      const double off = off_on_the_way(result, analyse(mesh, finer), "right"),
-                   said = result.path_errors->reactions.at("pull");
-      EXPECT_GT(said, 0.5 * off);
-      EXPECT_LT(said, 12.0 * off);
-      EXPECT_GE(result.path_errors->largest().first, said);
-    }
+  for (const double spacing : {0.5, 0.3}) {
+    Settings<2> settings = pulled(J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1}), 0.05);
+    settings.approximation.spacing = spacing;
+    const Result<2> result = analyse(mesh, settings);
+    EXPECT_FALSE(result.estimates);
+    ASSERT_TRUE(result.path_errors) << result.warnings.at(0);
+    EXPECT_NEAR(result.path_errors->coarser, 1.5, 0.25);
+    EXPECT_EQ(result.path_errors->until, 1.0);
+    Settings<2> finer = settings;
+    finer.approximation.spacing = 0.1;
+    finer.estimated = false;
+    for (const auto& step : result.history) finer.time->path.stops.push_back(step.time);
+    const double off = off_on_the_way(result, analyse(mesh, finer), "right"),
+                 said = result.path_errors->reactions.at("pull");
+    EXPECT_GT(said, 0.5 * off);
+    EXPECT_LT(said, 12.0 * off);
+    EXPECT_GE(result.path_errors->largest().first, said);
+  }
 }
 
 TEST(StepsEstimate, WhatCannotBeEstimatedIsSaid) {

@@ -2,6 +2,7 @@
 #include "efree/materials/hyperelastic.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/materials/internal/softened.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/tests/materials/derivatives.hpp"
 
@@ -47,6 +48,26 @@ TEST(Hyperelastic, StressAndTangentAreDerivativesOfTheEnergy) {
     // Fourth order: h^4 times fifth derivatives of what det F = 0.3 makes stiff.
     EXPECT_LT(stress, 2e-9) << name;
     EXPECT_LT(tangent, 2e-8) << name;
+  }
+}
+
+TEST(Hyperelastic, ASoftenedMaterialHasAShareOfTheBulkModulusAndTheSameShearModulus) {
+  constexpr double share = 0.01;
+  for (const SharedMaterial& material :
+       {SharedMaterial(NeoHookean(moduli)), SharedMaterial(MooneyRivlin(0.3, 0.1, kappa)),
+        SharedMaterial(Hencky(moduli))}) {
+    const internal::Softened softened(material, share);
+    auto at = testing::random_deformation(softened, 20, 0.3);
+    const auto [stress, tangent] = testing::derivative_errors(softened, at, 1e-3);
+    EXPECT_LT(stress, 2e-9);
+    EXPECT_LT(tangent, 2e-8);
+    const auto at_rest = [](const Material& one) {
+      return respond(one, Deformation::none(Points<3>::Zero(3, 1)), true).tangent_at(0).eval();
+    };
+    const auto all = at_rest(*material), soft = at_rest(softened);
+    EXPECT_NEAR(incompressibility(soft), share * incompressibility(all), 1e-10 * incompressibility(all));
+    const Mat<3> shear = (Mat<3>() << 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0).finished();
+    EXPECT_NEAR(shear.reshaped().dot(soft * shear.reshaped()), shear.reshaped().dot(all * shear.reshaped()), 1e-12);
   }
 }
 
