@@ -13,18 +13,18 @@ Softened::Softened(SharedMaterial of, double share) : of_(std::move(of)), power_
           "Softened: a material of finite strains, and a share in ]0, 1] expected");
 }
 
-void Softened::respond(const Deformation& given, MaterialResponse& response) const {
-  Deformation seen = given;
-  Vector scale(given.size());
-  for (Index p = 0; p < given.size(); ++p) {
-    scale[p] = std::exp(power_ * FiniteDeformation(given, p).log_J);
+void Softened::respond(const Deformation& deformation, MaterialResponse& response) const {
+  Deformation seen = deformation;
+  Vector scale(deformation.size());
+  for (Index p = 0; p < deformation.size(); ++p) {
+    scale[p] = std::exp(power_ * FiniteDeformation(deformation, p).log_J);
     seen.F.col(p) *= scale[p];
   }
   of_->respond(seen, response);
   // F' = c F, c = J^b: dF' = L dF, L = c (1 + b F x F^-T), and P = L^T P'.
-  for (Index p = 0; p < given.size(); ++p) {
-    const Mat<3> inverse = FiniteDeformation(given, p).F_invT();
-    const Vec<9> F = given.F.col(p), F_invT = inverse.reshaped(), P = response.P.col(p);
+  for (Index p = 0; p < deformation.size(); ++p) {
+    const Mat<3> inverse = FiniteDeformation(deformation, p).F_invT();
+    const Vec<9> F = deformation.F.col(p), F_invT = inverse.reshaped(), P = response.P.col(p);
     const double work = P.dot(F);
     response.P.col(p) = scale[p] * (P + power_ * work * F_invT);
     if (!response.tangent) continue;
