@@ -515,9 +515,10 @@ Resultants<Dim> Equilibrium<Dim>::reactions(const State& state, const VoigtPoint
   const Points<Dim> U = data_->displacements(state);
   Resultants<Dim> reactions = (*weakly)(U, state.factor);
   if (data_->weakly) return reactions;
-  Points<Dim> forces = stress && data_->linear && data_->initial.size() == 1
-                           ? Points<Dim>(data_->weak_forces(U) + forces_of_stress(approximation().quadrature, *stress))
-                           : data_->internal_forces(state);
+  const bool by_stress = stress && data_->linear && data_->initial.size() == 1;
+  Points<Dim> forces =
+      by_stress ? forces_of_stress(approximation().quadrature, *stress) : data_->internal_forces(state);
+  if (by_stress && data_->weak.size() > 0) forces += data_->weak_forces(U);
   forces -= state.factor * (forces_ + data_->weak_prescribed);
   for (const auto& [part, of] : (*nodally)(forces)) reactions[part] += of;
   return reactions;

@@ -566,15 +566,7 @@ template <int Dim> Fields<Dim> recover_fields(const Approximation<Dim>& approxim
   if (is_nodal(approximation)) {
     fields = {solution.coefficients, VoigtPoints<Dim>(voigt_size<Dim>, count),
               VoigtPoints<Dim>(voigt_size<Dim>, count)};
-    parallel_for(count, [&](Index I) {
-      Voigt<Dim> strain = Voigt<Dim>::Zero(), stress = Voigt<Dim>::Zero();
-      for (SparseRows::InnerIterator entry(values, I); entry; ++entry) {
-        strain += entry.value() * solution.strain.col(entry.col());
-        stress += entry.value() * solution.stress.col(entry.col());
-      }
-      fields.strain.col(I) = strain;
-      fields.stress.col(I) = stress;
-    });
+    internal::weighted_sums<Dim>(values, solution.strain, solution.stress, fields.strain, fields.stress);
   } else {
     // Strains and stresses, then their derivatives.
     constexpr int rows = 2 * voigt_size<Dim>;

@@ -195,19 +195,27 @@ Resultants<Dim> NodalReactions<Dim>::operator()(const Points<Dim>& forces, const
     for (const auto& [node, own] : part.held)
       reaction.add(place(node), own * (inverse[place_of[node]] * Vec<Dim>(forces.col(node))));
   }
-  std::array<std::vector<Resultant<Dim>>, Dim> to;  // by axis and part
-  for (int d = 0; d < Dim; ++d) to[d].resize(along[d].parts.size());
-  for (Index node = 0; node < static_cast<Index>(forces.cols()); ++node) {
-    if (forces.col(node).isZero(0.0)) continue;
-    const Vec<Dim> x = place(node);
-    for (int d = 0; d < Dim; ++d) {
-      Vec<Dim> force = forces(d, node) * Vec<Dim>::Unit(d);
-      if (place_of[node] >= 0) force = free[place_of[node]] * force;
-      for (std::size_t p = 0; p < to[d].size(); ++p) to[d][p].add(x, along[d].shares[p][node] * force);
-    }
-  }
+  const Index nodes = static_cast<Index>(forces.cols());
   for (int d = 0; d < Dim; ++d)
-    for (std::size_t p = 0; p < to[d].size(); ++p) reactions[parts[along[d].parts[p]].name] += to[d][p];
+    for (std::size_t p = 0; p < along[d].parts.size(); ++p) {
+      const std::vector<double>& shares = along[d].shares[p];
+      Resultant<Dim> held;
+      double force = 0.0;                // along the axis, of nodes where nothing is held
+      Vec<Dim> arms = Vec<Dim>::Zero();  // times the places where it acts
+      for (Index node = 0; node < nodes; ++node) {
+        const double here = shares[node] * forces(d, node);
+        if (here == 0.0) continue;
+        if (place_of[node] >= 0) {
+          held.add(place(node), free[place_of[node]] * (here * Vec<Dim>::Unit(d)));
+        } else {
+          force += here;
+          arms += here * place(node);
+        }
+      }
+      held.force[d] += force;
+      held.moment += moment_of<Dim>(arms, Vec<Dim>::Unit(d));
+      reactions[parts[along[d].parts[p]].name] += held;
+    }
   if (space.axisymmetric())
     for (auto& [part, of] : reactions) of.moment.setZero();
   return reactions;

@@ -134,6 +134,33 @@ template <int Dim, int degree, int lanes> EFREE_INLINE void compare_in(const Cel
   put(at.to->norm, norm * (1.0 / (corners * (corners + 1))));
 }
 
+/// Rows of a table, and what they take sums of.
+struct Sums {
+  Index begin, end;
+  const Index *offsets, *points;
+  const double *weights, *strain, *stress;
+  double *to_strain, *to_stress;
+};
+
+template <int size> EFREE_INLINE void sum_rows(const Sums& of) {
+  for (Index row = of.begin; row < of.end; ++row) {
+    double strain[size] = {}, stress[size] = {};
+    for (Index k = of.offsets[row]; k < of.offsets[row + 1]; ++k) {
+      const std::ptrdiff_t at = std::ptrdiff_t{size} * of.points[k];
+      for (int i = 0; i < size; ++i) strain[i] += of.weights[k] * of.strain[at + i];
+      for (int i = 0; i < size; ++i) stress[i] += of.weights[k] * of.stress[at + i];
+    }
+    std::memcpy(of.to_strain + std::ptrdiff_t{size} * row, strain, sizeof strain);
+    std::memcpy(of.to_stress + std::ptrdiff_t{size} * row, stress, sizeof stress);
+  }
+}
+EFREE_FOR_EACH_MACHINE void sum_rows_2(const Sums& of) {
+  sum_rows<voigt_size<2>>(of);
+}
+EFREE_FOR_EACH_MACHINE void sum_rows_3(const Sums& of) {
+  sum_rows<voigt_size<3>>(of);
+}
+
 template <int Dim> EFREE_INLINE void respond_in(Index lanes, const Point<Dim>& at) {
   if (lanes == 1)
     respond_at<Dim, 1>(at);
@@ -212,6 +239,26 @@ template <int Dim> void compare(const SideBySide<Dim>& displacement, const SideB
     compare_3(degree, displacement.lanes(), at);
 }
 
+template <int Dim> void weighted_sums(const SparseRows& weights, const VoigtPoints<Dim>& strain,
+                                      const VoigtPoints<Dim>& stress, VoigtPoints<Dim>& to_strain,
+                                      VoigtPoints<Dim>& to_stress) {
+  parallel_chunks(static_cast<Index>(weights.rows()), 1024, [&](Index begin, Index end) {
+    const Sums of{.begin = begin,
+                  .end = end,
+                  .offsets = weights.outerIndexPtr(),
+                  .points = weights.innerIndexPtr(),
+                  .weights = weights.valuePtr(),
+                  .strain = strain.data(),
+                  .stress = stress.data(),
+                  .to_strain = to_strain.data(),
+                  .to_stress = to_stress.data()};
+    if constexpr (Dim == 2)
+      sum_rows_2(of);
+    else
+      sum_rows_3(of);
+  });
+}
+
 template class SideBySide<2>;
 template class SideBySide<3>;
 template class SideBySide<4>;
@@ -222,5 +269,9 @@ template void respond<3>(const SideBySide<3>&, const ShapeRow<3>&, const Stiffne
                          PointResponse<3>&);
 template void compare<2>(const SideBySide<2>&, const SideBySide<4>&, int, const UniformCell<2>&, CellSquares&);
 template void compare<3>(const SideBySide<3>&, const SideBySide<6>&, int, const UniformCell<3>&, CellSquares&);
+template void weighted_sums<2>(const SparseRows&, const VoigtPoints<2>&, const VoigtPoints<2>&, VoigtPoints<2>&,
+                               VoigtPoints<2>&);
+template void weighted_sums<3>(const SparseRows&, const VoigtPoints<3>&, const VoigtPoints<3>&, VoigtPoints<3>&,
+                               VoigtPoints<3>&);
 
 }  // namespace efree::internal

@@ -61,4 +61,9 @@ struct CellSquares {
 template <int Dim> void compare(const SideBySide<Dim>& displacement, const SideBySide<voigt_size<Dim>>& stress,
                                 int degree, const UniformCell<Dim>& cell, CellSquares& to);
 
+/// Sums of fields at points with the weights of rows of a table, of strains and stresses at once.
+template <int Dim> void weighted_sums(const SparseRows& weights, const VoigtPoints<Dim>& strain,
+                                      const VoigtPoints<Dim>& stress, VoigtPoints<Dim>& to_strain,
+                                      VoigtPoints<Dim>& to_stress);
+
 }  // namespace efree::internal
