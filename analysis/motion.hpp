@@ -121,6 +121,8 @@ template <int Dim> std::vector<std::pair<std::string, std::vector<double>>> meas
 
 /// Error of the energy balance that is warned of.
 inline constexpr double warned_imbalance = 0.01;
+/// What changes of functions took, over the most energy there was, beyond which that is warned of.
+inline constexpr double warned_renewal = 0.1;
 /// Error of the energy balance with which a run that got to its end is none, or OtmOptions::imbalance if less.
 inline constexpr double refused_imbalance = 0.05;
 

@@ -172,11 +172,18 @@ template <int Dim> Index joined_so_far(const Otm<Dim>& otm) {
 
 template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies) {
   std::vector<std::string> warnings = bodies.warnings;
-  if (const double error = bodies.otm.energy().largest_error(); std::abs(error) > warned_imbalance)
+  const EnergyWatch energy = bodies.otm.energy();
+  if (const double error = energy.largest_error(); std::abs(error) > warned_imbalance)
     warnings.push_back(
         fmt::format("the energy is off by up to {:.2g} %: smaller steps (otm.courant) or finer bodies "
                     "may help",
                     100.0 * error));
+  if (const double taken = bodies.otm.balance().renewal; taken > warned_renewal * energy.scale)
+    warnings.push_back(fmt::format(
+        "changes of functions took {:.2g} % of the energy, as where parts of a body meet, which stick to each other, "
+        "or functions are renewed often: quadrature.dilatation = false (under shocks), a larger otm.renewal or more "
+        "otm.stabilisation may help",
+        100.0 * taken / energy.scale));
   if (const Index joined = joined_so_far(bodies.otm); joined > 0)
     warnings.push_back(
         fmt::format("{} times of {} material points one had no functions of its own, or would have been turned inside "

@@ -28,11 +28,12 @@ constexpr Index looks_in_a_row = 8;
 }  // namespace
 
 template <int Dim> void EnergyWatch::look(const OtmBalance<Dim>& now) {
-  const double total = now.total();
+  // What has come in where functions changed is accounted for, and nobody has brought it.
+  const double made = std::max(0.0, -now.renewal), total = now.total() + made;
   // What is told in between may bring energy, and none of it is off.
   if (!begun) start = total - off;
   begun = true;
-  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated, std::abs(now.prescribed)});
+  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated - made, std::abs(now.prescribed)});
   off = total - start;
   if (!(std::abs(off) <= std::abs(furthest))) furthest = off;
 }

@@ -118,7 +118,7 @@ template <int Dim> struct OtmBalance {
 struct EnergyWatch {
   double start = 0.0;     ///< what there was of it
   double scale = 0.0;     ///< the most there was of it so far, at least what rounding makes
-  double off = 0.0;       ///< what is missing (negative) or too much now
+  double off = 0.0;       ///< what is missing (negative) or too much now, with what changes of functions have made
   double furthest = 0.0;  ///< the same where it was worst
   Index beyond = 0;       ///< times in a row that it was off by more than OtmOptions::imbalance
   bool begun = false;

@@ -203,6 +203,19 @@ FineMesh<2> lattice(double length, double size) {
   return FineMesh<2>(std::move(mesh));
 }
 
+TEST(EnergyWatch, WhatChangesOfFunctionsMakeIsTooMuchAndWhatTheyTakeIsAccountedFor) {
+  OtmBalance<2> now;
+  now.kinetic = 1.0;
+  EnergyWatch watch;
+  watch.look(now);
+  now.kinetic = 0.5, now.renewal = 0.5;
+  watch.look(now);
+  EXPECT_DOUBLE_EQ(watch.error(), 0.0);
+  now.kinetic = 40.0, now.renewal = -39.0;
+  watch.look(now);
+  EXPECT_DOUBLE_EQ(watch.error(), 39.0);
+}
+
 TEST(OtmBar, FrequencyOfABarConvergesWithOrderTwo) {
   const auto with = [](double size) { return frequency_error(otm_body(lattice(4.0, size), soft(0.0), 1.0), 4.0); };
   const double coarse = with(0.25), fine = with(0.125);
