@@ -81,7 +81,6 @@ template <int Dim> void Motion<Dim>::fuse_pairs() {
     // As materials feel it: each with the dilatation of its union.
     const auto energy = [&](const Vector& dilatation) {
       Deformation felt = chunk.now;
-      felt.dt = 0.0;
       felt.heat.resize(0);
       for (Index p = 0; p < chunk.size(); ++p) {
         const Mat<3> F = chunk.since[p] * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
