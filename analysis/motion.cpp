@@ -144,6 +144,20 @@ template <int Dim> void check_gaps(const MotionSettings<Dim>& motion, const Poin
   for (const auto& [tool, where] : motion.tools) check(tool.shape, "into the tool", where);
 }
 
+/// That bodies are not inside each other at the start, from where contact would not push them.
+template <int Dim> void check_overlaps(const Settings<Dim>& settings, const MovingBodies<Dim>& bodies) {
+  const Otm<Dim>& otm = bodies.otm;
+  const std::vector<Index> inside = otm.points_in_others();
+  if (inside.empty()) return;
+  Index body = 0;
+  while (otm.first_point(body + 1) <= inside.front()) ++body;
+  throw InputError(said_at(
+      where_said(settings, "geometry"),
+      fmt::format("bodies overlap at the start: region \"{}\" is inside another one at ({:.6g}) (contact.stiffness = 0 "
+                  "lets bodies pass through each other)",
+                  bodies.names[body], fmt::join(otm.points().col(inside.front()), ", "))));
+}
+
 template <int Dim>
 void check_probes(const MotionSettings<Dim>& motion, const Settings<Dim>& settings, MovingBodies<Dim>& bodies) {
   std::vector<std::string> fields;
@@ -293,6 +307,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
       .nodes_of_probes = {}};
   result.start = result.otm.nodes();
   check_gaps(motion, all.vertices());
+  check_overlaps(settings, result);
   for (const auto& [wall, where] : motion.walls)
     located(settings, where, [&, &added = wall] { result.otm.add_wall(added); });
   for (const auto& [tool, where] : motion.tools)
@@ -397,6 +412,9 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
   };
   const double min_step = motion.min_step > 0.0 ? motion.min_step : 1e-3 * std::min(otm.stable_step(), motion.max_step);
   double next_checkpoint = motion.checkpoint, next_detail = 0.0;
+  // Steps are shorter than stable ones where nodes, or tools, go fast for the spacing. One may be, for a start.
+  constexpr Index short_steps_in_a_row = 100;
+  Index short_steps = 0;
   const auto is_over = [&] { return motion.end - otm.time() <= 1e-12 * motion.end; };
   while (!is_over()) {
     if (monitor.cancelled && monitor.cancelled()) {
@@ -412,7 +430,17 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
       break;
     }
     // The last two share what is left, so that no step is tiny.
-    otm.step(std::min(motion.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left));
+    const double most = std::min(motion.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left);
+    const double step = otm.step(most);
+    short_steps = step < std::min(min_step, most) ? short_steps + 1 : 0;
+    if (short_steps == short_steps_in_a_row) {
+      result.refusal = fmt::format(
+          "at time {:.6g} steps are {:.3g} long, less than min_step = {:.3g}: nodes are next to each other (a sliver "
+          "of "
+          "the mesh), or nodes or tools too fast for their spacing",
+          otm.time(), step, min_step);
+      break;
+    }
     const bool last = is_over();
     const bool has_line = last || passes(before, motion.lines);
     if (has_line) call(watcher.line);

@@ -71,7 +71,7 @@ template <int Dim> struct MotionProbe {
 template <int Dim> struct MotionSettings {
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
-  double min_step = 0.0;  ///< [time], a stable step below it ends the run; 0: a thousandth of the first one
+  double min_step = 0.0;  ///< [time], steps below it end the run; 0: a thousandth of the first stable one
   OtmOptions options{};   ///< but for the plane
   /// Nodes on the coarse cloud of settings.approximation with the functions of the static solver; else nodes at the
   /// vertices of the mesh, and a point in every cell.

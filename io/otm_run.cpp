@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/otm_run.hpp"
 
+#include "efree/analysis/internal/located.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/packer.hpp"
 #include "efree/core/memory.hpp"
@@ -92,6 +93,10 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies) {
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
+  if (const double now = bodies.otm.time(); now > case_.motion.end * (1.0 + 1e-12))
+    throw InputError(internal::said_at(
+        internal::where_said(case_, "time.end"),
+        fmt::format("end is {:.6g}, and the steps of the earlier run are at {:.6g} already", case_.motion.end, now)));
   if (!killed)
     for (const auto& entry : fs::directory_iterator(directory_))
       if (const std::string name = entry.path().filename().string();

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -112,10 +113,10 @@ template <int Dim> struct Motion<Dim>::FacetTree {
   }
 };
 
-/// Points that are in another body, by half a spacing and more: its surface did not hold them. Bodies whose cells have
-/// collapsed, or broken, have none that says so.
-template <int Dim> void Motion<Dim>::find_passed() {
-  if (!has_contact() || options.contact.seizing || surfaces.empty()) return;
+/// Points that are in another body, by half a spacing and more. Bodies whose cells have collapsed, or broken, have no
+/// surface that says so.
+template <int Dim> std::vector<Index> Motion<Dim>::points_in_others() const {
+  std::set<Index> result;
   for (std::size_t b = 0; b < surfaces.size(); ++b) {
     const Facets<Dim>& facets = surfaces[b].facets;
     const BodyOf &body = bodies[b], &next = bodies[b + 1];
@@ -139,12 +140,19 @@ template <int Dim> void Motion<Dim>::find_passed() {
         for (const Index f : found) nearest.look(f, corners(facets, f).colwise() - at);
         if (nearest.facet() < 0 || !nearest.is_inside()) continue;
         if (nearest.distance() < 0.5 * spacing[facets(0, nearest.facet())]) continue;
-        const Index point = bodies[chunk.body].first_point + chunk.number[p];
-        const auto place = std::ranges::lower_bound(passed, point);
-        if (place == passed.end() || *place != point) passed.insert(place, point);
+        result.insert(bodies[chunk.body].first_point + chunk.number[p]);
       }
     }
   }
+  return {result.begin(), result.end()};
+}
+
+/// Those that the surface of another body did not hold.
+template <int Dim> void Motion<Dim>::find_passed() {
+  if (!has_contact() || options.contact.seizing || surfaces.empty()) return;
+  std::vector<Index> all;
+  std::ranges::set_union(passed, points_in_others(), std::back_inserter(all));
+  passed = std::move(all);
   counts.passed = static_cast<Index>(passed.size());
 }
 

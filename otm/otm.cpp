@@ -128,6 +128,16 @@ template <int Dim> Vector Otm<Dim>::damage() const {
   return result;
 }
 
+template <int Dim> std::vector<Index> Otm<Dim>::points_in_others() const {
+  internal::Motion<Dim>& of = *motion_;
+  if (!of.has_contact()) return {};
+  const bool known = !of.surfaces.empty();
+  if (!known) of.find_surface();
+  std::vector<Index> result = of.points_in_others();
+  if (!known) of.surfaces.clear();  // as steps make them, where nodes are by then
+  return result;
+}
+
 template <int Dim> Index Otm<Dim>::num_held() const {
   std::size_t held = 0;
   for (const auto& chunk : motion_->chunks) held += chunk.crushed.size();

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace efree {
 
@@ -191,6 +192,9 @@ template <int Dim> class Otm {
   Vector release_rates() const;
   /// M, 1 where a point is eroded; else what has summed up of OtmFracture::strain, or 0.
   Vector damage() const;
+  /// Points that are inside another body by half a spacing and more, ascending, if bodies touch each other: contact
+  /// does not push those out that are there at the start.
+  std::vector<Index> points_in_others() const;
   /// Points that the last step would have turned inside out: they are as they were, and join others in the next.
   Index num_held() const;
 

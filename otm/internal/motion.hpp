@@ -313,6 +313,7 @@ template <int Dim> struct Motion {
   void find_near();
   bool find_touch(const Near& of, Touch& touch) const;
   struct FacetTree;
+  std::vector<Index> points_in_others() const;
   void find_passed();
   void soften(std::vector<Touch>& found) const;
   void touch();
