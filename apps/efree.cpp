@@ -229,22 +229,24 @@ template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, 
   const OtmBalance<Dim> now = otm.balance();
   const OtmTimes spent = otm.times();
   const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
-                     spent.nodes + spent.contact;
+                     spent.nodes + spent.contact + spent.fracture;
   std::vector<std::string> lines{
       fmt::format("{} steps to time {:.6g}, functions renewed {:.1f} times", otm.counts().steps, otm.time(),
                   static_cast<double>(otm.counts().renewals) / otm.num_points()),
       fmt::format(
           "energy: kinetic {:.4g}, stored {:.4g}, dissipated {:.4g}, contact {:.4g}, elsewhere {:.4g}; off by up "
           "to {:.2g} %",
-          now.kinetic, now.stored, now.dissipated, now.contact, now.stabilising + now.viscous + now.renewal,
-          100.0 * otm.energy().largest_error())};
+          now.kinetic, now.stored, now.dissipated, now.contact,
+          now.stabilising + now.viscous + now.renewal + now.fracture, 100.0 * otm.energy().largest_error())};
   if (all > 0.0)
     lines.push_back(
         fmt::format("{:.3g} million updates of points a second; functions {:.0f} %, kinematics {:.0f} %, "
-                    "materials {:.0f} %, forces {:.0f} %, stable step {:.0f} %, nodes {:.0f} %, contact {:.0f} %",
+                    "materials {:.0f} %, forces {:.0f} %, stable step {:.0f} %, nodes {:.0f} %, contact {:.0f} %, "
+                    "fracture {:.0f} %",
                     1e-6 * static_cast<double>(otm.counts().updates) / all, 100.0 * spent.functions / all,
                     100.0 * spent.kinematics / all, 100.0 * spent.materials / all, 100.0 * spent.forces / all,
-                    100.0 * spent.stability / all, 100.0 * spent.nodes / all, 100.0 * spent.contact / all));
+                    100.0 * spent.stability / all, 100.0 * spent.nodes / all, 100.0 * spent.contact / all,
+                    100.0 * spent.fracture / all));
   for (const auto& [name, values] : measure(of.motion, bodies))
     lines.push_back(values.size() == 1 ? fmt::format("probe \"{}\": {:.6g}", name, values[0])
                                        : fmt::format("probe \"{}\": displacement ({:.6g}), velocity ({:.6g})", name,

@@ -583,11 +583,16 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
 
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
-  if ((*table)["analysis"]["kind"].value_or(std::string()) == "otm")
+  if (const auto kind = (*table)["analysis"]["kind"].value<std::string>(); kind && kind != "static")
     Section(*table->get_as<toml::table>("analysis"), "[analysis]", file.string(), {})
-        .fail("kind",
-              "this case is about bodies in motion: efree run moves them, and what is asked for here is for "
-              "bodies at rest");
+        .fail("kind", kind == "otm"
+                          ? "this case is about bodies in motion: efree run moves them, and what is asked for "
+                            "here is for bodies at rest"
+                          : fmt::format("kind is \"{}\", expected \"static\" or \"otm\"", *kind));
+  for (const char* key : {"velocity", "wall", "tool", "contact", "otm"})
+    if (table->contains(key))
+      Section(*table, "", file.string(), {})
+          .fail(key, fmt::format("[{}] is for bodies in motion, with analysis.kind = \"otm\"", key));
   const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});

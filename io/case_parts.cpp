@@ -25,7 +25,7 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
   if (clock.runs)
-    expressions.define("t", [](const Vec<Dim>& time) { return time[0]; });
+    expressions.at_any_time();
   else if (clock.time)
     expressions.at_time(*clock.time);
   else if (!section.has("t"))

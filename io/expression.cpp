@@ -209,6 +209,10 @@ template <int Dim> void Expressions<Dim>::at_time(double t) {
   define("t", fmt::format("{}", t));
   moment_ = fmt::format("t = {:.6g}", t);
 }
+template <int Dim> void Expressions<Dim>::at_any_time() {
+  define("t", [](const Vec<Dim>& time) { return time[0]; });
+  runs_ = true;
+}
 template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
   require_free(name, {});
   definitions_.push_back({.name = name, .refused = why});
@@ -227,12 +231,15 @@ std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)>
     const std::array<std::string, Size>& texts, const std::string& where) const {
   using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
   const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
-  const auto check = [texts, where, moment = moment_](const Values& values, const Vec<Dim>* x) {
+  const auto check = [texts, where, moment = moment_, runs = runs_](const Values& values, const Vec<Dim>* x) {
     for (std::size_t k = 0; k < Size; ++k) {
       const double value = values[static_cast<int>(k)];
       if (std::isfinite(value)) continue;
       std::vector<std::string> at;
-      if (x) at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
+      if (x && runs)
+        at.push_back(fmt::format("t = {:.6g}", (*x)[0]));
+      else if (x)
+        at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
       if (!moment.empty()) at.push_back(moment);
       throw InputError(prefixed(where, fmt::format("expression \"{}\" is {}{}{}, expected a finite number", texts[k],
                                                    std::isnan(value) ? std::abs(value) : value,

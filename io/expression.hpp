@@ -24,6 +24,8 @@ template <int Dim> class Expressions {
   void define(const std::string& name, ScalarField<Dim> given);
   /// Calls a time t, which messages about values that are not finite then name. Throws InputError if t is taken.
   void at_time(double t);
+  /// Calls the first coordinate of where fields are asked for the time t; messages then say that instead of a point.
+  void at_any_time();
   /// Keeps a name from being defined; expressions that use it are refused with this reason.
   void refuse(const std::string& name, const std::string& why);
 
@@ -49,6 +51,7 @@ template <int Dim> class Expressions {
 
   std::vector<Definition> definitions_;
   std::string moment_;  ///< "t = 0.5"; empty without a time
+  bool runs_ = false;   ///< points are times
 };
 
 }  // namespace efree

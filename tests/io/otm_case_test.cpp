@@ -141,6 +141,9 @@ TEST(OtmCase, CasesOfOneKindAreNoneOfTheOther) {
   EXPECT_TRUE(is_otm_case(moving / "case.toml"));
   EXPECT_THAT([&] { read_case(moving / "case.toml"); }, says("efree run"));
   EXPECT_THAT([&] { read_otm_case(still / "case.toml"); }, ThrowsMessage<InputError>(HasSubstr("case.toml")));
+  const Workspace wrong(with("\"otm\"", "\"omt\"")), unsaid(without("kind = \"otm\""));
+  EXPECT_THAT([&] { read_case(wrong / "case.toml"); }, says("kind is \"omt\", expected \"static\" or \"otm\""));
+  EXPECT_THAT([&] { read_case(unsaid / "case.toml"); }, says("[velocity] is for bodies in motion"));
 }
 
 TEST(OtmCase, NormalsOfAnyLengthAreUnitVectors) {
@@ -405,6 +408,30 @@ TEST(OtmRun, RegionsAreBodiesOfTheirOwn) {
   EXPECT_NEAR(result["probes"]["two"].get<double>(), 3.5, 1e-12);
 }
 
+TEST(OtmRun, BodiesThatOverlapAtTheStartAreRefused) {
+  const std::string material = "density = 1\nmodel = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
+  const std::string two =
+      "[geometry]\nfile = \"two.geo\"\n[analysis]\nkind = \"otm\"\nplane = \"strain\"\n"
+      "[[material]]\nregion = \"one\"\n" +
+      material + "[[material]]\nregion = \"two\"\n" + material + "[time]\nend = 1\n";
+  for (const char* contact : {"", "[contact]\nseizing = true\n", "[contact]\nstiffness = 0\n"}) {
+    const Workspace workspace;
+    write_two_squares(workspace, 0.6);
+    const auto done = run(workspace, two + contact);
+    if (std::string(contact).find("stiffness") != std::string::npos) {
+      EXPECT_EQ(done.status, 0) << done.output;
+      continue;
+    }
+    EXPECT_EQ(done.status, 2) << done.output;
+    EXPECT_THAT(done.output,
+                testing::AllOf(HasSubstr("case.toml:1: bodies overlap at the start"), HasSubstr("\"one\"")));
+    EXPECT_FALSE(fs::exists(workspace / "out"));
+  }
+  const Workspace workspace;
+  write_two_squares(workspace, 1.0);  // side by side
+  EXPECT_EQ(run(workspace, two).status, 0);
+}
+
 TEST(OtmRun, BodiesThatMeetPushEachOtherAndMassVariesAsTheCaseSays) {
   const Workspace workspace;
   write_two_squares(workspace, 1.1);
@@ -441,6 +468,51 @@ TEST(OtmRun, BodiesThatSeizeMoveOnAsOne) {
   EXPECT_NEAR(result["momentum"][0].get<double>(), -0.1, 1e-12);
   EXPECT_NEAR(result["probes"]["gap"].get<double>() - result["probes"]["one"].get<double>(), 0.0, 0.07);
   EXPECT_NEAR(result["energy"]["kinetic"].get<double>(), 0.0025, 0.0004);  // of 0.005
+}
+
+TEST(OtmRun, PointsOfViscousFluidsAndOfMetalsThatFeelTheRateFuse) {
+  const auto thrown = [](const std::string& material) {
+    return "[geometry]\nshape = \"rectangle\"\nparameters = { width = 0.2, height = 0.4 }\nmesh_size = 0.04\n"
+           "[analysis]\nkind = \"otm\"\nplane = \"strain\"\n[material]\ndensity = 1000\n" +
+           material +
+           "[[velocity]]\nvalue = [0, -3]\n[[wall]]\nnormal = [0, 1]\n[otm]\ninjection = 1.3\n[time]\nend = 0.04\n";
+  };
+  for (const char* material :
+       {"model = \"tait\"\nkappa = 2.2e6\nexponent = 7\nviscosity = 1\n",
+        "model = \"johnson_cook\"\nE = 2e6\nnu = 0.3\nA = 300\nC = 0.02\nreference_rate = 1\n"}) {
+    const Workspace workspace;
+    const auto done = run(workspace, thrown(material));
+    ASSERT_EQ(done.status, 0) << done.output;
+    EXPECT_GT(json(workspace / "out/result.json")["counts"]["fused"], 0) << material;
+  }
+}
+
+TEST(OtmRun, EnergyThatChangesOfFunctionsTakeIsWarnedOf) {
+  const Workspace workspace;
+  const std::string ring =
+      replaced(replaced(rubber, "\"rectangle\"", "\"annulus\""), "width = 2, height = 1", "inner = 0.7, outer = 1");
+  const auto done = run(workspace, replaced(replaced(ring, "\"-0.2\"", "\"-0.4\""), "level = -0.1", "level = -1.05") +
+                                       "[otm]\nimbalance = 1\n");
+  EXPECT_THAT(done.output, HasSubstr("changes of functions took"));
+  EXPECT_THAT(run(workspace, rubber).output, testing::Not(HasSubstr("changes of functions took")));
+}
+
+TEST(OtmRun, StepsThatAreNextToNothingEndTheRunWhateverMakesThemSo) {
+  const Workspace workspace;
+  const auto done =
+      run(workspace, rubber + "[[tool]]\nshape = \"plane\"\nnormal = [0, 1]\nlevel = -9\nvelocity = [0, -1e6]\n");
+  EXPECT_EQ(done.status, 3) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("less than min_step"));
+  EXPECT_EQ(json(workspace / "out/result.json")["counts"]["steps"], 100);
+}
+
+TEST(OtmRun, VelocitiesOfToolsThatAreNoNumbersEndTheRunWithTheTime) {
+  const Workspace workspace;
+  const auto done = run(workspace, rubber +
+                                       "[[tool]]\nshape = \"plane\"\nnormal = [0, -1]\nlevel = -9\n"
+                                       "velocity = [0, \"log(1.5 - t)\"]\n");
+  EXPECT_EQ(done.status, 2) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("is nan at t = 1.5"));
 }
 
 TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
@@ -551,6 +623,8 @@ TEST(OtmRun, CheckpointsOfOtherCasesAndDamagedOnesAreRefused) {
   refuses("of another case");
   work.write("case.toml", rubber + "[otm]\ncourant = 0.4\n");
   refuses("of another case");
+  work.write("case.toml", with("end = 4", "end = 2"));
+  refuses("end is 2, and the steps of the earlier run are at 4 already");
   work.write("case.toml", rubber);
   const std::string whole = content(work / "out/otm.state");
   for (const std::size_t at : {whole.size() / 2, whole.size() - 20}) {
