@@ -5,6 +5,7 @@
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/materials/equation_of_state.hpp"
 #include "efree/solvers/locking.hpp"
 
 #include <fmt/format.h>
@@ -63,12 +64,18 @@ template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh
   return group == mesh.groups().end() ? nullptr : &group->facets;
 }
 
+/// Whether points share their dilatation.
+template <int Dim> bool shares(const MotionSettings<Dim>& motion, const Material& material) {
+  const bool shocks = motion.options.shock.on() && dynamic_cast<const Fluid*>(&material) != nullptr;
+  return motion.shared_dilatation.value_or(!shocks);
+}
+
 template <int Dim> Built<Dim> at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material, bool axisymmetric,
                                           const MotionSettings<Dim>& motion) {
   Built<Dim> result{otm_body(mesh, material, 0.0, axisymmetric), {}, {}};
   for (const auto& gas : motion.gases)
     if (const auto* facets = facets_of(mesh, gas.on)) result.inside[gas.on] = mesh.facets()(Eigen::all, *facets);
-  if (!motion.shared_dilatation) result.body.unions.clear();
+  if (!shares(motion, *material)) result.body.unions.clear();
   for (const auto& part : motion.moved)
     if (const auto* facets = facets_of(mesh, part.on)) {
       std::set<Index> nodes;
@@ -91,7 +98,7 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
   ApproximationOptions options = settings.approximation;
   if (options.support == 0.0) options.support = otm_support;
   options.axisymmetric = settings.model.plane == Plane::axisymmetric;
-  options.dilatation = averaged_if(motion.shared_dilatation && locks(*material));
+  options.dilatation = averaged_if(shares(motion, *material) && locks(*material));
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
   // Functions of other nodes vanish where some are held: values there are those of the nodes.
   for (const auto& part : motion.moved)

@@ -9,6 +9,7 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -76,7 +77,9 @@ template <int Dim> struct MotionSettings {
   /// Nodes on the coarse cloud of settings.approximation with the functions of the static solver; else nodes at the
   /// vertices of the mesh, and a point in every cell.
   bool cloud = false;
-  bool shared_dilatation = true;  ///< points that are near each other share their dilatation, against locking
+  /// Whether points that are near each other share their dilatation, against locking. Empty: all but those of fluids
+  /// with shock viscosity, whose shocks would be slow.
+  std::optional<bool> shared_dilatation{};
   std::vector<InitialVelocity<Dim>> velocities{};
   std::vector<BodyFracture> fractures{};  ///< of a region one at most; that of all bodies is of those without
   std::vector<MotionWall<Dim>> walls{};

@@ -276,7 +276,7 @@ template <int Dim> void read_functions(const Section& root, internal::PlaceReade
                         fmt::format("{} is for a [cloud], and there is none: every cell of the mesh is a point", key));
   internal::read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result);
   result.approximation.grading = internal::read_grading(cloud, places, result.graded);
-  result.motion.shared_dilatation = quadrature.switch_or_auto("dilatation").value_or(true);
+  result.motion.shared_dilatation = quadrature.switch_or_auto("dilatation");
 }
 
 template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const toml::table& table, const Section& root,

@@ -487,6 +487,22 @@ TEST(OtmRun, PointsOfViscousFluidsAndOfMetalsThatFeelTheRateFuse) {
   }
 }
 
+TEST(OtmRun, AStrongShockInAFluidOnTrianglesIsAsFastAsItsHugoniotSays) {
+  const std::string fluid =
+      "[geometry]\nshape = \"rectangle\"\nparameters = { width = 0.1, height = 0.5 }\nmesh_size = 0.02\n"
+      "[analysis]\nkind = \"otm\"\nplane = \"strain\"\n[material]\nmodel = \"mie_grueneisen\"\ndensity = 2700\n"
+      "sound_speed = 5350\nslope = 1.34\ngamma = 2\n[[boundary]]\non = \"left\"\nvelocity = [0, \"free\"]\n"
+      "[[boundary]]\non = \"right\"\nvelocity = [0, \"free\"]\n[[velocity]]\nvalue = [0, -1000]\n"
+      "[[wall]]\nnormal = [0, 1]\n[otm]\nshock = { linear = 0.5, quadratic = 2 }\n[time]\nend = 5e-5\n";
+  const Workspace workspace;
+  const auto done = run(workspace, fluid);
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto momentum = column(workspace / "out/history.csv", "momentum.y");
+  // The shock goes back through what comes at sound_speed + slope speed.
+  const double passed = (5350.0 + 1.34 * 1000.0) * 5e-5 / 0.5;
+  EXPECT_NEAR(1.0 - momentum.back() / momentum.front(), passed, 0.02 * passed);
+}
+
 TEST(OtmRun, EnergyThatChangesOfFunctionsTakeIsWarnedOf) {
   const Workspace workspace;
   const std::string ring =
