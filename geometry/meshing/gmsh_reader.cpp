@@ -12,12 +12,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gmsh.h>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <new>
 #include <optional>
 #include <set>
@@ -79,15 +81,76 @@ struct SampledSurfaces {
   std::vector<std::vector<Polyline>> outlines;  ///< of each region, an even-odd outline as in PlanarDomain
 };
 
+/// Whether a ray to the right of `p` meets an odd number of segments.
+bool is_inside(const Vec<2>& p, const std::vector<Polyline>& outline) {
+  bool inside = false;
+  for (const Polyline& chain : outline)
+    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k) {
+      const Vec<2>&a = chain.points[k], &b = chain.points[k + 1];
+      if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x()))
+        inside = !inside;
+    }
+  return inside;
+}
+
+/// Least distance from a point to the segments of an outline.
+double distance(const Vec<2>& p, const std::vector<Polyline>& outline) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Polyline& chain : outline)
+    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k) {
+      const Vec<2>& a = chain.points[k];
+      const Vec<2> along = chain.points[k + 1] - a;
+      const double length = along.squaredNorm();
+      const double share = length > 0.0 ? std::clamp(along.dot(p - a) / length, 0.0, 1.0) : 0.0;
+      least = std::min(least, (p - a - share * along).norm());
+    }
+  return least;
+}
+
+/// A surface, its outline, and the box around it.
+struct Outlined {
+  int surface;
+  std::vector<Polyline> outline;
+  Eigen::AlignedBox2d box;
+};
+
+/// Refuses surfaces that lie on each other: by the even-odd rule what both cover would be cut out. Looked for at some
+/// points of every outline, farther in than chords that stand for one curve are apart.
+void refuse_overlaps(const GmshSession& session, const std::vector<Outlined>& surfaces) {
+  constexpr std::size_t most = 64;
+  constexpr double apart = 0.1;  // of a chord
+  for (const Outlined& one : surfaces) {
+    std::vector<std::array<Vec<2>, 2>> chords;
+    for (const Polyline& chain : one.outline)
+      for (std::size_t k = 0; k + 1 < chain.points.size(); ++k)
+        chords.push_back({chain.points[k], chain.points[k + 1]});
+    const std::size_t stride = (chords.size() + most - 1) / most;
+    for (const Outlined& other : surfaces) {
+      if (&other == &one || !one.box.intersects(other.box)) continue;
+      for (std::size_t k = 0; k < chords.size(); k += stride) {
+        const auto& [a, b] = chords[k];
+        const Vec<2> p = 0.5 * (a + b);
+        if (other.box.contains(p) && is_inside(p, other.outline) && distance(p, other.outline) > apart * (b - a).norm())
+          session.fail(fmt::format(
+              "surfaces {} and {} overlap around ({:.6g}, {:.6g}): make the outline of one a hole of the other, or "
+              "part them (BooleanFragments)",
+              one.surface, other.surface, p.x(), p.y()));
+      }
+    }
+  }
+}
+
 SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<std::string>& slits) {
   GmshNodes<2> nodes(session);
   SampledSurfaces sampled;
   PlanarDomain& domain = sampled.domain;
   std::set<int> used;
+  std::vector<Outlined> surfaces;
   const auto regions = internal::region_parts(session, 2);
   for (const GmshPart& region : regions) {
     std::vector<Polyline> outline;
     for (const int surface : region.entities) {
+      const std::size_t first = outline.size();
       std::string type;
       gmsh::model::getType(2, surface, type);
       if (type != "Plane")
@@ -99,6 +162,9 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
         used.insert(curve);
         if (regions.size() > 1) add_curve(curve, interface_name, nodes, domain.embedded);
       }
+      Outlined& own = surfaces.emplace_back(Outlined{surface, {outline.begin() + first, outline.end()}, {}});
+      for (const Polyline& chain : own.outline)
+        for (const Vec<2>& point : chain.points) own.box.extend(point);
       gmsh::model::mesh::getEmbedded(2, surface, entities);
       for (const auto& [dim, tag] : entities)
         if (dim == 1) {
@@ -116,24 +182,13 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
     sampled.outlines.push_back(std::move(outline));
   }
   if (used.empty()) session.fail("there is no surface in it");
+  refuse_overlaps(session, surfaces);
   for (const GmshPart& part : internal::physical_parts(1)) {
     const bool is_slit = std::ranges::find(slits, part.name) != slits.end();
     for (const int curve : part.entities)
       if (used.contains(curve)) add_curve(curve, part.name, nodes, is_slit ? domain.slits : domain.embedded);
   }
   return sampled;
-}
-
-/// Whether a ray to the right of `p` meets an odd number of segments.
-bool is_inside(const Vec<2>& p, const std::vector<Polyline>& outline) {
-  bool inside = false;
-  for (const Polyline& chain : outline)
-    for (std::size_t k = 0; k + 1 < chain.points.size(); ++k) {
-      const Vec<2>&a = chain.points[k], &b = chain.points[k + 1];
-      if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x()))
-        inside = !inside;
-    }
-  return inside;
 }
 
 /// The mesh of sampled surfaces with the regions of its cells: parts between interfaces lie in one region each, that of

@@ -129,6 +129,26 @@ TEST(GmshReader, SurfacesThatShareACurveAreOneBody) {
   }
 }
 
+TEST(GmshReader, SurfacesThatLieOnEachOtherAreRefused) {
+  const std::string square =
+      "Point(1) = {0, 0, 0, 0.2}; Point(2) = {1, 0, 0, 0.2}; Point(3) = {1, 1, 0, 0.2}; Point(4) = {0, 1, 0, 0.2};\n"
+      "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};\nCurve Loop(1) = {1, 2, 3, 4};\n";
+  const auto second = [](const std::string& low, const std::string& high) {
+    return "Point(5) = {" + low + ", 0.4, 0, 0.2}; Point(6) = {" + high + ", 0.4, 0, 0.2};\nPoint(7) = {" + high +
+           ", 0.6, 0, 0.2}; Point(8) = {" + low + ", 0.6, 0, 0.2};\nLine(5) = {5, 6}; Line(6) = {6, 7}; " +
+           "Line(7) = {7, 8}; Line(8) = {8, 5};\nCurve Loop(2) = {5, 6, 7, 8};\n";
+  };
+  const auto read = [&](const std::string& text) { return read_gmsh<2>(file("on.geo", text), {.size = 0.2}); };
+  for (const auto& [low, high] :
+       {std::pair{"0.4", "0.6"}, {"0.8", "1.4"}, {"-0.5", "1.5"}})  // within, half on it, across
+    EXPECT_INPUT_ERROR(read(square + second(low, high) + "Plane Surface(1) = {1}; Plane Surface(2) = {2};\n"),
+                       "overlap around");
+  EXPECT_NEAR(FineMesh<2>(read(square + second("0.4", "0.6") + "Plane Surface(1) = {1, 2}; Plane Surface(2) = {2};\n"))
+                  .volumes()
+                  .sum(),
+              1.0, 1e-12);
+}
+
 TEST(GmshReader, CutsOpenAlongEmbeddedAndSharedCurves) {
   const std::string path = file("two.geo", std::string(two_squares) + "MeshSize{:} = 0.1;\n");
   for (const double size : {0.1, 0.0}) {
