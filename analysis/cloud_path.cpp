@@ -35,6 +35,17 @@ template <int Dim> Points<Dim> start_of(const Result<Dim>& result, const Answer<
                           : Points<Dim>(interpolate(result.approximation.shape, answer.solution.coefficients));
 }
 
+/// How far the answer of a cloud with averaged dilatations, as its fields are recovered, is from that of finite
+/// elements.
+template <int Dim> double distance_of_averaged(const Result<Dim>& result, const Approximation<Dim>& elements,
+                                               const Points<Dim>& start, Fields<Dim> fields,
+                                               const Points<Dim>& displacement) {
+  const bool lift = result.approximation.space.degree() < elements.space.degree();
+  if (lift) fields.stress = lifted<Dim>(elements.space, fields.stress);
+  fields.displacement = lift ? Points<Dim>(lifted<Dim>(elements.space, start)) : start;
+  return mixed_distance(elements, displacement, fields, materials_of(result.model, *result.mesh));
+}
+
 /// The answers to the load cases from that of this number on, corrected as the ones before.
 template <int Dim> void correct_rest(const Settings<Dim>& settings, const Corrected<Dim>& best, std::size_t first,
                                      const CorrectionOptions& options, Result<Dim>& result, const Monitor& monitor) {
@@ -43,8 +54,15 @@ template <int Dim> void correct_rest(const Settings<Dim>& settings, const Correc
     std::vector<Points<Dim>> starts;
     for (std::size_t k = first; k < std::min(first + cases_together, answers.size()); ++k)
       starts.push_back(start_of(result, *answers[k]));
+    auto start = starts.begin();
     for (auto& one : correct_more(settings, result, best, first, starts, options, monitor)) {
-      hand_out(one, *answers[first++]);
+      Answer<Dim>& answer = *answers[first++];
+      if (result.approximation.averaged && !answer.estimates)
+        one.correction.start_error =
+            distance_of_averaged(result, *result.elements, *start,
+                                 recover_fields(result.approximation, answer.solution), one.fields.displacement);
+      hand_out(one, answer);
+      ++start;
     }
   }
 }
@@ -91,11 +109,7 @@ template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& resu
   double uncorrected = best.first().correction.start_error;
   if (cloud.averaged) {
     result.fields = recover_fields(cloud, result.solution);
-    Fields<Dim> fields = result.fields;
-    if (lifted) fields.stress = internal::lifted<Dim>(functions.space, fields.stress);
-    fields.displacement = lifted ? Points<Dim>(internal::lifted<Dim>(functions.space, start)) : start;
-    uncorrected = mixed_distance(best.elements, best.first().fields.displacement, fields,
-                                 materials_of(result.model, *result.mesh));
+    uncorrected = distance_of_averaged(result, best.elements, start, result.fields, best.first().fields.displacement);
   }
   if (!settings.corrected) {
     if (result.fields.displacement.size() == 0) result.fields = recover_fields(cloud, result.solution);

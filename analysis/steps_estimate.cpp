@@ -19,8 +19,8 @@ namespace {
 /// Nodes of finite elements whose tangents are factored in a time that is worth an estimate.
 template <int Dim> constexpr Index most_nodes = Dim == 2 ? 200000 : 30000;
 
-/// Whether strains are more than rounding: the energy that is stored against that of strains of 1e-10, and against the
-/// largest there was.
+/// Whether strains are more than rounding: the energy that is stored, or has been dissipated, against that of strains
+/// of 1e-10, and against the largest that was stored.
 template <int Dim> bool is_deformed(const Result<Dim>& result) {
   constexpr double rounding = 1e-10;
   const auto materials = materials_of(result.model, *result.mesh);
@@ -31,7 +31,7 @@ template <int Dim> bool is_deformed(const Result<Dim>& result) {
     least += points.weights[K] * materials.stiffness(points.region[K], points.points.col(K), room).C(0, 0);
   least *= rounding * rounding;
   for (const auto& step : result.history) least = std::max(least, rounding * step.stored);
-  return result.history.back().stored > least;
+  return result.history.back().stored + result.history.back().dissipated > least;
 }
 
 /// Why the error is not looked for; empty if it is.
@@ -64,8 +64,8 @@ template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Pro
       beside.emplace(result.approximation, result.model, std::move(program), stage.within());
       there = beside->balance(last, result.fields.stress);
     } catch (const NumericalError& error) {
-      unknown = fmt::format(
-          "the finite elements of the fine mesh find no balance near the cloud's, and may bear less: {}", error.what());
+      unknown = "the finite elements of the fine mesh find no balance near the cloud's";
+      result.warnings.push_back(fmt::format("{}, and may bear less: {}", unknown, error.what()));
     }
   }
   if (!there) return unknown;

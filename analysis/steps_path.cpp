@@ -357,6 +357,9 @@ template <int Dim> void tell_path_errors(const Settings<Dim>& settings, const st
   if (const auto [most, of] = result.path_errors->largest(); most > doubtful)
     result.warnings.push_back(fmt::format(
         "the path may be about {:.2g} % off ({}), as a coarser cloud tells: use a smaller spacing", 100.0 * most, of));
+  if (const double until = result.path_errors->until; until < result.history.back().time)
+    result.warnings.push_back(fmt::format(
+        "a coarser cloud comes to time {:.6g}: how far the path is off beyond that is not estimated", until));
 }
 
 }  // namespace

@@ -237,6 +237,65 @@ TEST(StepsEstimate, PathsThatFlowAreOffByWhatACoarserCloudTells) {
   }
 }
 
+TEST(StepsEstimate, ABarThatHasFlowedAndIsUnloadedHasTheErrorsOfItsPath) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.15});
+  const auto at = [](double time) {
+    const double force = 2.0 * (1.0 - std::abs(2.0 * time - 1.0));
+    return Acting<2>{.supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+                     .loads = {.tractions = {pressure<2>("right", [force](const Vec<2>&) { return -force; })}}};
+  };
+  Settings<2> settings{
+      .model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = Hardening::linear(1.0, 50.0)}),
+                .plane = Plane::stress},
+      .time = TimeSettings<2>{.path = {.step = 0.05, .stops = {0.5}}, .acting = at},
+      .approximation = {.spacing = 0.3}};
+  settings.supports = at(0.0).supports;
+  const Result<2> result = analyse(mesh, settings);
+  EXPECT_LT(result.history.back().stored, 1e-12 * result.history.back().dissipated);
+  EXPECT_TRUE(result.path_errors);
+}
+
+TEST(StepsEstimate, ElementsThatFindNoBalanceAreWarnedOfWhereThePathHasItsErrors) {
+  const Result<2> result = analyse(plate(0.25), pulled(NeoHookean({.E = 1.0, .nu = 0.4999}), 6.0));
+  ASSERT_FALSE(result.estimates);
+  ASSERT_TRUE(result.path_errors);
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("find no balance")));
+}
+
+TEST(StepsEstimate, ACoarserCloudThatStopsEarlierIsWarnedOf) {
+  const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 2.0, 0.15), {.size = 0.15});
+  Settings<2> settings = pulled(
+      J2({.moduli = {.E = 210e3, .nu = 0.3}, .yield = Hardening::linear(450.0, 129.24), .strain = Strain::finite}),
+      0.3);
+  settings.approximation.spacing = 0.25;
+  settings.time->path.max_step = 0.25;
+  const Result<2> whole = analyse(mesh, settings);
+  settings.time->path.max_steps = static_cast<int>(whole.history.size());
+  const Result<2> result = analyse(mesh, settings);
+  ASSERT_TRUE(whole.path_errors && result.path_errors);
+  EXPECT_THAT(whole.warnings, Not(Contains(HasSubstr("beyond that"))));
+  ASSERT_LT(result.path_errors->until, 1.0) << "the coarser one takes more steps";
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("beyond that")));
+}
+
+TEST(LoadCases, OfANearlyIncompressibleCloudAreOffAsEachAlone) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  Settings<2> settings{.model = {.material = LinearElastic(1.0, 0.4999), .plane = Plane::strain},
+                       .supports = {clamp<2>("left")},
+                       .approximation = {.spacing = 0.3}};
+  const auto pulled_by = [](double force) {
+    return Loads<2>{.tractions = {pressure<2>("right", [force](const Vec<2>& x) { return -force * x[1]; })}};
+  };
+  for (const double force : {1.0, -2.0}) settings.cases.push_back({force > 0.0 ? "pull" : "push", pulled_by(force)});
+  const Result<2> together = analyse(mesh, settings);
+  settings.cases.clear();
+  settings.loads = pulled_by(1.0);
+  const Result<2> alone = analyse(mesh, settings);
+  ASSERT_TRUE(alone.estimates && together.estimates && together.more.at(0).estimates);
+  EXPECT_NEAR(together.estimates->uncorrected, alone.estimates->uncorrected, 1e-6);
+  EXPECT_NEAR(together.more[0].estimates->uncorrected, alone.estimates->uncorrected, 1e-6) << "the same, twice";
+}
+
 TEST(StepsEstimate, WhatCannotBeEstimatedIsSaid) {
   const FineMesh<2> mesh = plate(0.2);
   const auto warnings = [&](const Settings<2>& settings) {
