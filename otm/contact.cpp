@@ -192,8 +192,7 @@ template <int Dim> bool Motion<Dim>::find_touch(const Near& of, Touch& touch) co
   const Mat<Dim> arms = along * (corner.colwise() - middle);
   const Mat<Dim> about =
       (arms * arms.transpose() + arms.squaredNorm() * touch.normal * touch.normal.transpose()).inverse();
-  touch.patch.clear();
-  for (int i = 0; i < Dim; ++i) touch.patch.push_back({facets(i, best), nearest.weights()[i], about * arms.col(i)});
+  for (int i = 0; i < Dim; ++i) touch.patch[i] = {facets(i, best), nearest.weights()[i], about * arms.col(i)};
   const double modulus = std::min(bodies[body_of_node[of.node]].modulus, bodies[of.body].modulus);
   // Half of it, as the other body's nodes push as well.
   touch.stiffness = 0.5 * options.contact.stiffness * modulus * surface_area[of.node] / spacing[of.node];
@@ -255,18 +254,18 @@ template <int Dim> void Motion<Dim>::seize() {
 }
 
 /// Springs no stiffer than the masses between them bear in the step, together (by Gershgorin's circles).
-template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& found) const {
-  Vector sum = Vector::Zero(x.cols());
-  for (const Touch& one : found) {
+template <int Dim> void Motion<Dim>::soften(std::vector<Touch>& springs) {
+  pressed.setZero(x.cols());
+  for (const Touch& one : springs) {
     if (!(one.stiffness > 0.0)) continue;
-    sum[one.node] += one.stiffness;
-    for (const auto& held : one.patch) sum[held.node] += held.weight * one.stiffness;
+    pressed[one.node] += one.stiffness;
+    for (const auto& held : one.patch) pressed[held.node] += held.weight * one.stiffness;
   }
   const auto borne = [&](Index a) {
     const double most = softest_step * mass[a] / (2.0 * stable * stable);
-    return sum[a] > most ? most / sum[a] : 1.0;
+    return pressed[a] > most ? most / pressed[a] : 1.0;
   };
-  for (Touch& one : found) {
+  for (Touch& one : springs) {
     if (!(one.stiffness > 0.0)) continue;
     double least = borne(one.node);
     for (const auto& held : one.patch)
@@ -292,7 +291,7 @@ template <int Dim> void Motion<Dim>::touch() {
     times.contact += lap(start);
     return;
   }
-  std::vector<Touch> found(near.size());
+  found.assign(near.size(), {});
   parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
@@ -305,12 +304,15 @@ template <int Dim> void Motion<Dim>::touch() {
     for (const auto& held : one.patch) result -= held.weight * (x.col(held.node) - met.col(held.node));
     return one.normal.dot(result);
   };
-  std::map<std::pair<Index, Index>, double> taken;  // by node and other body
   const auto pair_of = [&](const Touch& one) { return std::pair(one.node, body_of_node[one.patch.front().node]); };
-  for (const Touch& one : touches) taken[pair_of(one)] += one.energy - 0.5 * one.stiffness * one.depth * way(one);
+  taken.clear();
+  for (const Touch& one : touches)
+    taken.emplace_back(pair_of(one), one.energy - 0.5 * one.stiffness * one.depth * way(one));
+  std::ranges::sort(taken);
   for (Touch& one : found) {
-    const auto last = taken.find(pair_of(one));
-    if (last != taken.end()) one.energy = std::exchange(last->second, 0.0);
+    const auto last =
+        std::ranges::lower_bound(taken, pair_of(one), {}, &std::pair<std::pair<Index, Index>, double>::first);
+    if (last != taken.end() && last->first == pair_of(one)) one.energy = std::exchange(last->second, 0.0);
     // What is stored afterwards, k depth^2 / 2, is at most that and the second half of the work, -k depth out / 2.
     const double out = way(one), square = out * out + 8.0 * one.energy / one.stiffness;
     one.depth = std::min(-one.gap, square > 0.0 ? std::max(0.0, 0.5 * (std::sqrt(square) - out)) : 0.0);
@@ -320,7 +322,7 @@ template <int Dim> void Motion<Dim>::touch() {
     for (const auto& [b, weight, lever] : one.patch) force.col(b) -= weight * push;
   }
   for (const auto& [pair, energy] : taken) contact_loss += energy;
-  touches = std::move(found);
+  std::swap(touches, found);
   contact_stored = 0.0;
   for (const Touch& one : touches) contact_stored += one.energy;
   met = x;
@@ -375,9 +377,10 @@ template <int Dim> void Motion<Dim>::inflate() {
   }
 }
 
-/// Friction of bodies, of the pressures at the beginning of the step; `kick`: how long these act. Returns the impulses.
-template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
-  Points<Dim> impulses = Points<Dim>::Zero(Dim, x.cols());
+/// Friction of bodies, of the pressures at the beginning of the step; `kick`: how long these act. Its impulses are
+/// `rubbed`.
+template <int Dim> void Motion<Dim>::rub(double kick) {
+  rubbed.setZero(Dim, x.cols());
   for (const Touch& one : touches) {
     Vec<Dim> slide = v.col(one.node);
     double mobility = 1.0 / mass[one.node];
@@ -392,13 +395,12 @@ template <int Dim> Points<Dim> Motion<Dim>::rub(double kick) {
     const Vec<Dim> stop = impulse / speed * slide;
     const auto give = [&](Index a, const Vec<Dim>& what) {
       v.col(a) += what / mass[a];
-      impulses.col(a) += what;
+      rubbed.col(a) += what;
     };
     give(one.node, -stop);
     // Across the gap the two have a moment, which forces along the normal take up.
     for (const auto& [b, weight, lever] : one.patch) give(b, weight * stop - one.gap * lever.dot(stop) * one.normal);
   }
-  return impulses;
 }
 
 /// The step in which nodes go half their spacing at the most where there is something they may meet: what is stopped
@@ -424,8 +426,8 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
   find_velocities(nodal_impulses, nodal_changes);
   v += nodal_changes;
   if (fixed) nodal_momentum += nodal_impulses;
-  Points<Dim> rubbed(Dim, 0);
-  if (options.contact.friction > 0.0 && !touches.empty()) rubbed = rub(kick);
+  const bool rubs = options.contact.friction > 0.0 && !touches.empty();
+  if (rubs) rub(kick);
   // What a force that changes v at the end does is its impulse times the mean of the velocities around it.
   for (const auto& [node, axis, velocity] : prescribed) {
     prescribed_work += 0.5 * mass[node] * (velocity - v(axis, node)) * (velocity + was(axis, node));
@@ -433,7 +435,7 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
     if (fixed) nodal_momentum(axis, node) = mass[node] * velocity;
   }
   hold_back(dt);
-  if (rubbed.size() != 0) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
+  if (rubs) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
   move_tools(kick, dt);
   nodal_changes = dt * v;
   add<Dim>(nodal_changes, x, x_rest);

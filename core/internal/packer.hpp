@@ -36,6 +36,9 @@ class Packer {
   void operator()(T& value) { put(&value, 1); }
   void operator()(bool& value) { count(value); }
   void operator()(std::string& text) { list(text.data(), text.size()); }
+  template <class T, std::size_t N> void operator()(std::array<T, N>& values) {
+    for (T& value : values) (*this)(value);
+  }
   template <class T> void operator()(std::vector<T>& values) {
     if constexpr (is_plain<T>) return list(values.data(), values.size());
     count(values.size());
@@ -110,6 +113,9 @@ class Unpacker {
   void operator()(std::string& text) {
     text.resize(count(1));
     take(text.data(), text.size());
+  }
+  template <class T, std::size_t N> void operator()(std::array<T, N>& values) {
+    for (T& value : values) (*this)(value);
   }
   template <class T> void operator()(std::vector<T>& values) {
     values.resize(count(is_plain<T> ? sizeof(T) : 1));

@@ -97,7 +97,7 @@ template <int Dim> struct Motion {
   Vector stored;       ///< by chunk
   Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
   /// Room that steps do not have to allocate.
-  Points<Dim> nodal_impulses, nodal_changes;
+  Points<Dim> nodal_impulses, nodal_changes, rubbed;
   mutable Points<Dim> seen_by_mass;
   EnergyWatch watch;  ///< of energy, when it was last looked at
   OtmCounts counts;
@@ -216,11 +216,11 @@ template <int Dim> struct Motion {
   struct Touch {
     Index node;
     double stiffness;
-    Vec<Dim> normal;  ///< out of the other body
-    std::vector<Held> patch;
-    double gap = 0.0;     ///< negative
-    double depth = 0.0;   ///< how far it is compressed, at most -gap
-    double energy = 0.0;  ///< work it has taken and not given back
+    Vec<Dim> normal;              ///< out of the other body
+    std::array<Held, Dim> patch;  ///< the nodes of a facet
+    double gap = 0.0;             ///< negative
+    double depth = 0.0;           ///< how far it is compressed, at most -gap
+    double energy = 0.0;          ///< work it has taken and not given back
   };
   struct Surface {
     Facets<Dim> facets;        ///< outwards; none on an axis
@@ -233,10 +233,12 @@ template <int Dim> struct Motion {
   std::vector<Surface> surfaces;  ///< by body
   Vector surface_area;            ///< by node; axisymmetric of the full turn
   std::vector<Near> near;
-  Points<Dim> seen;  ///< where nodes were when these were found
-  Points<Dim> met;   ///< where nodes were when touches were found
-  std::vector<Touch> touches;
-  std::vector<Index> passed;                    ///< points that were in another body; ascending
+  Points<Dim> seen;                                               ///< where nodes were when these were found
+  Points<Dim> met;                                                ///< where nodes were when touches were found
+  std::vector<Touch> touches, found;                              ///< of the last step; room for those of this one
+  std::vector<std::pair<std::pair<Index, Index>, double>> taken;  ///< room: energies by node and other body
+  Vector pressed;                                                 ///< room: stiffness of springs by node
+  std::vector<Index> passed;                                      ///< points that were in another body; ascending
   std::vector<std::pair<Index, Index>> seized;  ///< nodes, and bodies whose nodes their points see too; ascending
   void seize();
   void partners_of(const OtmChunk<Dim>& chunk, Index p, std::vector<Index>& partners) const;
@@ -315,11 +317,11 @@ template <int Dim> struct Motion {
   struct FacetTree;
   std::vector<Index> points_in_others() const;
   void find_passed();
-  void soften(std::vector<Touch>& found) const;
+  void soften(std::vector<Touch>& springs);
   void touch();
   double enclosed(const Facets<Dim>& facets, const std::function<void(Index, const Vec<Dim>&)>& slope) const;
   void inflate();
-  Points<Dim> rub(double kick);
+  void rub(double kick);
   void resist(const Points<Dim>& moved, Points<Dim>& forces) const;
 };
 
