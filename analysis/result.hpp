@@ -73,9 +73,9 @@ struct CloudAlone {
   std::map<std::string, double> reactions, probes;
 };
 
-/// How far a path through time is from where finer clouds lead, by a coarser cloud on the same mesh that follows the same
-/// steps: the largest difference on the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if errors
-/// fell with the spacing to the 1.5 (Richardson 1911). What the fine mesh itself is off is not in it.
+/// How far a path through time is from where finer clouds lead, by a coarser cloud on the same mesh that follows the
+/// same steps: the largest difference on the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if
+/// errors fell with the spacing to the 1.5 (Richardson 1911). What the fine mesh itself is off is not in it.
 struct PathErrors {
   double coarser = 0.0;  ///< spacing of the other cloud over that of this one, by their numbers of nodes
   double until = 0.0;    ///< time to which both went

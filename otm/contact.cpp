@@ -232,7 +232,7 @@ template <int Dim> void Motion<Dim>::seize() {
     if (f < 0 || nearest.distance() > seizes * 0.5 * (spacing[of.node] + spacing[facets(0, f)])) continue;
     found.push_back({of.node, of.body});
     for (const Index b : facets.col(f))
-      if (!is_seized(b, body)) found.push_back({b, body});
+      if (!is_seized(b, body)) found.emplace_back(b, body);
   }
   if (found.empty()) return;
   std::sort(found.begin(), found.end());

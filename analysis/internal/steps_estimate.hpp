@@ -24,7 +24,7 @@ template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Pro
                                               Result<Dim>& result, const Monitor& monitor);
 
 /// Puts the errors of the path, by a coarser cloud, into the result. Why they are not known; nothing where they are.
-template <int Dim> std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result,
-                                             const Monitor& monitor);
+template <int Dim>
+std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
 
 }  // namespace efree::internal
