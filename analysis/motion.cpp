@@ -443,8 +443,7 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     if (short_steps == short_steps_in_a_row) {
       result.refusal = fmt::format(
           "at time {:.6g} steps are {:.3g} long, less than min_step = {:.3g}: nodes are next to each other (a sliver "
-          "of "
-          "the mesh), or nodes or tools too fast for their spacing",
+          "of the mesh), or nodes or tools too fast for their spacing",
           otm.time(), step, min_step);
       break;
     }

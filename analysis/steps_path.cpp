@@ -353,8 +353,7 @@ template <int Dim> void tell_path_errors(const Settings<Dim>& settings, const st
         also, cloud ? "clouds and meshes of two sizes, or with basis.kind = \"p2\"" : "meshes of two sizes"));
     return;
   }
-  constexpr double doubtful = 0.1;
-  if (const auto [most, of] = result.path_errors->largest(); most > doubtful)
+  if (const auto [most, of] = result.path_errors->largest(); most > bearable_error(settings))
     result.warnings.push_back(fmt::format(
         "the path may be about {:.2g} % off ({}), as a coarser cloud tells: use a smaller spacing", 100.0 * most, of));
   if (const double until = result.path_errors->until; until < result.history.back().time)

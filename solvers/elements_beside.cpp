@@ -137,11 +137,10 @@ template <int Dim> auto ElementsBeside<Dim>::equations_of(const ElasticModel& mo
   return std::make_shared<const NonlinearEquilibrium<Dim>>(*elements_, model, program_);
 }
 
-template <int Dim> BesideCloud<Dim> ElementsBeside<Dim>::from(const State& start) const {
+template <int Dim> BesideCloud<Dim> ElementsBeside<Dim>::balance_from(const State& start, LinearSolver& linear) const {
   BesideCloud<Dim> now{start};
-  const auto solve = [&](const NonlinearEquilibrium<Dim>& equations, double tolerance) {
-    Steadied linear(equations);
-    TangentSolver tangent(equations, linear);
+  const auto solve = [&](const NonlinearEquilibrium<Dim>& equations, LinearSolver& by, double tolerance) {
+    TangentSolver tangent(equations, by);
     Converged there =
         newton(equations, tangent, now.state, start.time, {.tolerance = tolerance, .max_iterations = 50, .keep = 0.3});
     now.iterations += there.iterations() + 1;
@@ -158,12 +157,14 @@ template <int Dim> BesideCloud<Dim> ElementsBeside<Dim>::from(const State& start
   for (double ratio = bearable, factor = first_rise; ratio < highest; ratio *= factor, factor = rise) {
     const Vector before = now.state.u;
     foresee(1.0 / ratio);
-    solve(*equations_of(softened(model_, ratios, ratio)), near);
+    const SharedEquations softer = equations_of(softened(model_, ratios, ratio));
+    Steadied steadied(*softer);
+    solve(*softer, steadied, near);
     if (softness > 0.0) slope = (now.state.u - before) / (1.0 / ratio - softness);
     softness = 1.0 / ratio;
   }
   foresee(1.0 / highest);
-  solve(*equations_, nothing);
+  solve(*equations_, linear, nothing);
   return now;
 }
 
@@ -174,13 +175,12 @@ BesideCloud<Dim> ElementsBeside<Dim>::balance(const State& cloud, const VoigtPoi
       interpolate(cloud_.shape, Points<Dim>(cloud.u.reshaped(Dim, cloud_.shape.num_nodes())));
   start.u = internal::lifted<Dim>(elements_->space, at_vertices).reshaped();
   start.history = equations_->rest().history;
-  BesideCloud<Dim> there = from(start);
+  Steadied linear(*equations_);
+  BesideCloud<Dim> there = balance_from(start, linear);
   equations_->check(there.state);
   SymmetricMatrix K;
   equations_->tangent(there.state, K);
-  Cholesky factor;
-  factor.analyse(K, equations_->node_of_unknowns());
-  if (!factor.factorize_if_definite(K)) throw NumericalError("the one that they find is not stable");
+  if (!linear.is_definite(K)) throw NumericalError("the one that they find is not stable");
   const auto& points = elements_->quadrature;
   const PointFields<Dim> from = equations_->fields(start), to = equations_->fields(there.state);
   double work = 0.0;

@@ -44,8 +44,8 @@ template <int Dim> class ElementsBeside {
  private:
   using SharedEquations = std::shared_ptr<const NonlinearEquilibrium<Dim>>;
   SharedEquations equations_of(const ElasticModel& model) const;
-  /// Balance from a motion on; bulk moduli rise on the way.
-  BesideCloud<Dim> from(const State& start) const;
+  /// Balance from a motion on, of its own equations by `linear`; bulk moduli rise on the way.
+  BesideCloud<Dim> balance_from(const State& start, LinearSolver& linear) const;
 
   const Approximation<Dim>& cloud_;
   ElasticModel model_;
