@@ -7,7 +7,7 @@
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/materials/plasticity.hpp"
-#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/hybrid_solver.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/modes.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
@@ -190,7 +190,7 @@ template <int Dim> class Walk {
   template <class Converged> void follow_on(const Converged& converged) {
     PathPoint from = there_.at;
     if (from.steps > 0) static_cast<State&>(from) = equations().commit(from);
-    Cholesky linear;
+    HybridSolver linear;
     follow(equations(), linear, std::move(from), path_, converged, monitor_);
   }
 

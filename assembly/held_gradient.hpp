@@ -80,19 +80,13 @@ template <int Dim> class HeldGradient {
 
 template <int Dim> template <class Column>
 void HeldGradient<Dim>::add_stiffness(const std::vector<Tangent<Dim>>& A, Index a, Column& column) const {
-  for (const auto& [K, k] : quadrature_.shape.by_node()[a]) {
-    if (lifted_[K] >= 0) continue;
-    const auto row = quadrature_.shape.row(K);
-    const GradientBlock<Dim> stress = quadrature_.weights[K] * nodal_gradient(row, k).stress(A[K]);
-    for (std::size_t l = k; l < row.nodes.size(); ++l)
-      column[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
-  }
+  for (const auto& [K, k] : quadrature_.shape.by_node()[a])
+    if (lifted_[K] < 0) column.add(quadrature_.shape.row(K), k, quadrature_.weights[K], A[K]);
   for (const auto& [place, k] : places_[a]) {
     const Index K = points_[place];
     const auto row = nodes_[place];
     const GradientBlock<Dim>* blocks = blocks_.data() + nodes_.offsets[place];
-    const GradientBlock<Dim> stress = quadrature_.weights[K] * (A[K] * blocks[k]);
-    for (std::size_t l = k; l < row.size(); ++l) column[row[l]].noalias() += blocks[l].transpose() * stress;
+    column.add(row.subspan(k), blocks + k, quadrature_.weights[K], A[K]);
   }
 }
 

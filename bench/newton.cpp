@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
+#include <string>
 #include <vector>
 
 using namespace efree;
@@ -33,12 +34,12 @@ template <int Dim> std::vector<DisplacementCondition<Dim>> pulled() {
 }
 
 /// Milliseconds of one iteration in all.
-template <int Dim>
-double iteration(const char* name, const Approximation<Dim>& approximation, Essential essential, int repetitions) {
+template <class Linear, int Dim> double iteration(const std::string& name, const Approximation<Dim>& approximation,
+                                                  Essential essential, int repetitions) {
   const NonlinearEquilibrium<Dim> equations(
       approximation, {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain, .essential = essential},
       Program<Dim>::grows(pulled<Dim>()));
-  Cholesky linear;
+  Linear linear;
   TangentSolver solver(equations, linear);
   const State state = newton(equations, solver, equations.rest(), 0.3).state;
   SymmetricMatrix K;
@@ -63,7 +64,7 @@ double iteration(const char* name, const Approximation<Dim>& approximation, Esse
     all += median(times[part]);
     parts += fmt::format(" {:>10.2f}", median(times[part]));
   }
-  fmt::print("{:<16} {:>9} {:>9} {} {:>10.2f}\n", name, equations.node_of_unknowns().size(),
+  fmt::print("{:<18} {:>9} {:>9} {} {:>10.2f}\n", name, equations.node_of_unknowns().size(),
              approximation.quadrature.size(), parts, all);
   return all;
 }
@@ -72,16 +73,19 @@ template <int Dim> void compare(const FineMesh<Dim>& mesh, double nodes, int rep
   double measure = 0.0;
   for (Index c = 0; c < mesh.num_cells(); ++c) measure += mesh.volume(c);
   const double spacing = std::pow((Dim == 2 ? 1.15 : 1.4) * measure / nodes, 1.0 / Dim);
-  fmt::print("{} cells, {} vertices, {} thread(s)\n{:<16} {:>9} {:>9} {:>11} {:>10} {:>10} {:>10} {:>10}\n",
+  fmt::print("{} cells, {} vertices, {} thread(s)\n{:<18} {:>9} {:>9} {:>11} {:>10} {:>10} {:>10} {:>10}\n",
              mesh.num_cells(), mesh.num_vertices(), num_threads(), "", "unknowns", "points", "residual", "tangent",
              "factor", "solve", "ms");
   const auto cloud = approximate<Dim>(mesh, {.spacing = spacing, .dilatation = Dilatation::pointwise});
-  const double of_cloud =
-      iteration<Dim>(fmt::format("{} nodes", cloud.nodes.cols()).c_str(), cloud, Essential::nitsche, repetitions);
   const auto elements = approximate<Dim>(mesh, {.kind = BasisKind::p1, .dilatation = Dilatation::pointwise});
-  const double of_elements =
-      iteration<Dim>("linear elements", elements, Essential::strong, std::max(1, repetitions / 5));
-  fmt::print("an iteration on elements costs {:.1f} of those on the cloud\n", of_elements / of_cloud);
+  const int few = std::max(1, repetitions / 5);
+  const std::string name = fmt::format("{} nodes", cloud.nodes.cols());
+  const double of_cloud = iteration<HybridSolver, Dim>(name, cloud, Essential::nitsche, repetitions);
+  iteration<Cholesky, Dim>(name + ", factor", cloud, Essential::nitsche, few);
+  const double of_elements = iteration<Cholesky, Dim>("elements, factor", elements, Essential::strong, few);
+  const double iterated = iteration<HybridSolver, Dim>("elements", elements, Essential::strong, few);
+  fmt::print("an iteration on elements costs {:.1f} of those on the cloud, {:.1f} by the solver of the cloud\n",
+             of_elements / of_cloud, iterated / of_cloud);
 }
 
 }  // namespace

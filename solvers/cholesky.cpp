@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/internal/node_graph.hpp"
 #include "efree/solvers/internal/supernodes.hpp"
 
 #include <cholmod.h>
@@ -14,7 +15,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
@@ -23,30 +23,6 @@ extern "C" void openblas_set_num_threads(int);
 
 namespace efree {
 namespace {
-
-/// Nodes with unknowns, numbered anew, and which pairs of them have a block in the matrix: lower triangle by columns.
-struct NodeGraph {
-  std::vector<Index> first{0};  ///< unknown of each node; one past the last
-  std::vector<Index> offsets{0}, rows;
-  Index size() const { return static_cast<Index>(first.size()) - 1; }
-};
-NodeGraph node_graph(const SymmetricMatrix& lower, const std::vector<Index>& node_of) {
-  NodeGraph graph;
-  std::vector<Index> node(node_of.size());
-  for (std::size_t unknown = 0; unknown < node_of.size(); ++unknown) {
-    if (unknown > 0 && node_of[unknown] != node_of[unknown - 1]) graph.first.push_back(static_cast<Index>(unknown));
-    node[unknown] = graph.size();
-  }
-  if (!node_of.empty()) graph.first.push_back(static_cast<Index>(node_of.size()));
-  std::vector<Index> last_seen_by(graph.size(), -1);
-  for (Index a = 0; a < graph.size(); ++a) {
-    for (Index column = graph.first[a]; column < graph.first[a + 1]; ++column)
-      for (SymmetricMatrix::InnerIterator entry(lower, column); entry; ++entry)
-        if (const Index b = node[entry.row()]; std::exchange(last_seen_by[b], a) != a) graph.rows.push_back(b);
-    graph.offsets.push_back(static_cast<Index>(graph.rows.size()));
-  }
-  return graph;
-}
 
 /// A symmetric matrix as CHOLMOD takes it; `values` null: the pattern alone.
 cholmod_sparse symmetric_view(Index size, const Index* offsets, const Index* rows, const double* values) {
@@ -133,6 +109,7 @@ struct Cholesky::Impl {
   std::optional<Supernodes> supernodes;  ///< none: simplicial
   bool is_current = false;               ///< whether there are values in the factor
   double pivot_ratio = 1.0;
+  double operations = 0.0;  ///< of a supernodal factor
   Index negative = 0;
 
   /// Threaded BLAS sums in an order that depends on the number of threads.
@@ -187,6 +164,7 @@ struct Cholesky::Impl {
                *node_pi = static_cast<const Index*>(of_nodes->pi), *node_s = static_cast<const Index*>(of_nodes->s);
     std::vector<Index> super{0}, pi{0}, px{0}, s;
     std::size_t values = 0, tallest = 0;
+    operations = 0.0;
     for (std::size_t k = 0; k < of_nodes->nsuper; ++k) {
       for (Index r = node_pi[k]; r < node_pi[k + 1]; ++r)
         for (Index unknown = start[node_s[r]]; unknown < start[node_s[r] + 1]; ++unknown) s.push_back(unknown);
@@ -194,6 +172,8 @@ struct Cholesky::Impl {
       const std::size_t columns = static_cast<std::size_t>(super.back() - super[k]),
                         height = s.size() - static_cast<std::size_t>(pi.back());
       values += columns * height;
+      for (std::size_t column = 0; column < columns; ++column)
+        operations += std::pow(static_cast<double>(height - column), 2);
       tallest = std::max(tallest, height - columns);
       if (values > static_cast<std::size_t>(std::numeric_limits<Index>::max())) Common::refuse(unknowns);
       pi.push_back(static_cast<Index>(s.size()));
@@ -281,9 +261,7 @@ void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>&
   impl_->is_current = false;
   require(node_of.empty() || (static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of)),
           "Cholesky: a node for each unknown expected, ascending");
-  std::vector<Index> each(node_of.empty() ? impl_->unknowns : 0);
-  std::iota(each.begin(), each.end(), 0);
-  impl_->analyse_nodes(node_graph(pattern, node_of.empty() ? each : node_of));
+  impl_->analyse_nodes(node_graph(pattern, node_of));
   impl_->prepare(pattern, true);
 }
 
@@ -361,6 +339,10 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
 
 double Cholesky::factor_entries() const {
   return impl_->factor_entries();
+}
+
+double Cholesky::operations() const {
+  return impl_->operations;
 }
 
 }  // namespace efree

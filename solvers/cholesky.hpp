@@ -38,6 +38,8 @@ class Cholesky final : public LinearSolver {
   double pivot_ratio() const;
   /// Entries of the factor.
   double factor_entries() const;
+  /// Multiplications and additions that a supernodal factor of what was analysed takes.
+  double operations() const;
 
  private:
   void begin(const SymmetricMatrix& lower);

@@ -8,7 +8,7 @@
 
 namespace efree {
 
-/// A direct solver of sparse symmetric systems. The pattern is analysed once, values are factored as often as they
+/// A solver of sparse symmetric systems. The pattern is analysed once, values are factored as often as they
 /// change, and any number of threads may solve with the last factor at once.
 class LinearSolver {
  public:
@@ -24,7 +24,7 @@ class LinearSolver {
   /// Of the last factor: 0 if the matrix is positive definite, else the number of its negative eigenvalues (Sylvester's
   /// law of inertia).
   virtual Index negative_pivots() const = 0;
-  /// X with A X = B, one column per right-hand side. Throws InputError if B has not a row for each unknown.
+  /// X with A X = B, to rounding unless the solver says otherwise, one column per right-hand side. Throws InputError if B has not a row for each unknown.
   virtual Matrix solve(const Eigen::Ref<const Matrix>& B) const = 0;
 };
 

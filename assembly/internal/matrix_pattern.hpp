@@ -2,6 +2,7 @@
 /// A sparse symmetric matrix whose pattern is set up once, and into which any number of terms are summed in place.
 #pragma once
 
+#include "efree/assembly/internal/block_column.hpp"
 #include "efree/assembly/internal/unknowns.hpp"
 #include "efree/assembly/operators.hpp"
 #include "efree/core/parallel.hpp"
@@ -12,31 +13,12 @@
 
 namespace efree::internal {
 
-/// Blocks (b, a) of the column of one node a, for the nodes b >= a that it meets.
-template <int Dim> class BlockColumn {
- public:
-  explicit BlockColumn(Index nodes) : place_(nodes) {}
-
-  void begin(std::span<const Index> nodes) {
-    for (std::size_t k = 0; k < nodes.size(); ++k) place_[nodes[k]] = static_cast<Index>(k);
-    blocks_.assign(nodes.size(), Mat<Dim>::Zero());
-  }
-  Mat<Dim>& operator[](Index b) { return blocks_[place_[b]]; }
-  Mat<Dim>& at_place(std::size_t k) { return blocks_[k]; }
-
- private:
-  std::vector<Index> place_;  ///< of the column's nodes; of others what was there before
-  std::vector<Mat<Dim>, Eigen::aligned_allocator<Mat<Dim>>> blocks_;
-};
-
 /// Adds sum_K w_K G_b^T A_K G_a, K the points of a discretization, to the blocks of the column of node a.
 template <int Dim, class Tangents>
 void add_stiffness(const Discretization<Dim>& discretization, const Tangents& A, Index a, BlockColumn<Dim>& column) {
   for (const auto& [K, k] : discretization.shape.by_node()[a]) {
     const auto row = discretization.shape.row(K);
-    const GradientBlock<Dim> stress = discretization.weights[K] * nodal_gradient(row, k).stress(A[K]);
-    for (std::size_t l = k; l < row.nodes.size(); ++l)
-      column[row.nodes[l]].noalias() += nodal_gradient(row, l).forces(stress);
+    column.add(row, k, discretization.weights[K], A[K]);
   }
 }
 

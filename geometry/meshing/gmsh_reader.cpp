@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/lower_case.hpp"
 #include "efree/core/internal/reading_bound.hpp"
+#include "efree/geometry/mesh/spatial_order.hpp"
 #include "efree/geometry/meshing/internal/cad_import.hpp"
 #include "efree/geometry/meshing/internal/gmsh_script.hpp"
 #include "efree/geometry/meshing/internal/gmsh_session.hpp"
@@ -303,7 +304,7 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
       internal::generate_tetrahedra(session, size);
       MeshData<3> mesh = internal::gmsh_mesh<3>(session, size, options.slits);
       mesh.vertices /= unit;
-      return mesh;
+      return in_spatial_order<3>(std::move(mesh));
     }
   }
   open(session, path, format);
@@ -313,12 +314,12 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
   if constexpr (Dim == 3) {
     if (internal::all_entities(3).empty()) session.fail("there is no volume in it");
     internal::generate_tetrahedra(session, options.size);
-    return internal::gmsh_mesh<3>(session, options.size, options.slits);
+    return in_spatial_order<3>(internal::gmsh_mesh<3>(session, options.size, options.slits));
   } else {
     gmsh::option::setNumber("Mesh.ElementOrder", 1);
     if (options.size == 0.0) {
       session.generate(2);
-      return internal::gmsh_mesh<2>(session, 0.0, options.slits);
+      return in_spatial_order<2>(internal::gmsh_mesh<2>(session, 0.0, options.slits));
     }
     internal::check_gmsh_size(session, options.size);
     limit_sizes(options.size);

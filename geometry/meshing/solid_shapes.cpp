@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/geometry/mesh/spatial_order.hpp"
 #include "efree/geometry/meshing/internal/gmsh_session.hpp"
 
 #include <fmt/format.h>
@@ -61,7 +62,7 @@ MeshData<3> mesh(
     name_surfaces(session, name);
     sizes();
     internal::generate_tetrahedra(session, size);
-    return internal::gmsh_mesh<3>(session, size, {});
+    return in_spatial_order<3>(internal::gmsh_mesh<3>(session, size, {}));
   } catch (const std::string& message) {
     session.fail(message);
   }

@@ -6,6 +6,7 @@
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/geometry/mesh/refine.hpp"
+#include "efree/geometry/mesh/spatial_order.hpp"
 
 #include <CGAL/Mesh_complex_3_in_triangulation_3.h>
 #include <CGAL/Mesh_criteria_3.h>
@@ -301,7 +302,7 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   // Vertices and edges in which parts of the body only touch are given to each part.
   std::vector<std::array<Index, 3>> boundary;
   for (const auto facet : body.facets().colwise()) boundary.push_back({facet[0], facet[1], facet[2]});
-  return split_long_edges<3>(cut_open<3>(std::move(mesh), boundary), size);
+  return in_spatial_order<3>(split_long_edges<3>(cut_open<3>(std::move(mesh), boundary), size));
 }
 
 }  // namespace efree

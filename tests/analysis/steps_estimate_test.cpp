@@ -108,10 +108,13 @@ TEST(StepsEstimate, TheErrorOfACloudFallsWithItsSpacing) {
 }
 
 TEST(StepsEstimate, SolidsAreCorrectedToo) {
-  const FineMesh<3> mesh = FineMesh<3>(solids::box({1.0, 1.0, 1.0}, 0.2));
-  for (const auto& [nu, by] : {std::pair{0.3, 0.5}, {0.4999, 0.1}}) {
+  struct Solid {
+    double nu, by, size;  // from the motion of some clouds on coarser meshes, elements find no balance
+  };
+  for (const auto& [nu, by, size] : {Solid{0.3, 0.5, 0.15}, {0.4999, 0.1, 0.2}}) {
+    const FineMesh<3> mesh(solids::box({1.0, 1.0, 1.0}, size));
     DisplacementCondition<3> bottom = clamp<3>("bottom"), top = clamp<3>("top");
-    top.components[2] = [by](const Vec<3>&) { return by; };
+    top.components[2] = [by = by](const Vec<3>&) { return by; };
     const Settings<3> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = nu})},
                                .supports = {bottom, top},
                                .time = TimeSettings<3>{.path = {.step = 0.5}},
