@@ -78,7 +78,7 @@ template <int Dim> struct MotionSettings {
   /// vertices of the mesh, and a point in every cell.
   bool cloud = false;
   /// Whether points that are near each other share their dilatation, against locking. Empty: all but those of fluids
-  /// with shock viscosity, whose shocks would be slow.
+  /// with shock viscosity, which need none.
   std::optional<bool> shared_dilatation{};
   std::vector<InitialVelocity<Dim>> velocities{};
   std::vector<BodyFracture> fractures{};  ///< of a region one at most; that of all bodies is of those without

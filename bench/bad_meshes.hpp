@@ -59,7 +59,7 @@ inline FineMesh<2> careless(const std::string& how, const PlanarDomain& domain, 
     }
     return FineMesh<2>(data);
   }
-  const FineMesh<2> mesh = triangulate(domain, {.size = size});
+  FineMesh<2> mesh = triangulate(domain, {.size = size});
   if (how == "jittered") return jittered(mesh, size);
   if (how == "slivers") return testing::with_split_cells(mesh, 0.003);
   return mesh;

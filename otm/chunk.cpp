@@ -61,7 +61,7 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
   gather(lambda, from);
   for (Index& begin : unions) begin = first[begin];
   unions.erase(std::unique(unions.begin(), unions.end()), unions.end());
-  for (std::vector<Index>* points : {&worn, &narrowed, &crushed}) {
+  for (std::vector<Index>* points : {&worn, &stiffened, &crushed}) {
     std::vector<Index> result;
     for (const Index p : *points)
       for (Index q = first[p]; q < first[p + 1]; ++q) result.push_back(q);

@@ -63,6 +63,11 @@ constexpr double least_width = 0.05;
 /// motions of the ones against the others by nothing else.
 constexpr double shared_stabilisation = 1.0;
 
+/// Stabilisation by pressure, over that by stiffness. Functions that are made anew do not integrate exactly: motions of
+/// the nodes between points may let all of these grow where the body does not. Pressure drives them, so that shocks
+/// come out slow and nodes clump; what resists has to grow with it.
+constexpr double by_pressure = 70.0;
+
 }  // namespace
 
 /// The functions of a point where it and the nodes are now, and these nodes; its metric and lambda are those of before,
@@ -233,25 +238,26 @@ template <int Dim> typename Motion<Dim>::Change Motion<Dim>::make_functions(OtmC
       row.push_back({used[k_used], entry_of<Dim>(N, functions.dN(a), axisymmetric() ? N / at[0] : 0.0)});
     }
     complete<Dim>(row);
-    if (!first) {
-      const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-      if (eigenvalues<Dim>(functions.moment())[0] <
-          0.8 * eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0])
-        result.narrowed.push_back(p);
-    }
     if (first) {
       chunk.count[p] = static_cast<double>(row.size());
       chunk.width[p] = smallest_width<Dim>(functions.moment());
     }
+    const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
+    const double width2 = eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0], penalty = chunk.penalty[p];
     chunk.moment[p] = functions.moment();
     // Stresses push nodes about that points do not see, as springs under load.
-    const double stress =
-        first ? 0.0 : (chunk.response.stress(p) * chunk.now.gradient(p).transpose()).norm() + chunk.shock[p];
+    const Mat<3> tau = first ? Mat<3>::Zero() : Mat<3>(chunk.response.stress(p) * chunk.now.gradient(p).transpose());
+    const double shear = bodies[chunk.body].shear;
+    // Stiffness is enough for pressures as large as the stabilisation that it makes.
+    const double pressure = std::max(0.0, chunk.shock[p] - tau.trace() / 3.0 - options.stabilisation * shear);
     const bool is_shared =
         std::any_of(used.begin(), used.end(), [&](Index a) { return body_of_node[a] != chunk.body; });
     const double share = is_shared ? std::max(shared_stabilisation, options.stabilisation) : options.stabilisation;
-    chunk.penalty[p] =
-        share * (bodies[chunk.body].shear + stress) * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
+    const double stiffness =
+        share * (shear + tau.norm() + chunk.shock[p]) + options.stabilisation * by_pressure * pressure;
+    chunk.penalty[p] = stiffness * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
+    if (!first && (eigenvalues<Dim>(chunk.moment[p])[0] < 0.8 * width2 || chunk.penalty[p] > 2.0 * penalty))
+      result.stiffened.push_back(p);
   }
   return result;
 }
@@ -342,7 +348,7 @@ template <int Dim> void Motion<Dim>::find_places() {
 template <int Dim> void Motion<Dim>::Change::add(Change&& more) {
   std::ranges::move(more.rows, std::back_inserter(rows));
   lost.insert(lost.end(), more.lost.begin(), more.lost.end());
-  narrowed.insert(narrowed.end(), more.narrowed.begin(), more.narrowed.end());
+  stiffened.insert(stiffened.end(), more.stiffened.begin(), more.stiffened.end());
   counted.iterations += more.counted.iterations;
   counted.widened += more.counted.widened;
   counted.kept += more.counted.kept;
@@ -372,7 +378,7 @@ template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, Change& change) 
       if (place_of_it == chunk.worn.size() || chunk.worn[place_of_it] != with) {
         // It wears with them.
         place(chunk, with);
-        change.unseen += unseen(chunk, with);
+        change.unseen += unseen(chunk, with, 0.5 * last_step);
         Change of_it = make_functions(chunk, std::span(&with, 1), false);
         chunk.wear(with);
         const bool has_some = of_it.lost.empty();
@@ -488,7 +494,8 @@ template <int Dim> void Motion<Dim>::renew() {
           continue;
         }
       }
-      changes[k].unseen += unseen(chunk, p);
+      // Of kinetic energy there is what it was half a step ago.
+      changes[k].unseen += unseen(chunk, p, 0.5 * last_step);
     }
     for (const auto& pair : chunk.pairs) {
       const auto& [p, q, way, pairing] = pair;
@@ -586,32 +593,32 @@ template <int Dim> void Motion<Dim>::renew() {
       chunk.squeeze = std::max({chunk.squeeze, axes.eigenvalues()[Dim - 1], around});
     }
     chunk.crushed.clear();
-    chunk.narrowed = std::move(changes[k].narrowed);
-    for (const auto& pair : chunk.pairs) chunk.narrowed.insert(chunk.narrowed.end(), {pair.first, pair.second});
+    chunk.stiffened = std::move(changes[k].stiffened);
+    for (const auto& pair : chunk.pairs) chunk.stiffened.insert(chunk.stiffened.end(), {pair.first, pair.second});
   });
   fuse_pairs();
   find_places();
   follow_others();
   times.functions += lap(start);
-  // Narrower functions may be stiffer than any before: the iteration is told where to look.
+  // Stiffer functions may be stiffer than any before: the iteration is told where to look.
   const double size = 0.1 / std::sqrt(mass.sum());
-  bool narrowed = false;
+  bool stiffened = false;
   for (const Index c : worn_chunks) {
     OtmChunk<Dim>& chunk = chunks[c];
-    for (const Index p : chunk.narrowed)
+    for (const Index p : chunk.stiffened)
       for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
         const Index a = chunk.nodes[chunk.local[e]];
         for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
       }
-    narrowed = narrowed || !chunk.narrowed.empty();
+    stiffened = stiffened || !chunk.stiffened.empty();
     changed_nodes = changed_nodes || !chunk.pairs.empty();
-    chunk.narrowed.clear();
+    chunk.stiffened.clear();
     chunk.worn.clear();
     chunk.pairs.clear();
   }
   // Nodes that lost others around them, or got them, may have become light.
   const bool changed = std::exchange(changed_nodes, false);
-  if (narrowed || changed) shake(changed ? 10 : 3);
+  if (stiffened || changed) shake(changed ? 10 : 3);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.
@@ -631,13 +638,20 @@ template <int Dim> void Motion<Dim>::follow_others() {
   }
 }
 
-/// Energy of the motions of its nodes that a point does not see.
-template <int Dim> double Motion<Dim>::unseen(const OtmChunk<Dim>& chunk, Index p) const {
+/// Energy of the motions of its nodes that a point does not see, where these were that time ago.
+template <int Dim> double Motion<Dim>::unseen(const OtmChunk<Dim>& chunk, Index p, double ago) const {
   double spread = 0.0;
-  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
-    spread += chunk.entries[e].N * (x.col(chunk.nodes[chunk.local[e]]) - chunk.at.col(p)).squaredNorm();
-  const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-  return 0.5 * chunk.penalty[p] * (spread - (since * chunk.moment[p] * since.transpose()).trace());
+  Vec<Dim> at = Vec<Dim>::Zero();
+  Mat<Dim> since = Mat<Dim>::Zero();
+  for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
+    const OtmEntry& entry = chunk.entries[e];
+    const Index a = chunk.nodes[chunk.local[e]];
+    const Vec<Dim> d = x.col(a) - chunk.at.col(p) - ago * v.col(a);
+    at += entry.N * d;
+    since += d * Eigen::Map<const Vec<Dim>>(entry.dN).transpose();
+    spread += entry.N * d.squaredNorm();
+  }
+  return 0.5 * chunk.penalty[p] * (spread - at.squaredNorm() - (since * chunk.moment[p] * since.transpose()).trace());
 }
 
 template struct Motion<2>;

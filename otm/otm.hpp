@@ -82,7 +82,7 @@ struct OtmOptions {
   OtmMomentum momentum = OtmMomentum::affine;
   double courant = 0.5;  ///< of the step that is stable by the highest frequency that power iteration finds
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
-  /// the functions' width (Weissenfels & Wriggers 2018).
+  /// the functions' width (Weissenfels & Wriggers 2018). Under pressure they get more (docs/theory.md).
   double stabilisation = 0.1;
   /// Error of the energy balance, over the most energy there was so far, with which bodies go no further: what came out
   /// could be anything. Looked at every 64 steps, eight times in a row: where there is little of it, it may swing.

@@ -50,10 +50,10 @@ template <int Dim> auto fields(OtmPair<Dim>& of) {
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
   auto& [body, number, offsets, local, entries, nodes, x, force, origin, now, response, made, since, at, from_origin,
          volume, mass, metric, moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty,
-         damage, reach, unions, worn, narrowed, crushed, pairs, damping, squeeze, lost, columns, seconds] = of;
+         damage, reach, unions, worn, stiffened, crushed, pairs, damping, squeeze, lost, columns, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
-                  unions, worn, narrowed, crushed, pairs, damping, squeeze, seconds);
+                  unions, worn, stiffened, crushed, pairs, damping, squeeze, seconds);
 }
 template <class T>
 concept IsPrescribed = requires(T of) {

@@ -92,7 +92,7 @@ template <int Dim> struct OtmChunk {
   Vector reach;                     ///< radius of the ball that releases energy with it
   std::vector<Index> unions;        ///< where each union of points begins, and the end of the last
   std::vector<Index> worn;          ///< points whose functions are to be renewed, ascending
-  std::vector<Index> narrowed;      ///< those of them whose new functions are narrower
+  std::vector<Index> stiffened;     ///< those of them whose new functions are stiffer
   std::vector<Index> crushed;       ///< those of them that would have been turned inside out, and are held till then
   std::vector<OtmPair<Dim>> pairs;  ///< of worn points; none that moves or fuses is in two
   double damping = 0.0;             ///< viscous pressure over that of sound, at the most

@@ -113,9 +113,9 @@ template <int Dim> struct Motion {
   std::string has_no_functions(const OtmChunk<Dim>& chunk, Index p) const;
   /// Of points of a chunk.
   struct Change {
-    Rows rows;                    ///< their functions from now on
-    std::vector<Index> lost;      ///< those that have none, nor any to keep, or are crushed: rows are empty
-    std::vector<Index> narrowed;  ///< those whose functions are narrower than they were
+    Rows rows;                     ///< their functions from now on
+    std::vector<Index> lost;       ///< those that have none, nor any to keep, or are crushed: rows are empty
+    std::vector<Index> stiffened;  ///< those whose functions are stiffer than they were
     OtmCounts counted;
     double unseen = 0.0;  ///< energy of the motions that they do not see
     void add(Change&& more);
@@ -175,7 +175,7 @@ template <int Dim> struct Motion {
   };
   void hand_over(const OtmChunk<Dim>& chunk, const std::vector<PointRow>& rows, Vector& masses,
                  Points<Dim>& momenta) const;
-  double unseen(const OtmChunk<Dim>& chunk, Index p) const;
+  double unseen(const OtmChunk<Dim>& chunk, Index p, double ago = 0.0) const;
   // Fracture. Points are numbered through all bodies.
   std::vector<Index> ball_offsets, balls;               ///< by point: those in its ball, itself too; empty: not known
   Vector ball_mass;                                     ///< by point

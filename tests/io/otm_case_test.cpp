@@ -533,10 +533,10 @@ TEST(OtmRun, VelocitiesOfToolsThatAreNoNumbersEndTheRunWithTheTime) {
 
 TEST(OtmRun, EnergyThatIsOffEndsTheRunWithWhatThereIs) {
   const Workspace workspace;
-  // Steps at the bound of stability of a body that is thrown to twice its size.
-  const std::string wild = replaced(replaced(rubber, "value = [0, \"-0.2\"]", "value = [\"1.5*x\", \"-3*y\"]"),
-                                    "level = -0.1", "level = 0") +
-                           "[otm]\ncourant = 1\n";
+  // Steps at the bound of stability of a body that is thrown to twice its size, with new functions in every step.
+  const std::string wild =
+      replaced(replaced(rubber, "value = [0, \"-0.2\"]", "value = [\"2*x\", \"-4*y\"]"), "level = -0.1", "level = 0") +
+      "[otm]\ncourant = 1\nrenewal = 0\n";
   const auto done = run(workspace, wild);
   EXPECT_EQ(done.status, 3) << done.output;
   const auto failure = json(workspace / "out/failure.json");

@@ -155,10 +155,10 @@ TEST(TaylorBar, AtTwoThirdsOfTheSpeedOfSoundARodInSpaceGoesOn) {
   rod.expect_sound(0.01);
 }
 
-/// Three times the speed of sound: what squeezes points in one step to nothing is none for them, and they join others.
+/// Four times the speed of sound: what squeezes points in one step to nothing is none for them, and they join others.
 TEST(TaylorBar, PointsThatWouldBeTurnedInsideOutJoinOthers) {
-  Rod rod(15e3, {});
-  rod.otm.run(0.5e-6);
+  Rod rod(20e3, {});
+  rod.otm.run(0.375e-6);
   EXPECT_GT(rod.otm.counts().joined, 0);
   EXPECT_LT(rod.otm.counts().joined, 200);
   rod.expect_sound(0.02);
