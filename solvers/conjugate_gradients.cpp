@@ -221,13 +221,13 @@ struct ConjugateGradients::Descent {
   bool ended = true;  ///< at the goal
 };
 
-ConjugateGradients::Descent ConjugateGradients::descend(const Vector& b, double tolerance, int most) const {
+ConjugateGradients::Descent ConjugateGradients::descend(const Vector& forces, double tolerance, int most) const {
   constexpr int probation = 50;  // after as many, and as many again, it is asked whether it will take too long
   constexpr double hope = 2.0;
-  const auto n = b.size();
+  const auto n = forces.size();
   Descent now{.x = Vector::Zero(n)};
-  Vector r = b, z(n), p(n), q(n);
-  const double whole = std::sqrt(dot(b, b));
+  Vector r = forces, z(n), p(n), q(n);
+  const double whole = std::sqrt(dot(forces, forces));
   double rz = 0.0;
   for (double left = 1.0; left > tolerance; left = std::sqrt(dot(r, r)) / whole) {
     const bool hopeless = now.products > 0 && now.products % probation == 0 &&
@@ -251,20 +251,20 @@ ConjugateGradients::Descent ConjugateGradients::descend(const Vector& b, double 
   return now;
 }
 
-std::optional<Vector> ConjugateGradients::solve(const SymmetricMatrix& A, const Vector& given, double tolerance,
+std::optional<Vector> ConjugateGradients::solve(const SymmetricMatrix& A, const Vector& b, double tolerance,
                                                 int most) const {
   constexpr double at_once = 1e-5;  // as much as single precision bears
-  const double size = given.cwiseAbs().maxCoeff();
-  if (size == 0.0) return Vector::Zero(given.size());
-  const Vector b = given / size;
-  const double goal = tolerance * b.norm();
-  Vector x = Vector::Zero(b.size()), r = b;
-  for (double left = b.norm(), before; left > goal;) {
+  const double size = b.cwiseAbs().maxCoeff();
+  if (size == 0.0) return Vector::Zero(b.size());
+  const Vector unit = b / size;
+  const double goal = tolerance * unit.norm();
+  Vector x = Vector::Zero(b.size()), r = unit;
+  for (double left = unit.norm(), before; left > goal;) {
     const Descent change = descend(r(order_), std::max(at_once, 0.5 * goal / left), most);
     most -= change.products;
     if (!change.ended) return std::nullopt;
     x(order_) += scale_ * change.x;
-    r = b - A.selfadjointView<Eigen::Lower>() * x;
+    r = unit - A.selfadjointView<Eigen::Lower>() * x;
     before = std::exchange(left, r.norm());
     if (left > goal && !(left < 0.5 * before)) return std::nullopt;
   }

@@ -50,7 +50,7 @@ template <int Dim> MeshData<Dim> in_spatial_order(MeshData<Dim> mesh) {
   struct Cell {
     std::array<Index, Dim + 1> vertices;
     Index region;
-    auto operator<=>(const Cell&) const = default;
+    bool operator<(const Cell& other) const { return vertices < other.vertices; }
   };
   std::vector<Cell> cells(mesh.cells.cols());
   for (Index c = 0; c < std::ssize(cells); ++c) {
@@ -63,7 +63,7 @@ template <int Dim> MeshData<Dim> in_spatial_order(MeshData<Dim> mesh) {
     }
     region = mesh.regions.empty() ? 0 : mesh.regions[c];
   }
-  std::ranges::sort(cells);
+  std::sort(cells.begin(), cells.end());
   for (Index c = 0; c < std::ssize(cells); ++c) {
     for (int i = 0; i <= Dim; ++i) mesh.cells(i, c) = cells[c].vertices[i];
     if (!mesh.regions.empty()) mesh.regions[c] = cells[c].region;

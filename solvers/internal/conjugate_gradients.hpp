@@ -46,7 +46,7 @@ class ConjugateGradients {
 
   void multiply(const Floats& x, Vector& y) const;
   void precondition(const Vector& r, Vector& z) const;
-  Descent descend(const Vector& r, double tolerance, int most) const;
+  Descent descend(const Vector& forces, double tolerance, int most) const;
 
   NodeGraph graph_;
   std::vector<std::size_t> blocks_;  ///< by entry of the graph: its first value

@@ -24,7 +24,10 @@ struct System {
 /// what clouds in space are like. The whole stands on springs of this stiffness.
 System lattice(Index side, double radius, double ground) {
   const Index nodes = side * side * side;
-  const auto place = [&](Index a) { return Vec<3>(a % side, a / side % side, a / side / side); };
+  const auto place = [&](Index a) {
+    const Index i = a % side, j = a / side % side, k = a / (side * side);
+    return Vec<3>(i, j, k);
+  };
   std::vector<Eigen::Triplet<double>> entries;
   System system;
   for (Index a = 0; a < nodes; ++a) {
@@ -87,7 +90,7 @@ TEST(HybridSolver, HasTheSameBitsOnAnyNumberOfThreads) {
     HybridSolver solver;
     solver.analyse(lower, node_of);
     solver.factorize(lower);
-    found.push_back(solver.solve(b));
+    found.emplace_back(solver.solve(b));
     EXPECT_FALSE(solver.has_factor());
   }
   set_num_threads(before);
@@ -141,7 +144,8 @@ TEST(NodeGraph, ClustersLieTogetherAndHoldEveryNodeOnce) {
     Points<3> places(3, cluster.size());
     for (std::size_t k = 0; k < cluster.size(); ++k) {
       EXPECT_TRUE(seen.insert(cluster[k]).second);
-      places.col(static_cast<Index>(k)) << cluster[k] % 8, cluster[k] / 8 % 8, cluster[k] / 64;
+      const Index x = cluster[k] % 8, y = cluster[k] / 8 % 8, z = cluster[k] / 64;
+      places.col(static_cast<Index>(k)) << x, y, z;
     }
     // A ball of 32 has a radius of gyration of 1.5, all of the lattice has 4; what is left at last is long.
     const Points<3> off = places.colwise() - places.rowwise().mean();
