@@ -215,7 +215,7 @@ struct Cholesky::Impl {
     }
     require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", unknowns),
                    "use a wider cloud spacing or a coarser mesh");
-    if (by_supernodes) supernodes.emplace(*factor, lower);
+    if (by_supernodes) supernodes.emplace(*factor, lower, first);
   }
   double factor_entries() const { return static_cast<double>(factor->is_super ? factor->xsize : factor->nzmax); }
 

@@ -70,7 +70,8 @@ class Supernodes::Workspaces {
   std::vector<std::unique_ptr<Workspace>> idle_;
 };
 
-Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower)
+Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lower,
+                       std::span<const Index> first_of_nodes)
     : rows_(static_cast<const int*>(symbolic.s), static_cast<const int*>(symbolic.s) + symbolic.ssize),
       size_(symbolic.xsize) {
   const auto* first_column = static_cast<const int*>(symbolic.super);
@@ -155,20 +156,41 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
   std::vector<Index> position(n);
   for (Index i = 0; i < n; ++i) position[order[i]] = i;
   place_.resize(static_cast<std::size_t>(lower.nonZeros()));
-  parallel_for(n, [&](Index column) {
-    Index known = none, row = none;  // the last panel, its row, and where that is
-    std::size_t found = 0;
-    for (Index k = lower.outerIndexPtr()[column]; k < lower.outerIndexPtr()[column + 1]; ++k) {
-      const auto [c, r] = std::minmax({position[column], position[lower.innerIndexPtr()[k]]});
-      const Panel& panel = panels_[panel_of[c]];
-      if (known == panel_of[c] && r == row + 1 && found + 1 < panel.rows.size() && panel.rows[found + 1] == r)
-        ++found;
-      else if (known != panel_of[c] || r != row)
-        found = static_cast<std::size_t>(std::ranges::lower_bound(panel.rows, r) - panel.rows.begin());
-      known = panel_of[c];
-      row = r;
-      place_[k] =
-          panel.values + found + static_cast<std::size_t>(c - panel.first) * static_cast<std::size_t>(panel.stride);
+  const Index* const start = lower.outerIndexPtr();
+  const Index* const row_of = lower.innerIndexPtr();
+  std::vector<char> begins(n, 0);  // by column: whether it is the first of a node
+  for (std::size_t node = 0; node + 1 < first_of_nodes.size(); ++node) begins[first_of_nodes[node]] = 1;
+  // A node's unknowns lie beside each other in the factor, in columns and in rows: the places of its next column with
+  // the same rows are those of the one before, shifted.
+  const auto is_shifted = [&](Index column) {
+    const Index before = column - 1, count = start[column + 1] - start[column];
+    return !begins[column] && panel_of[position[column]] == panel_of[position[before]] &&
+           start[column] - start[before] == count + 1 &&
+           std::equal(row_of + start[column], row_of + start[column + 1], row_of + start[before] + 1);
+  };
+  parallel_chunks(n, 256, [&](Index begin, Index end) {
+    for (Index column = begin; column < end; ++column) {
+      if (column > begin && is_shifted(column)) {
+        const Index* const before = place_.data() + start[column - 1] + 1;
+        const Index c = position[column], to_next_column = panels_[panel_of[c]].stride;
+        for (Index k = start[column]; k < start[column + 1]; ++k)
+          place_[k] = before[k - start[column]] + (position[row_of[k]] >= c ? to_next_column : 1);
+        continue;
+      }
+      Index known = none, row = none;  // the last panel, its row, and where that is
+      std::size_t found = 0;
+      for (Index k = start[column]; k < start[column + 1]; ++k) {
+        const auto [c, r] = std::minmax({position[column], position[row_of[k]]});
+        const Panel& panel = panels_[panel_of[c]];
+        if (known == panel_of[c] && r == row + 1 && found + 1 < panel.rows.size() && panel.rows[found + 1] == r)
+          ++found;
+        else if (known != panel_of[c] || r != row)
+          found = static_cast<std::size_t>(std::ranges::lower_bound(panel.rows, r) - panel.rows.begin());
+        known = panel_of[c];
+        row = r;
+        place_[k] =
+            panel.values + found + static_cast<std::size_t>(c - panel.first) * static_cast<std::size_t>(panel.stride);
+      }
     }
   });
 }

@@ -21,8 +21,10 @@ namespace efree {
 /// panels of its trunk one after the other with their tiles side by side.
 class Supernodes {
  public:
-  /// `symbolic` is a supernodal analysis of `lower`, whose values do not count.
-  Supernodes(const cholmod_factor_struct& symbolic, const SymmetricMatrix& lower);
+  /// `symbolic` is a supernodal analysis of `lower`, whose values do not count. Consecutive unknowns of a node are
+  /// consecutive in the factor; `first_of_nodes`: the first unknown of each, and one past the last.
+  Supernodes(const cholmod_factor_struct& symbolic, const SymmetricMatrix& lower,
+             std::span<const Index> first_of_nodes);
 
   Supernodes(const Supernodes&) = delete;
   Supernodes& operator=(const Supernodes&) = delete;
