@@ -105,9 +105,10 @@ struct Cholesky::Impl {
   std::vector<Index> first;        ///< unknown of each node; one past the last
   Factor factor = own(nullptr);
   std::size_t unknowns = 0, entries = 0;
-  std::size_t pattern = 0;               ///< hash of what was analysed
-  std::optional<Supernodes> supernodes;  ///< none: simplicial
-  bool is_current = false;               ///< whether there are values in the factor
+  std::size_t pattern = 0;  ///< hash of what was analysed
+  std::optional<Supernodes> supernodes;
+  std::vector<double> signs;  ///< of the pivots, in the order of the factor; empty: all positive
+  bool is_current = false;    ///< whether there are values in the factor
   double pivot_ratio = 1.0;
   double operations = 0.0;  ///< of a supernodal factor
   Index negative = 0;
@@ -193,45 +194,25 @@ struct Cholesky::Impl {
     return result;
   }
 
-  static cholmod_sparse view_of(const SymmetricMatrix& lower) {
-    return symmetric_view(static_cast<Index>(lower.rows()), lower.outerIndexPtr(), lower.innerIndexPtr(),
-                          lower.valuePtr());
-  }
-
-  /// Symbolic factor of this kind.
-  void prepare(const SymmetricMatrix& lower, bool by_supernodes) {
+  /// Symbolic factor.
+  void prepare(const SymmetricMatrix& lower) {
     supernodes.reset();
-    factor.reset();
-    if (by_supernodes) {
-      factor = supernodal();
-    } else {
-      cholmod_sparse view = view_of(lower);
-      std::vector<Index> ordered = order();
-      common.common.supernodal = CHOLMOD_SIMPLICIAL;
-      common.common.nmethods = 1;
-      common.common.method[0].ordering = CHOLMOD_GIVEN;
-      factor = own(cholmod_analyze_p(&view, ordered.data(), nullptr, 0, common.get()));
-      common.check(unknowns);
-    }
+    factor = supernodal();
     require_memory(sizeof(double) * factor_entries(), fmt::format("Cholesky factorisation: {} unknowns", unknowns),
                    "use a wider cloud spacing or a coarser mesh");
-    if (by_supernodes) supernodes.emplace(*factor, lower, first);
+    supernodes.emplace(*factor, lower, first);
   }
-  double factor_entries() const { return static_cast<double>(factor->is_super ? factor->xsize : factor->nzmax); }
+  double factor_entries() const { return static_cast<double>(factor->xsize); }
 
-  /// Whether all pivots could be divided by.
-  bool is_factored(const SymmetricMatrix& lower) {
-    if (supernodes) {
-      if (factor->xtype == CHOLMOD_PATTERN) cholmod_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, factor.get(), common.get());
-      common.check(unknowns);
-      const Index column = supernodes->factorize(lower, static_cast<double*>(factor->x));
-      factor->minor = column == Supernodes::none ? factor->n : static_cast<std::size_t>(column);
-      return column == Supernodes::none;
-    }
-    cholmod_sparse view = view_of(lower);
-    on_one_thread([&] { cholmod_factorize(&view, factor.get(), common.get()); });
+  /// Whether all pivots could be divided by: all that are positive or, with signs, not zero.
+  bool is_factored(const SymmetricMatrix& lower, bool with_signs) {
+    if (factor->xtype == CHOLMOD_PATTERN) cholmod_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, factor.get(), common.get());
     common.check(unknowns);
-    return common.common.status != CHOLMOD_NOT_POSDEF && factor->minor >= factor->n;
+    signs.assign(with_signs ? unknowns : 0, 1.0);
+    const Index column =
+        supernodes->factorize(lower, static_cast<double*>(factor->x), with_signs ? signs.data() : nullptr);
+    factor->minor = column == Supernodes::none ? factor->n : static_cast<std::size_t>(column);
+    return column == Supernodes::none;
   }
   /// The unknown at which it ended.
   int ended_at() const { return static_cast<const int*>(factor->Perm)[factor->minor]; }
@@ -262,7 +243,7 @@ void Cholesky::analyse(const SymmetricMatrix& pattern, const std::vector<Index>&
   require(node_of.empty() || (static_cast<Index>(node_of.size()) == pattern.rows() && std::ranges::is_sorted(node_of)),
           "Cholesky: a node for each unknown expected, ascending");
   impl_->analyse_nodes(node_graph(pattern, node_of));
-  impl_->prepare(pattern, true);
+  impl_->prepare(pattern);
 }
 
 /// Refuses what was not analysed, and forgets the last factor.
@@ -275,7 +256,6 @@ void Cholesky::begin(const SymmetricMatrix& lower) {
           "Cholesky: entries are elsewhere than in the pattern that was analysed");
   impl_->is_current = false;
   impl_->negative = 0;
-  if (!impl_->factor->is_super) impl_->prepare(lower, true);
 }
 
 void Cholesky::factorize_definite(const SymmetricMatrix& lower) {
@@ -286,21 +266,18 @@ void Cholesky::factorize_definite(const SymmetricMatrix& lower) {
 
 bool Cholesky::factorize_if_definite(const SymmetricMatrix& lower) {
   begin(lower);
-  if (!impl_->is_factored(lower)) return false;
+  if (!impl_->is_factored(lower, false)) return false;
   impl_->require_regular();
   return impl_->is_current = true;
 }
 
 void Cholesky::factorize(const SymmetricMatrix& lower) {
   begin(lower);
-  if (!impl_->is_factored(lower)) {
-    impl_->prepare(lower, false);
-    if (!impl_->is_factored(lower))
+  if (!impl_->is_factored(lower, false)) {
+    if (!impl_->is_factored(lower, true))
       throw NumericalError(
           fmt::format("the matrix is singular (at unknown {} of {})", impl_->ended_at(), lower.rows()));
-    const auto* offsets = static_cast<const int*>(impl_->factor->p);
-    const auto* values = static_cast<const double*>(impl_->factor->x);
-    for (std::size_t column = 0; column < impl_->unknowns; ++column) impl_->negative += values[offsets[column]] < 0.0;
+    impl_->negative = static_cast<Index>(std::ranges::count(impl_->signs, -1.0));
   }
   impl_->require_regular();
   impl_->is_current = true;
@@ -319,11 +296,11 @@ Matrix Cholesky::solve(const Eigen::Ref<const Matrix>& B) const {
     throw InputError(fmt::format("Cholesky solve: {} rows, expected {}", B.rows(), impl_->unknowns));
   require(impl_->is_current, "Cholesky solve: there is no factor, or the last matrix could not be factored");
   if (B.cols() == 0) return B;
-  if (impl_->supernodes && B.cols() > 1) {
+  if (B.cols() > 1 || !impl_->signs.empty()) {
     Matrix X = B;
     const auto& factor = *impl_->factor;
-    impl_->supernodes->solve(static_cast<const double*>(factor.x), {static_cast<const Index*>(factor.Perm), factor.n},
-                             X);
+    impl_->supernodes->solve(static_cast<const double*>(factor.x), impl_->signs,
+                             {static_cast<const Index*>(factor.Perm), factor.n}, X);
     return X;
   }
   Matrix X(B.rows(), B.cols());

@@ -10,8 +10,8 @@
 
 namespace efree {
 
-/// Supernodal L L^T; simplicial L D L^T where that ends at a pivot that is not positive. Bitwise reproducible for any
-/// number of threads.
+/// Supernodal L L^T; L S L^T, S the signs of the pivots, where that ends at one that is not positive. Bitwise
+/// reproducible for any number of threads.
 class Cholesky final : public LinearSolver {
  public:
   Cholesky();
@@ -29,8 +29,7 @@ class Cholesky final : public LinearSolver {
   void factorize(const SymmetricMatrix& lower) override;
   /// Factors a matrix that is positive definite. Throws NumericalError naming the first unknown at which it is not.
   void factorize_definite(const SymmetricMatrix& lower);
-  /// Factors a matrix that is positive definite. Whether it is: there is no factor else, and no L D L^T, which takes
-  /// several times as long.
+  /// Factors a matrix that is positive definite. Whether it is: there is no factor else, and none with signs.
   bool factorize_if_definite(const SymmetricMatrix& lower);
   Index negative_pivots() const override;
   Matrix solve(const Eigen::Ref<const Matrix>& B) const override;

@@ -8,6 +8,7 @@
 #include <cholmod.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <mutex>
 #include <numeric>
@@ -38,10 +39,12 @@ std::pair<Index, Index> Supernodes::Panel::tile(Index t) const {
 struct Supernodes::Workspace {
   std::unique_ptr<Index[]> row;  ///< of a tile, by row of the matrix
   std::unique_ptr<double[]> product;
+  std::unique_ptr<double[]> turned;  ///< columns times their signs
 
   explicit Workspace(Index n)
       : row(std::make_unique_for_overwrite<Index[]>(static_cast<std::size_t>(n))),
-        product(std::make_unique_for_overwrite<double[]>(static_cast<std::size_t>(widest_panel) * tallest_tile)) {}
+        product(std::make_unique_for_overwrite<double[]>(static_cast<std::size_t>(widest_panel) * tallest_tile)),
+        turned(std::make_unique_for_overwrite<double[]>(static_cast<std::size_t>(widest_panel) * widest_panel)) {}
 };
 
 /// As many as are in use at once.
@@ -104,7 +107,7 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
         while (end < height && panel_of[rows[end]] == target) ++end;
         if (begin > 0)
           visit(target, Update{rows.subspan(begin), static_cast<std::size_t>(first_value[s] + begin), height,
-                               std::min(begin, columns), end - begin});
+                               first_column[s], std::min(begin, columns), end - begin});
       }
     }
   };
@@ -196,7 +199,8 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
 }
 
 void Supernodes::update(const Panel& panel, Index t, std::span<const Update> updates, Workspace& space,
-                        double* L) const {
+                        const Factor& to) const {
+  double* const L = to.L;
   const auto [top, bottom] = panel.tile(t);
   for (Index r = top; r < bottom; ++r) space.row[panel.rows[r]] = r;
   for (const Update& u : updates) {
@@ -211,6 +215,17 @@ void Supernodes::update(const Panel& panel, Index t, std::span<const Update> upd
              static_cast<std::size_t>(u.rows[j] - panel.first) * static_cast<std::size_t>(panel.stride);
     };
     const auto multiply = [&](double sign, double keep, double* C, Index stride) {
+      if (to.signs) {
+        for (Index d = 0, count; d < u.depth; d += count, keep = 1.0) {
+          count = std::min(widest_panel, u.depth - d);
+          for (Index k = 0; k < count; ++k)
+            for (Index j = 0; j < width; ++j)
+              space.turned[j + k * width] = to.signs[u.first + d + k] * upper[j + std::ptrdiff_t{d + k} * u.stride];
+          cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, height, width, count, sign,
+                      left + std::ptrdiff_t{d} * u.stride, u.stride, space.turned.get(), width, keep, C, stride);
+        }
+        return;
+      }
       if (t == 0)
         cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, height, u.depth, sign, left, u.stride, keep, C, stride);
       else
@@ -240,65 +255,93 @@ Index factorize_square(Index size, double* A, Index stride) {
   dpotrf_("L", &size, A, &stride, &info);
   return info > 0 ? info - 1 : Supernodes::none;
 }
-/// B <- B A^-T for a lower triangle A.
-void divide(Index rows, Index columns, const double* A, double* B, Index stride) {
+/// The same with signs.
+Index factorize_square(Index size, double* A, Index stride, double* signs) {
+  const auto column = [&](Index j) { return A + std::ptrdiff_t{j} * stride; };
+  for (Index j = 0; j < size; ++j) {
+    double* const L = column(j);
+    const double pivot = L[j];
+    if (pivot == 0.0 || !std::isfinite(pivot)) return j;
+    signs[j] = pivot > 0.0 ? 1.0 : -1.0;
+    L[j] = std::sqrt(std::abs(pivot));
+    for (Index i = j + 1; i < size; ++i) L[i] /= signs[j] * L[j];
+    for (Index k = j + 1; k < size; ++k) {
+      const double share = signs[j] * L[k];
+      double* const other = column(k);
+      for (Index i = k; i < size; ++i) other[i] -= share * L[i];
+    }
+  }
+  return Supernodes::none;
+}
+/// B <- B A^-T for a lower triangle A, and times the signs, if there are any.
+void divide(Index rows, Index columns, const double* A, double* B, Index stride, const double* signs) {
   cblas_dtrsm(CblasColMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, rows, columns, 1.0, A, stride, B,
               stride);
+  for (Index j = 0; signs && j < columns; ++j)
+    if (signs[j] < 0.0)
+      for (Index i = 0; i < rows; ++i) B[i + std::ptrdiff_t{j} * stride] *= -1.0;
 }
 
 }  // namespace
 
-Index Supernodes::factorize_alone(Index p, Workspace& space, double* L) const {
+/// The square of a panel. Returns the column of the factor where it ends, or `none`.
+Index Supernodes::factorize_first(const Panel& panel, const Factor& to) const {
+  double* const square = to.L + panel.values;
+  const Index column = to.signs ? factorize_square(panel.width, square, panel.stride, to.signs + panel.first)
+                                : factorize_square(panel.width, square, panel.stride);
+  return column == none ? none : panel.first + column;
+}
+/// A tile below it.
+void Supernodes::divide_tile(const Panel& panel, Index t, const Factor& to) const {
+  double* const square = to.L + panel.values;
+  const auto [top, bottom] = panel.tile(t);
+  divide(bottom - top, panel.width, square, square + top, panel.stride, to.signs ? to.signs + panel.first : nullptr);
+}
+
+Index Supernodes::factorize_alone(Index p, Workspace& space, const Factor& to) const {
   const Panel& panel = panels_[p];
-  double* square = L + panel.values;
-  update(panel, 0, updates_[p], space, L);
-  if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
-    return panel.first + column;
+  update(panel, 0, updates_[p], space, to);
+  if (const Index column = factorize_first(panel, to); column != none) return column;
   for (Index t = 1; t < panel.num_tiles(); ++t) {
-    const auto [top, bottom] = panel.tile(t);
-    update(panel, t, updates_[p], space, L);
-    divide(bottom - top, panel.width, square, square + top, panel.stride);
+    update(panel, t, updates_[p], space, to);
+    divide_tile(panel, t, to);
   }
   return none;
 }
 
-Index Supernodes::factorize_together(Index p, Workspaces& spaces, double* L) const {
+Index Supernodes::factorize_together(Index p, Workspaces& spaces, const Factor& to) const {
   const Panel& panel = panels_[p];
-  double* square = L + panel.values;
   parallel_chunks(panel.num_tiles(), 1, [&](Index t, Index) {
-    spaces.with_one([&](Workspace& space) { update(panel, t, updates_[p], space, L); });
+    spaces.with_one([&](Workspace& space) { update(panel, t, updates_[p], space, to); });
   });
-  if (const Index column = factorize_square(panel.width, square, panel.stride); column != none)
-    return panel.first + column;
-  parallel_chunks(panel.num_tiles() - 1, 1, [&](Index t, Index) {
-    const auto [top, bottom] = panel.tile(t + 1);
-    divide(bottom - top, panel.width, square, square + top, panel.stride);
-  });
+  if (const Index column = factorize_first(panel, to); column != none) return column;
+  parallel_chunks(panel.num_tiles() - 1, 1, [&](Index t, Index) { divide_tile(panel, t + 1, to); });
   return none;
 }
 
-Index Supernodes::factorize_branch(std::span<const Index> branch, Workspaces& spaces, double* L) const {
+Index Supernodes::factorize_branch(std::span<const Index> branch, Workspaces& spaces, const Factor& to) const {
   Index failed = none;
   spaces.with_one([&](Workspace& space) {
-    for (std::size_t k = 0; k < branch.size() && failed == none; ++k) failed = factorize_alone(branch[k], space, L);
+    for (std::size_t k = 0; k < branch.size() && failed == none; ++k) failed = factorize_alone(branch[k], space, to);
   });
   return failed;
 }
 
-Index Supernodes::factorize_trunk(Workspaces& spaces, double* L) const {
+Index Supernodes::factorize_trunk(Workspaces& spaces, const Factor& to) const {
   Index failed = none;
   for (std::size_t k = 0; k < trunk_.size() && failed == none; ++k) {
     const Index p = trunk_[k];
     if (panels_[p].is_shared)
-      failed = factorize_together(p, spaces, L);
+      failed = factorize_together(p, spaces, to);
     else
-      spaces.with_one([&](Workspace& space) { failed = factorize_alone(p, space, L); });
+      spaces.with_one([&](Workspace& space) { failed = factorize_alone(p, space, to); });
   }
   return failed;
 }
 
-Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
+Index Supernodes::factorize(const SymmetricMatrix& lower, double* L, double* signs) const {
   if (panels_.empty()) return none;
+  const Factor to{L, signs};
   constexpr std::size_t piece = std::size_t{1} << 18;
   parallel_chunks(static_cast<Index>((size_ + piece - 1) / piece), 1, [&](Index k, Index) {
     std::fill(L + static_cast<std::size_t>(k) * piece, L + std::min(size_, static_cast<std::size_t>(k + 1) * piece),
@@ -309,9 +352,9 @@ Index Supernodes::factorize(const SymmetricMatrix& lower, double* L) const {
   });
   Workspaces spaces(panels_.back().first + panels_.back().width);
   std::vector<Index> ended(branches_.rows(), none);
-  parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], spaces, L); });
+  parallel_chunks(branches_.rows(), 1, [&](Index b, Index) { ended[b] = factorize_branch(branches_[b], spaces, to); });
   const Index first = std::ranges::min(ended.empty() ? std::vector{none} : ended);
-  return first != none ? first : factorize_trunk(spaces, L);
+  return first != none ? first : factorize_trunk(spaces, to);
 }
 
 namespace {
@@ -399,23 +442,28 @@ template <class V> EFREE_INLINE void backward(const Columns& of, double* x) {
   }
 }
 
-template <class V> EFREE_INLINE void solve(std::span<const Columns> all, double* x) {
+template <class V> EFREE_INLINE void solve(std::span<const Columns> all, std::span<const double> signs, double* x) {
+  constexpr std::ptrdiff_t size = sizeof(V) / sizeof(double);
   for (const Columns& of : all) forward<V>(of, x);
+  for (std::size_t i = 0; i < signs.size(); ++i)
+    if (signs[i] < 0.0)
+      for (std::ptrdiff_t k = 0; k < size; ++k) x[size * static_cast<std::ptrdiff_t>(i) + k] *= -1.0;
   for (std::size_t k = all.size(); k-- > 0;) backward<V>(all[k], x);
 }
-EFREE_FOR_EACH_MACHINE void solve_4(std::span<const Columns> all, double* x) {
-  solve<internal::Four>(all, x);
+EFREE_FOR_EACH_MACHINE void solve_4(std::span<const Columns> all, std::span<const double> signs, double* x) {
+  solve<internal::Four>(all, signs, x);
 }
-EFREE_FOR_EACH_MACHINE void solve_8(std::span<const Columns> all, double* x) {
-  solve<internal::Eight>(all, x);
+EFREE_FOR_EACH_MACHINE void solve_8(std::span<const Columns> all, std::span<const double> signs, double* x) {
+  solve<internal::Eight>(all, signs, x);
 }
-EFREE_FOR_EACH_MACHINE void solve_16(std::span<const Columns> all, double* x) {
-  solve<Sixteen>(all, x);
+EFREE_FOR_EACH_MACHINE void solve_16(std::span<const Columns> all, std::span<const double> signs, double* x) {
+  solve<Sixteen>(all, signs, x);
 }
 
 }  // namespace
 
-void Supernodes::solve(const double* L, std::span<const Index> order, Eigen::Ref<Matrix> B) const {
+void Supernodes::solve(const double* L, std::span<const double> signs, std::span<const Index> order,
+                       Eigen::Ref<Matrix> B) const {
   std::vector<Columns> all;
   for (const Panel& panel : panels_)
     all.push_back(
@@ -434,7 +482,7 @@ void Supernodes::solve(const double* L, std::span<const Index> order, Eigen::Ref
             visit(x[size * i + static_cast<std::size_t>(k)], B(order[i], begin + k));
     };
     for_each([](double& to, double from) { to = from; });
-    (size == 4 ? solve_4 : size == 8 ? solve_8 : solve_16)(all, x.data());
+    (size == 4 ? solve_4 : size == 8 ? solve_8 : solve_16)(all, signs, x.data());
     for_each([](double from, double& to) { to = from; });
   }
 }

@@ -30,13 +30,14 @@ class Supernodes {
   Supernodes& operator=(const Supernodes&) = delete;
 
   static constexpr Index none = std::numeric_limits<Index>::max();
-  /// Writes the factor of a matrix with that pattern to L, as long as CHOLMOD's xsize. Returns the first column of the
-  /// factor where the pivot is not positive, or `none`; then L is no factor.
-  Index factorize(const SymmetricMatrix& lower, double* L) const;
+  /// Writes the factor of a matrix with that pattern to L, as long as CHOLMOD's xsize: L L^T, or with `signs`, one for
+  /// each column of the factor, L diag(signs) L^T, of matrices that are not positive definite. Returns the first column
+  /// of the factor where the pivot is not positive, or zero, or `none`; else L is no factor.
+  Index factorize(const SymmetricMatrix& lower, double* L, double* signs = nullptr) const;
 
-  /// Solves L L^T x = b for every column of B, in place; row order[i] of it is row i of the factor. What is read of L
-  /// is read for up to 16 columns at once.
-  void solve(const double* L, std::span<const Index> order, Eigen::Ref<Matrix> B) const;
+  /// Solves L diag(signs) L^T x = b for every column of B, in place; no signs: all are positive. Row order[i] of it is
+  /// row i of the factor. What is read of L is read for up to 16 columns at once.
+  void solve(const double* L, std::span<const double> signs, std::span<const Index> order, Eigen::Ref<Matrix> B) const;
 
  private:
   /// Consecutive columns of a supernode, and its rows from the first of them on.
@@ -54,17 +55,25 @@ class Supernodes {
   /// before it in its own, with the first `num_columns` of the rows, which are columns of the panel.
   struct Update {
     std::span<const Index> rows;
-    std::size_t values;  ///< of the first row, the first in L
-    Index stride, depth, num_columns;
+    std::size_t values;                       ///< of the first row, the first in L
+    Index stride, first, depth, num_columns;  ///< `first`: of the columns
+  };
+  /// Where a factor goes.
+  struct Factor {
+    double* L;
+    double* signs;  ///< null: positive definite
   };
   struct Workspace;
   class Workspaces;
 
-  void update(const Panel& panel, Index tile, std::span<const Update> updates, Workspace& space, double* L) const;
-  Index factorize_alone(Index panel, Workspace& space, double* L) const;
-  Index factorize_together(Index panel, Workspaces& spaces, double* L) const;
-  Index factorize_branch(std::span<const Index> branch, Workspaces& spaces, double* L) const;
-  Index factorize_trunk(Workspaces& spaces, double* L) const;
+  void update(const Panel& panel, Index tile, std::span<const Update> updates, Workspace& space,
+              const Factor& to) const;
+  Index factorize_first(const Panel& panel, const Factor& to) const;
+  void divide_tile(const Panel& panel, Index tile, const Factor& to) const;
+  Index factorize_alone(Index panel, Workspace& space, const Factor& to) const;
+  Index factorize_together(Index panel, Workspaces& spaces, const Factor& to) const;
+  Index factorize_branch(std::span<const Index> branch, Workspaces& spaces, const Factor& to) const;
+  Index factorize_trunk(Workspaces& spaces, const Factor& to) const;
 
   std::vector<Index> rows_;  ///< of all supernodes
   std::vector<Panel> panels_;
