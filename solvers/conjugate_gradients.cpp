@@ -222,8 +222,7 @@ struct ConjugateGradients::Descent {
 };
 
 ConjugateGradients::Descent ConjugateGradients::descend(const Vector& forces, double tolerance, int most) const {
-  constexpr int probation = 50;  // after as many, and as many again, it is asked whether it will take too long
-  constexpr double hope = 2.0;
+  constexpr int probation = 25;  // after as many, and as many again, it is asked whether it will take too long
   const auto n = forces.size();
   Descent now{.x = Vector::Zero(n)};
   Vector r = forces, z(n), p(n), q(n);
@@ -231,7 +230,7 @@ ConjugateGradients::Descent ConjugateGradients::descend(const Vector& forces, do
   double rz = 0.0;
   for (double left = 1.0; left > tolerance; left = std::sqrt(dot(r, r)) / whole) {
     const bool hopeless = now.products > 0 && now.products % probation == 0 &&
-                          now.products * std::log(tolerance) < hope * most * std::log(std::min(left, 0.99));
+                          now.products * std::log(tolerance) < most * std::log(std::min(left, 0.99));
     precondition(r, z);
     const double next = dot(r, z);
     if (now.products == 0)

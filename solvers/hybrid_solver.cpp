@@ -17,8 +17,10 @@
 namespace efree {
 namespace {
 
-/// What an iteration takes for each number that it reads, in operations on a factor, and the iterations that are worth
-/// it from which on no factor is tried first (docs/evidence.md, "Tangents without a factor").
+/// Share of all possible entries from which on a factor is nearly full.
+constexpr double full = 0.1;
+/// What an iteration takes for each number that it reads, in operations on a factor, and the iterations that a factor
+/// has to be worth (docs/evidence.md, "Tangents without a factor").
 constexpr double operations_per_number = 10.0, worth = 250.0;
 
 }  // namespace
@@ -53,6 +55,8 @@ HybridSolver& HybridSolver::operator=(HybridSolver&&) noexcept = default;
 void HybridSolver::analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of) {
   impl_->cholesky.analyse(pattern, node_of);
   impl_->iterative.reset();
+  const double size = static_cast<double>(pattern.rows());
+  if (impl_->cholesky.factor_entries() < full * 0.5 * size * size) return;
   NodeGraph graph = node_graph(pattern, node_of);
   if (!has_whole_blocks(pattern, graph)) return;
   const double most =
