@@ -20,14 +20,16 @@ struct PlaneImpact {
   static constexpr double until = 50e-6;  ///< no wave has come to the other end
   static constexpr double E = 73e9, nu = 0.33, yield = 265e6;
 
+  /// Of aluminium 6061 (Marsh 1980; Meyers 1994).
   static EquationOfState state() { return EquationOfState::mie_grueneisen({density, 5350.0, 1.34, 2.0}); }
-  /// Aluminium that flows at one stress, with the pressure that shocks have in it (Marsh 1980).
+  /// Flows at one stress, with the pressure that shocks have in it.
   static SharedMaterial aluminium() {
     return WithPressure(
         J2({.moduli = {.E = E, .nu = nu}, .yield = Hardening::linear(yield, 0.0), .strain = Strain::finite}), state());
   }
 
-  /// Behind a front, or before it: J, stress against the front, what flows in, and the energy of the equation of state.
+  /// Behind a front, or before it: J, Cauchy stress against the front, how fast the metal follows it, over what is
+  /// before all fronts, and internal energy of the equation of state over the volume at rest.
   struct State {
     double J = 1.0, stress = 0.0, velocity = 0.0, energy = 0.0;
   };
@@ -38,10 +40,11 @@ struct PlaneImpact {
     const double shear = 0.5 * E / (1.0 + nu);
     // Behind a plastic front to J. All that is dissipated is heat, and shear stores as much before as after.
     const auto behind = [&](const State& before, double J) {
-      const double cold = fluid.at(J, before.energy).pressure + 2.0 / 3.0 * yield / J, by = fluid.at(J, 0.0).by_energy;
-      const double half = 0.5 * (before.J - J);
+      // The pressure is linear in the energy, which the front raises by the mean stress.
+      const double unheated = fluid.at(J, before.energy).pressure + 2.0 / 3.0 * yield / J;
+      const double by_energy = fluid.at(J, 0.0).by_energy, half = 0.5 * (before.J - J);
       State after{.J = J};
-      after.stress = (cold + by * half * before.stress) / (1.0 - by * half);
+      after.stress = (unheated + by_energy * half * before.stress) / (1.0 - by_energy * half);
       after.velocity = before.velocity + std::sqrt((after.stress - before.stress) * 2.0 * half / density);
       after.energy = before.energy + (before.stress + after.stress) * half;
       return after;
@@ -57,6 +60,7 @@ struct PlaneImpact {
     const auto speed_of = [](const State& before, const State& after) {
       return (after.stress - before.stress) / (density * (after.velocity - before.velocity));
     };
+    // Hugoniot's limit: where the deviator of Hencky's strain has come to 2/3 of the yield stress.
     State limit{.J = std::exp(-0.5 * yield / shear)};
     limit.energy = 0.5 * fluid.at(limit.J, 0.0).pressure * (1.0 - limit.J);
     limit.stress = fluid.at(limit.J, limit.energy).pressure + 2.0 / 3.0 * yield / limit.J;

@@ -186,7 +186,7 @@ template <int Dim> std::vector<std::string> warnings_of(const OtmCase<Dim>& of, 
   if (const double taken = bodies.otm.balance().renewal; taken > warned_renewal * energy.scale)
     warnings.push_back(fmt::format(
         "changes of functions took {:.2g} % of the energy, as where parts of a body meet, which stick to each other, "
-        "or functions are renewed often: quadrature.dilatation = false (under shocks), a larger otm.renewal or more "
+        "functions are renewed often, or shocks have no viscosity: otm.shock, a larger otm.renewal or more "
         "otm.stabilisation may help",
         100.0 * taken / energy.scale));
   if (const Index joined = joined_so_far(bodies.otm); joined > 0)

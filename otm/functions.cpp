@@ -65,7 +65,8 @@ constexpr double shared_stabilisation = 1.0;
 
 /// Stabilisation by pressure, over that by stiffness. Functions that are made anew do not integrate exactly: motions of
 /// the nodes between points may let all of these grow where the body does not. Pressure drives them, so that shocks
-/// come out slow and nodes clump; what resists has to grow with it.
+/// come out slow and nodes clump; what resists has to grow with it. The more of it, the closer shocks are to
+/// Hugoniot's, and the shorter steps under pressure (docs/evidence.md).
 constexpr double by_pressure = 70.0;
 
 }  // namespace
@@ -242,8 +243,10 @@ template <int Dim> typename Motion<Dim>::Change Motion<Dim>::make_functions(OtmC
       chunk.count[p] = static_cast<double>(row.size());
       chunk.width[p] = smallest_width<Dim>(functions.moment());
     }
+    // Of the functions it had, where the nodes have gone.
     const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>();
-    const double width2 = eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0], penalty = chunk.penalty[p];
+    const double squared_width = eigenvalues<Dim>(since * chunk.moment[p] * since.transpose())[0];
+    const double penalty = chunk.penalty[p];
     chunk.moment[p] = functions.moment();
     // Stresses push nodes about that points do not see, as springs under load.
     const Mat<3> tau = first ? Mat<3>::Zero() : Mat<3>(chunk.response.stress(p) * chunk.now.gradient(p).transpose());
@@ -256,8 +259,8 @@ template <int Dim> typename Motion<Dim>::Change Motion<Dim>::make_functions(OtmC
     const double stiffness =
         share * (shear + tau.norm() + chunk.shock[p]) + options.stabilisation * by_pressure * pressure;
     chunk.penalty[p] = stiffness * chunk.volume[p] * functions.inverse_moment().trace() / Dim;
-    if (!first && (eigenvalues<Dim>(chunk.moment[p])[0] < 0.8 * width2 || chunk.penalty[p] > 2.0 * penalty))
-      result.stiffened.push_back(p);
+    const bool is_narrower = eigenvalues<Dim>(chunk.moment[p])[0] < 0.8 * squared_width;
+    if (!first && (is_narrower || chunk.penalty[p] > 2.0 * penalty)) result.stiffened.push_back(p);
   }
   return result;
 }
@@ -494,7 +497,7 @@ template <int Dim> void Motion<Dim>::renew() {
           continue;
         }
       }
-      // Of kinetic energy there is what it was half a step ago.
+      // Velocities are those of half a step ago: so is all energy that is lost here.
       changes[k].unseen += unseen(chunk, p, 0.5 * last_step);
     }
     for (const auto& pair : chunk.pairs) {
@@ -638,7 +641,7 @@ template <int Dim> void Motion<Dim>::follow_others() {
   }
 }
 
-/// Energy of the motions of its nodes that a point does not see, where these were that time ago.
+/// Energy of the motions of its nodes that a point does not see, by where these were that time ago.
 template <int Dim> double Motion<Dim>::unseen(const OtmChunk<Dim>& chunk, Index p, double ago) const {
   double spread = 0.0;
   Vec<Dim> at = Vec<Dim>::Zero();

@@ -60,12 +60,12 @@ template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const 
 
 /// The step is none for a point that it would turn inside out or nearly so: until it joins another it stays as it is,
 /// by its F `before`, and pushes nothing, since the moments of forces are right only where F is that of the nodes. What
-/// its stress has done by then, and what its nodes did unseen, is lost.
+/// its stress has done by half of the step, and what its nodes did unseen, is lost.
 template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const {
   const Mat<3> rate = (chunk.since[p] - before) * before.inverse();
   const Mat<3> tau = chunk.response.stress(p) * chunk.now.gradient(p).transpose();
   chunk.lost += 0.5 * chunk.volume[p] * (tau.cwiseProduct(rate).sum() - chunk.shock[p] * rate.trace());
-  chunk.lost += unseen(chunk, p);
+  chunk.lost += unseen(chunk, p, 0.5 * last_step);
   chunk.penalty[p] = chunk.shock[p] = 0.0;
   if (chunk.now.heat.size() > 0) chunk.now.heat[p] = 0.0;
   chunk.since[p] = before;
