@@ -254,6 +254,7 @@ std::optional<Vector> ConjugateGradients::solve(const SymmetricMatrix& A, const 
                                                 int most) const {
   constexpr double at_once = 1e-5;  // as much as single precision bears
   const double size = b.cwiseAbs().maxCoeff();
+  if (!b.allFinite()) return std::nullopt;
   if (size == 0.0) return Vector::Zero(b.size());
   const Vector unit = b / size;
   const double goal = tolerance * unit.norm();

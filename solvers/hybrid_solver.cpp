@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <atomic>
 #include <mutex>
 #include <optional>
 #include <random>
@@ -30,7 +31,8 @@ struct HybridSolver::Impl {
   std::optional<ConjugateGradients> iterative;  ///< none: all matrices are factored
   int most = 0;                                 ///< iterations that are worth it
   SymmetricMatrix matrix;                       ///< the last; where all are factored none is kept
-  bool factored = false;
+  std::atomic<bool> factored = false;
+  std::atomic<bool> taken = false;  ///< whether iterations have the last matrix
   std::mutex asked;
 
   /// Iterations with the last matrix; nothing if a factor has to do it, which there is then.
@@ -53,15 +55,17 @@ HybridSolver::HybridSolver(HybridSolver&&) noexcept = default;
 HybridSolver& HybridSolver::operator=(HybridSolver&&) noexcept = default;
 
 void HybridSolver::analyse(const SymmetricMatrix& pattern, const std::vector<Index>& node_of) {
-  impl_->cholesky.analyse(pattern, node_of);
+  impl_->factored = impl_->taken = false;
   impl_->iterative.reset();
+  impl_->matrix = {};
+  impl_->cholesky.analyse(pattern, node_of);
   const double size = static_cast<double>(pattern.rows());
   if (impl_->cholesky.factor_entries() < full * 0.5 * size * size) return;
   NodeGraph graph = node_graph(pattern, node_of);
   if (!has_whole_blocks(pattern, graph)) return;
   const double most =
       impl_->cholesky.operations() / (operations_per_number * ConjugateGradients::numbers(graph, pattern.nonZeros()));
-  if (most < worth) return;
+  if (!(most >= worth)) return;
   impl_->iterative.emplace(std::move(graph));
   impl_->matrix = pattern;
   impl_->most = static_cast<int>(most);
@@ -69,7 +73,7 @@ void HybridSolver::analyse(const SymmetricMatrix& pattern, const std::vector<Ind
 
 void HybridSolver::factorize(const SymmetricMatrix& lower) {
   Impl& my = *impl_;
-  my.factored = false;
+  my.factored = my.taken = false;
   if (!my.iterative) return my.factor(lower);
   const auto rows_of = [](const SymmetricMatrix& of) {
     return std::span(of.innerIndexPtr(), static_cast<std::size_t>(of.nonZeros()));
@@ -77,11 +81,14 @@ void HybridSolver::factorize(const SymmetricMatrix& lower) {
   require(lower.rows() == my.matrix.rows() && std::ranges::equal(rows_of(lower), rows_of(my.matrix)),
           "linear solver: entries are elsewhere than in the pattern that was analysed");
   my.matrix.coeffs() = lower.coeffs();
-  if (!my.iterative->take(lower)) my.factor(lower);
+  if (my.iterative->take(lower))
+    my.taken = true;
+  else
+    my.factor(lower);
 }
 
 Index HybridSolver::negative_pivots() const {
-  if (!impl_->factored) {
+  if (impl_->taken && !impl_->factored) {
     std::mt19937 random(1);
     Vector b(impl_->matrix.rows());
     for (double& entry : b) entry = static_cast<double>(random()) / std::mt19937::max() - 0.5;
@@ -91,7 +98,7 @@ Index HybridSolver::negative_pivots() const {
 }
 
 Matrix HybridSolver::solve(const Eigen::Ref<const Matrix>& B) const {
-  if (impl_->factored || !impl_->iterative) return impl_->cholesky.solve(B);
+  if (impl_->factored || !impl_->taken) return impl_->cholesky.solve(B);
   if (B.rows() != impl_->matrix.rows())
     throw InputError(fmt::format("linear solver: {} rows, expected {}", B.rows(), impl_->matrix.rows()));
   Matrix X(B.rows(), B.cols());

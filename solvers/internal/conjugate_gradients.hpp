@@ -26,7 +26,7 @@ class ConjugateGradients {
   /// not, there is nothing to solve with.
   bool take(const SymmetricMatrix& lower);
   /// x with |b - A x| <= tolerance |b|, A the matrix that was taken last; nothing if that takes more than so many
-  /// products with A, or where a direction p is found with p A p <= 0.
+  /// products with A, as far as can be foreseen, for b that is not finite, or where a direction p has p A p <= 0.
   std::optional<Vector> solve(const SymmetricMatrix& A, const Vector& b, double tolerance, int most) const;
 
  private:
