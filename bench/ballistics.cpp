@@ -6,21 +6,21 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 
+#include "arguments.hpp"
 #include "clock.hpp"
 #include "perforation.hpp"
 
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <string>
 #include <vector>
 
 namespace efree {
 namespace {
 
-template <int Dim> void shoot(double size, const std::vector<double>& speeds, std::map<std::string, double>& keys,
-                              const std::string& points) {
+template <int Dim>
+void shoot(double size, const std::vector<double>& speeds, bench::Keys& keys, const std::string& points) {
   std::puts(
       "dim,size,points,speed,residual,through,eroded,energy_error,mass_error,momentum_error,fracture,steps,seconds");
   for (const double speed : speeds) {
@@ -60,17 +60,11 @@ template <int Dim> void shoot(double size, const std::vector<double>& speeds, st
 
 int main(int argc, char** argv) {
   if (argc < 3) return std::puts("bench_ballistics SIZE SPEED... [key=value ...]"), 2;
-  std::map<std::string, double> keys{{"dim", 2},    {"free", 0},    {"toughness", 1},
-                                     {"strain", 1}, {"threads", 1}, {"until", 200e-6}};
-  std::vector<double> speeds;
-  std::string points;
+  auto [speeds, keys] = efree::bench::arguments(
+      argc, argv, 2, {{"dim", 2}, {"free", 0}, {"toughness", 1}, {"strain", 1}, {"threads", 1}, {"until", 200e-6}});
+  std::string points;  // a folder, and no number
   for (int i = 2; i < argc; ++i)
-    if (std::strncmp(argv[i], "points=", 7) == 0)
-      points = argv[i] + 7;
-    else if (const char* equals = std::strchr(argv[i], '='))
-      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
-    else
-      speeds.push_back(std::atof(argv[i]));
+    if (std::strncmp(argv[i], "points=", 7) == 0) points = argv[i] + 7;
   efree::set_num_threads(static_cast<int>(keys["threads"]));
   if (keys["dim"] == 2.0)
     efree::shoot<2>(std::atof(argv[1]), speeds, keys, points);

@@ -5,6 +5,7 @@
 // projectile gives way): points that broke, and on the error stream the angle of the crack. All CSV.
 #include "efree/core/parallel.hpp"
 
+#include "arguments.hpp"
 #include "clock.hpp"
 #include "cracked_strip.hpp"
 
@@ -12,7 +13,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -20,7 +20,7 @@
 namespace efree {
 namespace {
 
-using Keys = std::map<std::string, double>;
+using bench::Keys;
 
 void onset(const std::vector<double>& sizes, Keys& keys) {
   std::puts("neighbourhood,size,points,first,grown,energy_error,steps,seconds");
@@ -83,13 +83,8 @@ void path(double size, Keys& keys) {
 
 int main(int argc, char** argv) {
   if (argc < 3) return std::puts("bench_fracture onset SIZE... | path SIZE [key=value ...]"), 2;
-  efree::Keys keys{{"ramp", 30.0}, {"neighbourhood", 2.0}, {"until", 90e-6}, {"width", 1.0}, {"threads", 1.0}};
-  std::vector<double> sizes;
-  for (int i = 2; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '='))
-      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
-    else
-      sizes.push_back(std::atof(argv[i]));
+  auto [sizes, keys] = efree::bench::arguments(
+      argc, argv, 2, {{"ramp", 30.0}, {"neighbourhood", 2.0}, {"until", 90e-6}, {"width", 1.0}, {"threads", 1.0}});
   efree::set_num_threads(static_cast<int>(keys["threads"]));
   if (std::strcmp(argv[1], "onset") == 0)
     efree::onset(sizes, keys);

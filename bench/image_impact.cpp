@@ -13,6 +13,7 @@
 #include "efree/materials/j2.hpp"
 #include "efree/otm/otm.hpp"
 
+#include "arguments.hpp"
 #include "clock.hpp"
 
 #include <algorithm>
@@ -21,7 +22,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -100,8 +100,7 @@ History thrown(OtmBody<3> body, double begin, double until, const fs::path& reco
   return result;
 }
 
-void run(int voxels, double size, const fs::path& folder, const std::vector<double>& spacings,
-         std::map<std::string, double> key) {
+void run(int voxels, double size, const fs::path& folder, const std::vector<double>& spacings, bench::Keys key) {
   const auto value = [&](const char* name, double otherwise) { return key.contains(name) ? key[name] : otherwise; };
   set_num_threads(1);
   fs::create_directories(folder);
@@ -159,12 +158,6 @@ void run(int voxels, double size, const fs::path& folder, const std::vector<doub
 
 int main(int argc, char** argv) {
   if (argc < 4) return std::puts("bench_image_impact VOXELS MESH DIR SPACING... [key=value ...]"), 2;
-  std::map<std::string, double> key;
-  std::vector<double> spacings;
-  for (int i = 4; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '='))
-      key[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
-    else
-      spacings.push_back(std::atof(argv[i]));
-  efree::run(std::atoi(argv[1]), std::atof(argv[2]), argv[3], spacings, key);
+  const auto [spacings, keys] = efree::bench::arguments(argc, argv, 4);
+  efree::run(std::atoi(argv[1]), std::atof(argv[2]), argv[3], spacings, keys);
 }

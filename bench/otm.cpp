@@ -15,6 +15,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 
+#include "arguments.hpp"
 #include "clock.hpp"
 #include "elastic_block.hpp"
 #include "indentation.hpp"
@@ -26,7 +27,6 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
-#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,7 +34,7 @@
 namespace efree {
 namespace {
 
-using Keys = std::map<std::string, double>;
+using bench::Keys;
 
 double value_of(const Keys& keys, const char* name, double otherwise) {
   const auto found = keys.find(name);
@@ -261,10 +261,7 @@ int main(int argc, char** argv) {
     if (sizes.empty()) sizes = {1.28e-3, 0.9e-3, 0.64e-3, 0.45e-3, 0.32e-3};
     return efree::chart(sizes), 0;
   }
-  efree::Keys keys;
-  for (int i = 2; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '='))
-      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
+  const efree::Keys keys = efree::bench::arguments(argc, argv, 2).keys;
   if (argc > 2 && std::strcmp(argv[1], "hertz") == 0) {
     efree::set_num_threads(1);
     for (int i = 2; i < argc; ++i) {

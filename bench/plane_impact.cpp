@@ -8,6 +8,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 
+#include "arguments.hpp"
 #include "bad_meshes.hpp"
 #include "clock.hpp"
 #include "plane_impact.hpp"
@@ -15,16 +16,13 @@
 #include <Eigen/LU>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
-#include <map>
-#include <string>
 #include <vector>
 
 namespace efree {
 namespace {
 
+using bench::Keys;
 using bench::PlaneImpact;
-using Keys = std::map<std::string, double>;
 
 /// Volume that points next to the wall say they have, over that of the cells there.
 template <int Dim> double volume_of_points(const FineMesh<Dim>& mesh, const Otm<Dim>& otm) {
@@ -79,13 +77,7 @@ template <int Dim> void hit(double size, const std::vector<double>& speeds, cons
 
 int main(int argc, char** argv) {
   if (argc < 4) return std::puts("bench_plane_impact 2|3 SIZE SPEED ... [key=value ...]"), 2;
-  efree::Keys keys;
-  std::vector<double> speeds;
-  for (int i = 3; i < argc; ++i)
-    if (const char* equals = std::strchr(argv[i], '='))
-      keys[std::string(argv[i], equals - argv[i])] = std::atof(equals + 1);
-    else
-      speeds.push_back(std::atof(argv[i]));
+  const auto [speeds, keys] = efree::bench::arguments(argc, argv, 3);
   efree::set_num_threads(1);
   if (std::atoi(argv[1]) == 2)
     efree::hit<2>(std::atof(argv[2]), speeds, keys);

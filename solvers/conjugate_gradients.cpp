@@ -144,15 +144,12 @@ bool ConjugateGradients::take(const SymmetricMatrix& lower) {
         const double* value = lower.valuePtr() + lower.outerIndexPtr()[graph_.first[a] + c];
         for (Index k = graph_.offsets[a]; k < graph_.offsets[a + 1]; ++k) {
           const Index b = graph_.rows[k], width = graph_.first[b + 1] - graph_.first[b];
-          const bool below = place_[graph_.first[b]] > place_[graph_.first[a]];  // its mirror image is above
+          const bool below = place_[graph_.first[b]] >= place_[graph_.first[a]];  // its mirror image is above
           const std::ptrdiff_t stride = rows_[below ? rows_of_[a] : rows_of_[b]].stride;
           const std::ptrdiff_t by_row = below ? 1 : stride, by_column = below ? stride : 1;
           float* const block = values_.data() + blocks_[k];
-          for (Index r = b == a ? c : 0; r < width; ++r) {
-            const float now = static_cast<float>(scale_ * *value++);
-            block[r * by_row + c * by_column] = now;
-            if (b == a) block[c * by_row + r * by_column] = now;
-          }
+          for (Index r = b == a ? c : 0; r < width; ++r)
+            block[r * by_row + c * by_column] = static_cast<float>(scale_ * *value++);
         }
       }
     }
@@ -231,6 +228,10 @@ ConjugateGradients::Descent ConjugateGradients::descend(const Vector& forces, do
   for (double left = 1.0; left > tolerance; left = std::sqrt(dot(r, r)) / whole) {
     const bool hopeless = now.products > 0 && now.products % probation == 0 &&
                           now.products * std::log(tolerance) < most * std::log(std::min(left, 0.99));
+    if (hopeless || now.products == most) {
+      now.ended = false;
+      break;
+    }
     precondition(r, z);
     const double next = dot(r, z);
     if (now.products == 0)
@@ -239,8 +240,9 @@ ConjugateGradients::Descent ConjugateGradients::descend(const Vector& forces, do
       p = z + next / rz * p;
     rz = next;
     multiply(p.cast<float>(), q);
+    ++now.products;
     const double curvature = dot(p, q);
-    if (hopeless || now.products++ == most || !(curvature > 0.0)) {
+    if (!(curvature > 0.0)) {
       now.ended = false;
       break;
     }

@@ -24,7 +24,8 @@ class LinearSolver {
   /// Of the last factor: 0 if the matrix is positive definite, else the number of its negative eigenvalues (Sylvester's
   /// law of inertia).
   virtual Index negative_pivots() const = 0;
-  /// X with A X = B, to rounding unless the solver says otherwise, one column per right-hand side. Throws InputError if B has not a row for each unknown.
+  /// X with A X = B, to rounding unless the solver says otherwise, one column per right-hand side. Throws InputError if
+  /// B has not a row for each unknown.
   virtual Matrix solve(const Eigen::Ref<const Matrix>& B) const = 0;
 };
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/mesh/spatial_order.hpp"
 
+#include "efree/geometry/mesh/internal/spatial_order.hpp"
+
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Spatial_sort_traits_adapter_2.h>
 #include <CGAL/Spatial_sort_traits_adapter_3.h>
@@ -13,12 +15,10 @@
 #include <vector>
 
 namespace efree {
-namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 
-/// The vertices along the curve.
-template <int Dim> std::vector<std::size_t> along_curve(const Points<Dim>& vertices) {
+template <int Dim> std::vector<std::size_t> internal::along_curve(const Points<Dim>& vertices) {
   std::vector<std::size_t> order(vertices.cols());
   std::iota(order.begin(), order.end(), 0);
   const auto sort = [&]<class Point, template <class, class> class Traits>(std::vector<Point> points) {
@@ -37,10 +37,8 @@ template <int Dim> std::vector<std::size_t> along_curve(const Points<Dim>& verti
   return order;
 }
 
-}  // namespace
-
 template <int Dim> MeshData<Dim> in_spatial_order(MeshData<Dim> mesh) {
-  const std::vector<std::size_t> order = along_curve<Dim>(mesh.vertices);
+  const std::vector<std::size_t> order = internal::along_curve<Dim>(mesh.vertices);
   std::vector<Index> number(order.size());
   for (std::size_t k = 0; k < order.size(); ++k) number[order[k]] = static_cast<Index>(k);
   mesh.vertices = Points<Dim>(mesh.vertices(Eigen::all, order));
@@ -71,6 +69,8 @@ template <int Dim> MeshData<Dim> in_spatial_order(MeshData<Dim> mesh) {
   return mesh;
 }
 
+template std::vector<std::size_t> internal::along_curve<2>(const Points<2>&);
+template std::vector<std::size_t> internal::along_curve<3>(const Points<3>&);
 template MeshData<2> in_spatial_order<2>(MeshData<2>);
 template MeshData<3> in_spatial_order<3>(MeshData<3>);
 

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
+#include "efree/geometry/mesh/internal/spatial_order.hpp"
 #include "efree/geometry/meshing/internal/image_field.hpp"
 #include "efree/geometry/meshing/internal/image_regions.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
@@ -14,14 +15,10 @@
 #include <CGAL/Mesh_criteria_3.h>
 #include <CGAL/Mesh_domain_with_polyline_features_3.h>
 #include <CGAL/Mesh_triangulation_3.h>
-#include <CGAL/Spatial_sort_traits_adapter_3.h>
-#include <CGAL/hilbert_sort.h>
 #include <CGAL/make_mesh_3.h>
-#include <CGAL/property_map.h>
 #include <fmt/format.h>
 #include <algorithm>
 #include <map>
-#include <numeric>
 #include <set>
 
 namespace efree {
@@ -164,29 +161,24 @@ MeshData<3> collect(const Complex& complex, const LabelImage<3>& image) {
   const Triangulation& tr = complex.triangulation();
   std::map<Triangulation::Vertex_handle, Index> used;
   std::vector<Triangulation::Vertex_handle> vertices;
-  std::vector<Kernel::Point_3> points;
+  Points<3> points(3, tr.number_of_vertices());
   for (auto v = tr.finite_vertices_begin(); v != tr.finite_vertices_end(); ++v) {
+    const auto& p = v->point().point();
+    points.col(std::ssize(vertices)) << p.x(), p.y(), p.z();
     vertices.push_back(v);
-    points.push_back(v->point().point());
   }
-  std::vector<std::size_t> order(points.size());
-  std::iota(order.begin(), order.end(), 0);
-  using PointMap = CGAL::Pointer_property_map<Kernel::Point_3>::type;
-  CGAL::hilbert_sort(order.begin(), order.end(),
-                     CGAL::Spatial_sort_traits_adapter_3<Kernel, PointMap>(CGAL::make_property_map(points)));
+  const std::vector<std::size_t> order = internal::along_curve<3>(points);
   const Vec<3> extent = image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
   MeshData<3> mesh;
-  mesh.vertices.resize(3, static_cast<Index>(points.size()));
+  mesh.vertices = points(Eigen::all, order);
   for (std::size_t k = 0; k < order.size(); ++k) {
     used[vertices[order[k]]] = static_cast<Index>(k);
-    const auto& p = points[order[k]];
-    Vec<3> x(p.x(), p.y(), p.z());
+    auto x = mesh.vertices.col(static_cast<Index>(k));
     for (int d = 0; d < 3; ++d) {
       const double low = image.origin[d], high = low + extent[d];
       if (vertices[order[k]]->in_dimension() < 3 && std::abs(x[d] - low) < 1e-3 * image.spacing[d]) x[d] = low;
       if (vertices[order[k]]->in_dimension() < 3 && std::abs(x[d] - high) < 1e-3 * image.spacing[d]) x[d] = high;
     }
-    mesh.vertices.col(static_cast<Index>(k)) = x;
   }
   std::vector<std::array<Index, 5>> cells;
   for (auto c = complex.cells_in_complex_begin(); c != complex.cells_in_complex_end(); ++c) {

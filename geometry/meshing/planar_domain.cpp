@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
+#include "efree/geometry/mesh/internal/spatial_order.hpp"
 #include "efree/geometry/meshing/internal/planar_regions.hpp"
 
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
@@ -11,13 +12,10 @@
 #include <CGAL/Delaunay_mesh_size_criteria_2.h>
 #include <CGAL/Delaunay_mesher_2.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Spatial_sort_traits_adapter_2.h>
 #include <CGAL/Triangulation_face_base_with_info_2.h>
 #include <CGAL/Triangulation_vertex_base_with_info_2.h>
 #include <CGAL/Unique_hash_map.h>
 #include <CGAL/box_intersection_d.h>
-#include <CGAL/hilbert_sort.h>
-#include <CGAL/property_map.h>
 #include <CGAL/spatial_sort.h>
 #include <fmt/format.h>
 #include <algorithm>
@@ -473,21 +471,14 @@ void refine(const Segments& segments, const Edges& edges, const TriangulateOptio
 /// Vertices along a space-filling curve and cells by their first vertex: neighbours in space are neighbours in memory.
 void number_mesh(Cdt& cdt, MeshData<2>& mesh) {
   std::vector<Cdt::Vertex_handle> vertices;
-  std::vector<Kernel::Point_2> points;
+  Points<2> points(2, cdt.number_of_vertices());
   for (auto v = cdt.finite_vertices_begin(); v != cdt.finite_vertices_end(); ++v) {
+    points.col(std::ssize(vertices)) << v->point().x(), v->point().y();
     vertices.push_back(v);
-    points.push_back(v->point());
   }
-  std::vector<std::size_t> order(points.size());
-  std::iota(order.begin(), order.end(), 0);
-  using PointMap = CGAL::Pointer_property_map<Kernel::Point_2>::type;
-  CGAL::hilbert_sort(order.begin(), order.end(),
-                     CGAL::Spatial_sort_traits_adapter_2<Kernel, PointMap>(CGAL::make_property_map(points)));
-  mesh.vertices.resize(2, static_cast<Index>(order.size()));
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    vertices[order[k]]->info().number = static_cast<Index>(k);
-    mesh.vertices.col(static_cast<Index>(k)) << points[order[k]].x(), points[order[k]].y();
-  }
+  const std::vector<std::size_t> order = internal::along_curve<2>(points);
+  for (std::size_t k = 0; k < order.size(); ++k) vertices[order[k]]->info().number = static_cast<Index>(k);
+  mesh.vertices = points(Eigen::all, order);
   std::vector<std::array<Index, 4>> cells;  // vertices and region
   for (auto f = cdt.finite_faces_begin(); f != cdt.finite_faces_end(); ++f) {
     if (!f->is_in_domain()) continue;
