@@ -44,7 +44,7 @@ template <int Dim> double rounding_force(const Materials<Dim>& materials, const 
 /// both.
 template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, const Result<Dim>& result,
                                            const Answer<Dim>& answer, const Loads<Dim>& loads,
-                                           const ElementReactions<Dim>* of_elements) {
+                                           const typename ElementReactions<Dim>::Held* of_elements) {
   const FineSpace<Dim>& space = result.basis().space;
   Balance<Dim> balance{answer.balance.reactions, {}};
   double free_work = 0.0, load_work = 0.0;
@@ -54,10 +54,9 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
     balance.loads = answer.balance.loads;
   } else {
     if (of_elements) {
-      auto held = (*of_elements)(loads, answer.solution);
-      balance.reactions = std::move(held.reactions);
-      free_work = held.free_work;
-      load_work = std::abs(held.load_work);
+      balance.reactions = of_elements->reactions;
+      free_work = of_elements->free_work;
+      load_work = std::abs(of_elements->load_work);
     }
     balance.loads = applied_loads(space, loads);
   }
@@ -181,23 +180,34 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   const Approximation<Dim>& basis = result.basis();
   const auto materials = materials_of(result.model, *mesh.mesh);
   std::optional<RecoveryFits<Dim>> fits;
-  std::optional<ElementReactions<Dim>> of_elements;
-  if (result.history.empty() && (without_cloud || result.elements))
-    of_elements.emplace(basis, result.model, settings.supports);
-  const auto finish = [&](Answer<Dim>& answer, const Loads<Dim>& loads, const std::string& of) {
+  const auto answers = answers_in(result);
+  const auto loads_in = [&](std::size_t k) -> const Loads<Dim>& {
+    return k == 0 ? settings.loads : settings.cases[k].loads;
+  };
+  std::vector<typename ElementReactions<Dim>::Held> of_elements;
+  if (result.history.empty() && (without_cloud || result.elements)) {
+    std::vector<Loads<Dim>> loads;
+    std::vector<const Solution<Dim>*> solutions;
+    for (std::size_t k = 0; k < answers.size(); ++k) {
+      loads.push_back(loads_in(k));
+      solutions.push_back(&answers[k]->solution);
+    }
+    of_elements = ElementReactions<Dim>(basis, result.model, settings.supports)(loads, solutions);
+  }
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    Answer<Dim>& answer = *answers[k];
+    const Loads<Dim>& loads = loads_in(k);
+    const std::string of = k == 0 ? "" : fmt::format("case \"{}\": ", settings.cases[k].name);
     if (answer.fields.displacement.size() == 0) {
       if (!fits) fits.emplace(recovery_fits(basis));
       answer.fields = recover_fields(basis, answer.solution, *fits);
     }
     check_finite(answer);
     if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
-    answer.balance = balance_of(materials, result, answer, loads, of_elements ? &*of_elements : nullptr);
+    answer.balance = balance_of(materials, result, answer, loads, of_elements.empty() ? nullptr : &of_elements[k]);
     check_balance(answer.balance, of, result);
     check_free_work(answer, of, result);
-  };
-  finish(result, settings.loads, "");
-  for (std::size_t k = 1; k < settings.cases.size(); ++k)
-    finish(result.more[k - 1], settings.cases[k].loads, fmt::format("case \"{}\": ", settings.cases[k].name));
+  }
   if (settings.has_exact())
     located(settings, settings.where,
             [&] { result.errors = errors_against(basis, result.fields, materials, settings.exact); });

@@ -203,11 +203,13 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     auto solutions = solver->solve_all(all);
     result.more.resize(all.size() - 1);
     const auto answers = answers_in(result);
+    std::vector<const Solution<Dim>*> solved;
     for (std::size_t k = 0; k < all.size(); ++k) {
-      Answer<Dim>& answer = *answers[k];
-      answer.solution = std::move(solutions[k]);
-      answer.balance.reactions = solver->reactions(answer.solution, all[k]);
+      answers[k]->solution = std::move(solutions[k]);
+      solved.push_back(&answers[k]->solution);
     }
+    auto reactions = solver->reactions(solved, all);
+    for (std::size_t k = 0; k < all.size(); ++k) answers[k]->balance.reactions = std::move(reactions[k]);
   }
   if (options.kind != BasisKind::mls) {
     const auto fits = recovery_fits(result.approximation);

@@ -13,31 +13,32 @@ using internal::for_each_point;
 using internal::place_text;
 using internal::to_nodes;
 
-/// Adds the forces of a traction at the degrees of freedom of the space.
-template <int Dim> void add(const FineSpace<Dim>& space, const TractionCondition<Dim>& load, Points<Dim>& forces) {
+/// Calls put(degree of freedom of the space, force) for the forces of a traction; several at one degree of freedom.
+template <int Dim, class Put>
+void spread(const FineSpace<Dim>& space, const TractionCondition<Dim>& load, const Put& put) {
   for_each_point<Dim>(space, space.mesh().group(load.on), [&](const BoundaryPoint<Dim>& point) {
     const Vec<Dim> t = load.traction(point.x, point.n);
     if (!t.allFinite())
       throw InputError(fmt::format("{} on \"{}\" is {} at {}, expected finite numbers", load.kind, load.on,
                                    place_text<Dim>(t), place_text<Dim>(point.x)));
-    for (std::size_t i = 0; i < point.dofs.size(); ++i) forces.col(point.dofs[i]) += point.weight * point.N[i] * t;
+    for (std::size_t i = 0; i < point.dofs.size(); ++i) put(point.dofs[i], point.weight * point.N[i] * t);
   });
 }
 /// Likewise those of a resultant.
-template <int Dim> void add(const FineSpace<Dim>& space, const ResultantLoad<Dim>& load, Points<Dim>& forces) {
+template <int Dim, class Put> void spread(const FineSpace<Dim>& space, const ResultantLoad<Dim>& load, const Put& put) {
   if (space.axisymmetric() && (load.force[0] != 0.0 || !load.moment.isZero(0.0) || (load.at && (*load.at)[0] != 0.0)))
     throw InputError(fmt::format(
         "force on \"{}\": around an axis of revolution only forces along it, [0, F], have a resultant", load.on));
   AreaMoments<Dim> part;
   for_each_point<Dim>(space, space.mesh().group(load.on),
                       [&](const BoundaryPoint<Dim>& point) { part.add(point.x, point.weight); });
-  if (!space.axisymmetric()) return add(space, part.traction(load), forces);
+  if (!space.axisymmetric()) return spread(space, part.traction(load), put);
   const Vec<Dim> t = load.force / part.area;
-  add(space, TractionCondition<Dim>{load.on, [t](const Vec<Dim>&, const Vec<Dim>&) { return t; }, "force"}, forces);
+  spread(space, TractionCondition<Dim>{load.on, [t](const Vec<Dim>&, const Vec<Dim>&) { return t; }, "force"}, put);
 }
 /// Likewise those of a force per volume, from region and place.
-template <int Dim, class Force>
-void add_inside(const FineSpace<Dim>& space, const std::string& kind, const Force& force, Points<Dim>& forces) {
+template <int Dim, class Force, class Put>
+void spread_inside(const FineSpace<Dim>& space, const std::string& kind, const Force& force, const Put& put) {
   const auto rule = simplex_rule<Dim>(4);
   for (Index c = 0; c < space.mesh().num_cells(); ++c)
     for (Index q = 0; q < rule.weights.size(); ++q) {
@@ -48,38 +49,38 @@ void add_inside(const FineSpace<Dim>& space, const std::string& kind, const Forc
       const auto N = space.values(rule.points.col(q));
       const auto dofs = space.cell(c);
       for (std::size_t i = 0; i < dofs.size(); ++i)
-        forces.col(dofs[i]) += space.mesh().volume(c) * rule.weights[q] * space.measure(x) * N[i] * b;
+        put(dofs[i], space.mesh().volume(c) * rule.weights[q] * space.measure(x) * N[i] * b);
     }
 }
 
-/// Calls visit(part, kind, what adds its forces) for every load.
+/// Calls visit(part, kind, what spreads it) for every load.
 template <int Dim, class Visit>
 void for_each_load(const FineSpace<Dim>& space, const Loads<Dim>& loads, const Visit& visit) {
   if (!loads.followers.empty())
     throw InputError(fmt::format("pressure on \"{}\" follows the body, which is taken to be at rest here",
                                  loads.followers.front().on));
   for (const auto& load : loads.tractions)
-    visit(load.on, load.kind, [&](Points<Dim>& forces) { add(space, load, forces); });
+    visit(load.on, load.kind, [&](const auto& put) { spread(space, load, put); });
   for (const auto& load : loads.resultants)
-    visit(load.on, std::string("force"), [&](Points<Dim>& forces) { add(space, load, forces); });
+    visit(load.on, std::string("force"), [&](const auto& put) { spread(space, load, put); });
   if (loads.body_force)
-    visit("", std::string("body_force"), [&](Points<Dim>& forces) {
-      add_inside(
-          space, "body force", [&](Index, const Vec<Dim>& x) { return loads.body_force(x); }, forces);
+    visit("", std::string("body_force"), [&](const auto& put) {
+      spread_inside(
+          space, "body force", [&](Index, const Vec<Dim>& x) { return loads.body_force(x); }, put);
     });
   if (loads.mass_forces.empty()) return;
   require(static_cast<Index>(loads.density.size()) == space.mesh().num_regions(),
           "accelerations and rotations need a density for every region");
   for (const auto& load : loads.mass_forces)
-    visit("", load.kind, [&](Points<Dim>& forces) {
-      add_inside(
+    visit("", load.kind, [&](const auto& put) {
+      spread_inside(
           space, "the force by the " + load.kind,
           [&](Index region, const Vec<Dim>& x) {
             Vec<3> place = Vec<3>::Zero();
             place.head<Dim>() = x;
             return Vec<Dim>(loads.density[region].at(place) * load.per_mass(x));
           },
-          forces);
+          put);
     });
 }
 
@@ -107,17 +108,24 @@ template <int Dim> TractionCondition<Dim> AreaMoments<Dim>::traction(const Resul
 template <int Dim>
 Points<Dim> load_vector(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape, const Loads<Dim>& loads) {
   Points<Dim> fine = Points<Dim>::Zero(Dim, space.size());
-  for_each_load(space, loads, [&](const std::string&, const std::string&, const auto& add_to) { add_to(fine); });
+  for_each_load(space, loads, [&](const std::string&, const std::string&, const auto& spread) {
+    spread([&](Index dof, const Vec<Dim>& force) { fine.col(dof) += force; });
+  });
   return to_nodes(shape, fine);
 }
 
 template <int Dim> std::vector<AppliedLoad<Dim>> applied_loads(const FineSpace<Dim>& space, const Loads<Dim>& loads,
                                                                const Points<Dim>* moved_by) {
   std::vector<AppliedLoad<Dim>> applied;
-  for_each_load(space, loads, [&](const std::string& on, const std::string& kind, const auto& add_to) {
-    Points<Dim> forces = Points<Dim>::Zero(Dim, space.size());
-    add_to(forces);
-    applied.push_back({on, kind, resultant_of(space, forces, moved_by)});
+  for_each_load(space, loads, [&](const std::string& on, const std::string& kind, const auto& spread) {
+    Resultant<Dim> sum;
+    spread([&](Index dof, const Vec<Dim>& force) {
+      Vec<Dim> x = space.points().col(dof);
+      if (moved_by) x += moved_by->col(dof);
+      sum.add(x, force);
+    });
+    if (space.axisymmetric()) sum.moment.setZero();
+    applied.push_back({on, kind, sum});
   });
   return applied;
 }

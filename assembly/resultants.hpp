@@ -2,7 +2,7 @@
 /// Forces and moments of all that acts on a body, or on a part of it.
 #pragma once
 
-#include "efree/basis/fine_space.hpp"
+#include "efree/core/types.hpp"
 
 #include <map>
 #include <string>
@@ -41,10 +41,6 @@ template <int Dim> struct Resultant {
 
 /// By part of the boundary.
 template <int Dim> using Resultants = std::map<std::string, Resultant<Dim>>;
-
-/// Of forces at the degrees of freedom of a space (Dim x space.size()), where these are, or have moved to.
-template <int Dim> Resultant<Dim> resultant_of(const FineSpace<Dim>& space, const Points<Dim>& forces,
-                                               const Points<Dim>* moved_by = nullptr);
 
 /// What is out of balance, relative: the largest component of the sum of all resultants over the sum of their sizes,
 /// and of moments over that or the sum of forces times `length` (the size of the body). Axisymmetric: along the axis.

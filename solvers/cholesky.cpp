@@ -109,8 +109,7 @@ struct Cholesky::Impl {
   std::optional<Supernodes> supernodes;
   std::vector<double> signs;  ///< of the pivots, in the order of the factor; empty: all positive
   bool is_current = false;    ///< whether there are values in the factor
-  double pivot_ratio = 1.0;
-  double operations = 0.0;  ///< of a supernodal factor
+  double operations = 0.0;    ///< of a supernodal factor
   Index negative = 0;
 
   /// Threaded BLAS sums in an order that depends on the number of threads.
@@ -120,20 +119,47 @@ struct Cholesky::Impl {
   }
   Factor own(cholmod_factor* one) { return Factor(one, Free{common.get()}); }
 
-  /// Orders the nodes (AMD, or METIS where that is better) and finds the supernodes of their graph. All unknowns of a
-  /// node meet those of its neighbours, so the supernodes of the matrix are the same; it has up to nine times the
-  /// entries.
+  /// Orders the nodes and finds the supernodes of their graph. All unknowns of a node meet those of its neighbours, so
+  /// the supernodes of the matrix are the same; it has up to nine times the entries.
   void analyse_nodes(NodeGraph graph) {
     const double per_node = static_cast<double>(unknowns) / std::max<Index>(1, graph.size());
     cholmod_sparse view = symmetric_view(graph.size(), graph.offsets.data(), graph.rows.data(), nullptr);
     Common defaults;  // CHOLMOD's widths below which supernodes are joined, in unknowns
     for (std::size_t k = 0; k < std::size(defaults.common.nrelax); ++k)
       common.common.nrelax[k] = static_cast<std::size_t>(std::lround(defaults.common.nrelax[k] / per_node));
-    common.common.nmethods = 0;  // CHOLMOD's own strategy, also after an earlier pattern
     common.common.supernodal = CHOLMOD_SUPERNODAL;
-    of_nodes = own(cholmod_analyze(&view, common.get()));
-    common.check(unknowns);
+    if (const Followers all = followers(graph); all.are_mostly_between_two()) {
+      analyse_leaders(all, per_node, view);
+    } else {
+      common.common.nmethods = 0;  // AMD, or METIS where that is better; also after an earlier pattern
+      of_nodes = own(cholmod_analyze(&view, common.get()));
+      common.check(unknowns);
+    }
     first = std::move(graph.first);
+  }
+  /// Orders the nodes that others follow: by AMD, and where a factor takes so many operations for each of them that it
+  /// is worth it, by METIS. `nodes`: the graph of all.
+  void analyse_leaders(const Followers& all, double per_node, cholmod_sparse& nodes) {
+    constexpr double worth_metis = 2.5e5;
+    cholmod_sparse view = symmetric_view(all.size(), all.offsets.data(), all.rows.data(), nullptr);
+    std::vector<Index> of_leaders(all.leaders.size());
+    const auto analyse = [&] {
+      std::vector<Index> order = all.order(of_leaders);
+      common.common.nmethods = 1;
+      common.common.method[0].ordering = CHOLMOD_GIVEN;
+      Factor result = own(cholmod_analyze_p(&nodes, order.data(), nullptr, 0, common.get()));
+      common.check(unknowns);
+      return result;
+    };
+    cholmod_amd(&view, nullptr, 0, of_leaders.data(), common.get());
+    common.check(unknowns);
+    of_nodes = analyse();
+    const double by_amd = common.common.fl;
+    if (by_amd * std::pow(per_node, 3) < worth_metis * all.size()) return;
+    cholmod_metis(&view, nullptr, 0, 1, of_leaders.data(), common.get());
+    common.check(unknowns);
+    Factor other = analyse();
+    if (common.common.fl < by_amd) of_nodes = std::move(other);
   }
   /// The unknowns in the order of their nodes.
   std::vector<Index> order() const {
@@ -219,7 +245,7 @@ struct Cholesky::Impl {
   void require_regular() {
     // Rounding can hide a zero pivot; what it leaves is no stiffness.
     constexpr double smallest_pivot_ratio = 1e-13;
-    pivot_ratio = cholmod_rcond(factor.get(), common.get());
+    const double pivot_ratio = cholmod_rcond(factor.get(), common.get());
     if (pivot_ratio < smallest_pivot_ratio)
       throw NumericalError(
           fmt::format("the matrix is singular to working precision (smallest over largest pivot {:.1e})", pivot_ratio));
@@ -281,10 +307,6 @@ void Cholesky::factorize(const SymmetricMatrix& lower) {
   }
   impl_->require_regular();
   impl_->is_current = true;
-}
-
-double Cholesky::pivot_ratio() const {
-  return impl_->pivot_ratio;
 }
 
 Index Cholesky::negative_pivots() const {

@@ -33,8 +33,6 @@ class Cholesky final : public LinearSolver {
   bool factorize_if_definite(const SymmetricMatrix& lower);
   Index negative_pivots() const override;
   Matrix solve(const Eigen::Ref<const Matrix>& B) const override;
-  /// Of the last factor: its smallest pivot over the largest. Near one over the condition number, or larger.
-  double pivot_ratio() const;
   /// Entries of the factor.
   double factor_entries() const;
   /// Multiplications and additions that a supernodal factor of what was analysed takes.

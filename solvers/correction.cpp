@@ -10,6 +10,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/coarse_space.hpp"
+#include "efree/solvers/internal/combinations.hpp"
 #include "efree/solvers/internal/condensation.hpp"
 #include "efree/solvers/internal/hats.hpp"
 #include "efree/solvers/internal/in_step.hpp"
@@ -103,6 +104,15 @@ template <int Dim> struct Supports {
     }
   }
   bool is_free(Index node) const { return of_node[node] < 0; }
+  /// What is held of x, support by support.
+  Points<Dim> held(const Points<Dim>& x) const {
+    Points<Dim> result(Dim, std::ssize(supports));
+    for (std::size_t k = 0; k < supports.size(); ++k) {
+      const Vec<Dim> there = x.col(supports[k].node);
+      result.col(static_cast<Index>(k)) = there - supports[k].free * there;
+    }
+    return result;
+  }
   Mat<Dim> free(Index node) const {
     return is_free(node) ? Mat<Dim>(Mat<Dim>::Identity()) : supports[of_node[node]].free;
   }
@@ -388,6 +398,10 @@ template <int Dim> struct Corrector<Dim>::Impl {
     const Vector forces = weak.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped();
     return forces.reshaped(Dim, u.cols());
   }
+  /// Nitsche's part in the energy of a displacement at the degrees of freedom of the space.
+  double energy_held_weakly(const Points<Dim>& u) const {
+    return weak.matrix.size() == 0 ? 0.0 : 0.5 * dot<Dim>(u, held_weakly(u));
+  }
   /// What a functional works with on displacements, at the element nodes.
   Points<Dim> forces_of(const Functional<Dim>& functional) const {
     Points<Dim> forces = gathered(functional.forces);
@@ -399,11 +413,22 @@ template <int Dim> struct Corrector<Dim>::Impl {
   struct Beginning {
     Points<Dim> forces, start, u;
   };
+  /// Where they end.
+  struct End {
+    Correction<Dim> correction;
+    double energy = 0.0;  ///< twice that of the best answer there is
+  };
   /// All of them in step.
-  std::vector<Correction<Dim>> iterate(std::vector<Beginning> from, const CorrectionOptions& options,
+  std::vector<Correction<Dim>> iterate(const std::vector<Beginning>& from, const CorrectionOptions& options,
                                        const Stage& stage) const;
-  Iteration iterate(InStep<Dim>& in_step, const Points<Dim>& forces, const Points<Dim>& start, Points<Dim>& u,
-                    const CorrectionOptions& options, const Stage& stage, Correction<Dim>& result) const;
+  /// Those of these numbers.
+  void iterate(const std::vector<Beginning>& from, const std::vector<std::size_t>& numbers,
+               const CorrectionOptions& options, const Stage& stage, std::vector<End>& ends) const;
+  Iteration iterate(InStep<Dim>& in_step, const Beginning& from, const CorrectionOptions& options, const Stage& stage,
+                    End& end) const;
+  /// The sum of answers to other forces.
+  Iteration combine(InStep<Dim>& in_step, const Beginning& from, const std::vector<internal::Term>& terms,
+                    const std::vector<End>& ends, End& end) const;
 };
 
 namespace {
@@ -512,26 +537,80 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::correct_all(cons
     from.push_back({impl_->loads(cases[k], identity), start, start});
     impl_->supports.impose(from.back().u);
   }
-  return impl_->iterate(std::move(from), options, stage);
+  return impl_->iterate(from, options, stage);
 }
 
-template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(std::vector<Beginning> from,
+template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(const std::vector<Beginning>& from,
                                                                               const CorrectionOptions& options,
                                                                               const Stage& stage) const {
-  InStep<Dim> in_step(K, smoother);
-  std::vector<Correction<Dim>> results(from.size());
-  std::vector<Iteration> iterations;
+  std::vector<End> ends(from.size());
+  std::vector<std::vector<internal::Term>> sums(from.size());
+  if (options.iterations < 0 && from.size() > 1) {  // which are to take answers to a tolerance, from wherever
+    std::vector<std::array<Vector, 2>> causes;
+    for (const Beginning& one : from) causes.push_back({one.forces.reshaped(), supports.held(one.u).reshaped()});
+    sums = internal::combinations(causes);
+  }
+  std::vector<std::size_t> alone, left;
   for (std::size_t k = 0; k < from.size(); ++k)
-    iterations.push_back(iterate(in_step, from[k].forces, from[k].start, from[k].u, options, stage, results[k]));
+    if (sums[k].empty()) alone.push_back(k);
+  iterate(from, alone, options, stage, ends);
+  InStep<Dim> in_step(K, smoother);
+  std::vector<Iteration> combined;
+  for (std::size_t k = 0; k < from.size(); ++k)
+    if (!sums[k].empty()) combined.push_back(combine(in_step, from[k], sums[k], ends, ends[k]));
   in_step.run();
-  for (const Iteration& one : iterations) one.check();
+  for (const Iteration& one : combined) one.check();
+  for (std::size_t k = 0; k < from.size(); ++k)  // most of the sum may cancel
+    if (!sums[k].empty() && !(ends[k].correction.error <= options.tolerance)) left.push_back(k);
+  iterate(from, left, options, stage, ends);
+  std::vector<Correction<Dim>> results;
+  for (End& end : ends) results.push_back(std::move(end.correction));
   return results;
 }
 
-template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Points<Dim>& forces,
-                                                           const Points<Dim>& start, Points<Dim>& u,
+template <int Dim>
+void Corrector<Dim>::Impl::iterate(const std::vector<Beginning>& from, const std::vector<std::size_t>& numbers,
+                                   const CorrectionOptions& options, const Stage& stage, std::vector<End>& ends) const {
+  InStep<Dim> in_step(K, smoother);
+  std::vector<Iteration> iterations;
+  for (const std::size_t k : numbers) {
+    ends[k] = {};
+    iterations.push_back(iterate(in_step, from[k], options, stage, ends[k]));
+  }
+  in_step.run();
+  for (const Iteration& one : iterations) one.check();
+}
+
+template <int Dim> Iteration Corrector<Dim>::Impl::combine(InStep<Dim>& in_step, const Beginning& from,
+                                                           const std::vector<internal::Term>& terms,
+                                                           const std::vector<End>& ends, End& end) const {
+  Correction<Dim>& result = end.correction;
+  result.displacement = Points<Dim>::Zero(Dim, approximation.space.size());
+  double off = 0.0;  // at most
+  for (const auto& [k, factor] : terms) {
+    const Correction<Dim>& term = ends[k].correction;
+    add<Dim>(result.displacement, factor, term.displacement);
+    off += std::abs(factor) * term.error * std::sqrt(std::max(0.0, ends[k].energy));
+    result.iterations = std::max(result.iterations, term.iterations);
+  }
+  const Points<Dim> u = at_nodes(result.displacement), moved = from.start - u;
+  Points<Dim> forces, of_start;
+  co_await in_step.multiply(u, forces);
+  co_await in_step.multiply(moved, of_start);
+  end.energy = dot<Dim>(u, forces) + condensation.work(u, u);
+  const double start = dot<Dim>(moved, of_start) + condensation.work(moved, moved);
+  const bool deformed = end.energy > no_energy * energy_one_by_one(u);
+  result.error = deformed ? off / std::sqrt(end.energy) : 0.0;
+  result.start_error = deformed ? std::sqrt(std::max(0.0, start) / end.energy) : 0.0;
+  result.strain_energy = 0.5 * end.energy - energy_held_weakly(result.displacement);
+}
+
+template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Beginning& from,
                                                            const CorrectionOptions& options, const Stage& stage,
-                                                           Correction<Dim>& result) const {
+                                                           End& end) const {
+  const auto& [forces, start, first_u] = from;
+  Points<Dim> u = first_u;
+  Correction<Dim>& result = end.correction;
   const Impl& problem = *this;
   // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
   const Points<Dim> f = condensation.reduced(forces);
@@ -684,7 +763,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
 
   u = with_all(std::move(u));
   answer = with_all(std::move(answer));
-  const double best_energy = work + condensation.work(u, u);
+  const double best_energy = end.energy = work + condensation.work(u, u);
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
   const Points<Dim> off = start - u;
@@ -695,10 +774,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   for (const double one : taken) result.taken.push_back(one);
   for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
   result.displacement = answer(Eigen::all, problem.nodes.at);
-  if (problem.weak.matrix.size() > 0) {
-    const Vector v = result.displacement.reshaped();
-    result.strain_energy -= 0.5 * v.dot(problem.weak.matrix.template selfadjointView<Eigen::Lower>() * v);
-  }
+  result.strain_energy -= energy_held_weakly(result.displacement);
   if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.start_error))
     throw NumericalError("correction: the solution is not finite");
   if (open && result.error > options.tolerance)
@@ -717,7 +793,7 @@ template <int Dim> std::vector<DualSolution<Dim>> Corrector<Dim>::duals(const st
     from.push_back({impl_->forces_of(functional), start, start});
   }
   std::vector<DualSolution<Dim>> solutions;
-  for (Correction<Dim>& z : impl_->iterate(std::move(from), options, stage))
+  for (Correction<Dim>& z : impl_->iterate(from, options, stage))
     solutions.push_back({.displacement = std::move(z.displacement), .error = z.error, .iterations = z.iterations});
   return solutions;
 }

@@ -26,7 +26,7 @@ template <int Dim> struct Correction {
   double start_error = 0.0;    ///< of the displacement it started from
   double error = 0.0;          ///< of `displacement`, estimated
   /// Squared error that each step took off, relative: the best answer in the space of the cloud first, then the
-  /// iterations, also those beyond `displacement` that the estimate took.
+  /// iterations, also those beyond `displacement` that the estimate took. Empty for a sum of other answers.
   std::vector<double> taken;
 };
 
@@ -60,8 +60,10 @@ template <int Dim> class Corrector {
   /// the iterations break down or end without reaching the tolerance.
   Correction<Dim> correct(const Points<Dim>& start, const Loads<Dim>& loads, const CorrectionOptions& options = {},
                           const Monitor& monitor = {}) const;
-  /// The same for several load cases, as one by one but for rounding, in less time: several vectors are multiplied by
-  /// the matrix, swept and solved for coarsely together. Takes ten vectors of the elements for each.
+  /// The same for several load cases in less time: several vectors are multiplied by the matrix, swept and solved for
+  /// coarsely together, each as alone but for rounding. Of loads that are sums of others so are the answers, and errors
+  /// no more than the sums of theirs: only where these are beyond the tolerance are they iterated, too. Takes ten
+  /// vectors of the elements for each.
   std::vector<Correction<Dim>> correct_all(const std::vector<Points<Dim>>& starts, const std::vector<Loads<Dim>>& cases,
                                            const CorrectionOptions& options = {}, const Monitor& monitor = {}) const;
 

@@ -8,6 +8,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/materials/small_and_finite.hpp"
+#include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/reactions.hpp"
@@ -195,8 +196,8 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   /// What tells reactions; made when they are first asked for.
   struct Holding {
     std::once_flag once;
-    std::optional<NitscheReactions<Dim>> weakly;
-    std::optional<NodalReactions<Dim>> nodally;
+    std::optional<NitscheReactions<Dim>> by_nitsche;
+    std::optional<NodalReactions<Dim>> by_nodes;
   };
   std::unique_ptr<Holding> holding = std::make_unique<Holding>();
 
@@ -305,6 +306,27 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       forces += internal_force(unions, Gradients<Dim>(answer.trace * mean.transpose()));
     });
     return forces;
+  }
+
+  /// By coefficients under `factor` times what is prescribed, and forces that are internal less external; these are of
+  /// no use where all is held weakly.
+  Resultants<Dim> reactions(const Points<Dim>& U, double factor, const Points<Dim>& forces) const {
+    const FineSpace<Dim>& space = approximation.space;
+    const std::vector<Index>& nodes = approximation.node_dofs;
+    auto& [once, by_nitsche, by_nodes] = *holding;
+    std::call_once(once, [&, &by_nitsche = by_nitsche, &by_nodes = by_nodes] {
+      std::vector<Restraint<Dim>> others = elastic;
+      if (weakly) others.insert(others.end(), rigid.begin(), rigid.end());
+      by_nitsche.emplace(space, approximation.shape, initial, others, ties);
+      if (weakly) return;
+      std::vector<Index> node_at(space.size(), -1);
+      for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
+      by_nodes.emplace(space, node_at, rigid, others);
+    });
+    Resultants<Dim> reactions = (*by_nitsche)(U, factor);
+    if (weakly) return reactions;
+    for (const auto& [part, of] : (*by_nodes)(forces)) reactions[part] += of;
+    return reactions;
   }
 
   void initial_tangent(SymmetricMatrix& K) const {
@@ -497,30 +519,41 @@ template <int Dim> double Equilibrium<Dim>::energy(const State& state) const {
   return energy;
 }
 
-template <int Dim>
-Resultants<Dim> Equilibrium<Dim>::reactions(const State& state, const VoigtPoints<Dim>* stress) const {
-  const FineSpace<Dim>& space = approximation().space;
-  const ShapeTable<Dim>& shape = approximation().shape;
-  const std::vector<Index>& nodes = approximation().node_dofs;
-  auto& [once, weakly, nodally] = *data_->holding;
-  std::call_once(once, [&, &weakly = weakly, &nodally = nodally] {
-    std::vector<Restraint<Dim>> weak = data_->elastic;
-    if (data_->weakly) weak.insert(weak.end(), data_->rigid.begin(), data_->rigid.end());
-    weakly.emplace(space, shape, data_->initial, weak, data_->ties);
-    if (data_->weakly) return;
-    std::vector<Index> node_at(space.size(), -1);
-    for (std::size_t I = 0; I < nodes.size(); ++I) node_at[nodes[I]] = static_cast<Index>(I);
-    nodally.emplace(space, node_at, data_->rigid, weak);
-  });
+template <int Dim> Resultants<Dim> Equilibrium<Dim>::reactions(const State& state) const {
   const Points<Dim> U = data_->displacements(state);
-  Resultants<Dim> reactions = (*weakly)(U, state.factor);
-  if (data_->weakly) return reactions;
-  const bool by_stress = stress && data_->linear && data_->initial.size() == 1;
-  Points<Dim> forces =
-      by_stress ? forces_of_stress(approximation().quadrature, *stress) : data_->internal_forces(state);
-  if (by_stress && data_->weak.size() > 0) forces += data_->weak_forces(U);
-  forces -= state.factor * (forces_ + data_->weak_prescribed);
-  for (const auto& [part, of] : (*nodally)(forces)) reactions[part] += of;
+  if (data_->weakly) return data_->reactions(U, state.factor, {});
+  return data_->reactions(U, state.factor,
+                          data_->internal_forces(state) - state.factor * (forces_ + data_->weak_prescribed));
+}
+
+template <int Dim>
+std::vector<Resultants<Dim>> Equilibrium<Dim>::reactions(const std::vector<Loads<Dim>>& loads,
+                                                         const std::vector<const Points<Dim>*>& coefficients,
+                                                         const std::vector<const VoigtPoints<Dim>*>& stresses) const {
+  std::vector<Resultants<Dim>> reactions;
+  // Else that of other points counts as well, or that on the boundary alone.
+  const bool by_stress = data_->linear && data_->initial.size() == 1 && !data_->weakly;
+  while (reactions.size() < loads.size()) {
+    const std::size_t first = reactions.size(), end = std::min(first + internal::most_side_by_side, loads.size());
+    std::vector<Points<Dim>> forces;
+    if (by_stress)
+      forces = internal::forces_of_stresses<Dim>(approximation().quadrature,
+                                                 {stresses.begin() + first, stresses.begin() + end});
+    for (std::size_t k = first; k < end; ++k) {
+      const Points<Dim>& U = *coefficients[k];
+      if (!by_stress) {
+        State state = rest();
+        state.u = U.reshaped();
+        state.factor = 1.0;
+        reactions.push_back(with(loads[k]).reactions(state));
+        continue;
+      }
+      Points<Dim>& left = forces[k - first];
+      if (data_->weak.size() > 0) left += data_->weak_forces(U) - data_->weak_prescribed;
+      left -= load_vector(approximation().space, approximation().shape, loads[k]);
+      reactions.push_back(data_->reactions(U, 1.0, left));
+    }
+  }
   return reactions;
 }
 

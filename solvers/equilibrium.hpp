@@ -75,9 +75,13 @@ template <int Dim> class Equilibrium final : public Equations {
   double energy(const State& state) const;
 
   /// By part with displacement conditions: the force and moment by which it holds the body in a state, so that with the
-  /// loads they balance as far as the state solves the equations. `stress`: at the quadrature points, where it is known
-  /// already.
-  Resultants<Dim> reactions(const State& state, const VoigtPoints<Dim>* stress = nullptr) const;
+  /// loads they balance as far as the state solves the equations.
+  Resultants<Dim> reactions(const State& state) const;
+  /// The same of several loads at factor 1, and coefficients and stresses at the quadrature points that solve linear
+  /// equations under them, in less time than one by one.
+  std::vector<Resultants<Dim>> reactions(const std::vector<Loads<Dim>>& loads,
+                                         const std::vector<const Points<Dim>*>& coefficients,
+                                         const std::vector<const VoigtPoints<Dim>*>& stresses) const;
 
   const Approximation<Dim>& approximation() const;
   const Materials<Dim>& materials() const;

@@ -2,6 +2,9 @@
 #include "efree/solvers/internal/node_graph.hpp"
 
 #include <algorithm>
+#include <array>
+#include <numeric>
+#include <ranges>
 #include <utility>
 
 namespace efree {
@@ -61,6 +64,62 @@ Ragged<Index> neighbours(const NodeGraph& graph) {
 }
 
 }  // namespace
+
+Followers followers(const NodeGraph& graph) {
+  const Index n = graph.size();
+  const Ragged<Index> neighbours = efree::neighbours(graph);
+  std::vector<std::array<Index, 2>> pairs;  // a node, and one that it follows
+  std::vector<Index> seen_by(n, -1), number(n, 0);
+  for (Index a = 0; a < n; ++a) {
+    for (const Index b : neighbours[a]) seen_by[b] = a;
+    seen_by[a] = a;
+    for (const Index b : neighbours[a])
+      if (neighbours[b].size() < neighbours[a].size() &&
+          std::ranges::all_of(neighbours[b], [&](Index c) { return seen_by[c] == a; }))
+        pairs.push_back({b, a}), number[b] = -1;
+  }
+  Followers result;
+  for (Index a = 0; a < n; ++a)
+    if (number[a] == 0) number[a] = result.size(), result.leaders.push_back(a);
+  std::erase_if(pairs, [&](const auto& pair) { return number[pair[1]] < 0; });
+  auto& [offsets, items] = result.followed;
+  offsets.assign(n + 1, 0);
+  for (const auto& [follower, leader] : pairs) ++offsets[follower + 1];
+  std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+  items.resize(pairs.size());
+  std::vector<Index> cursor(offsets.begin(), offsets.end() - 1);
+  for (const auto& [follower, leader] : pairs) items[cursor[follower]++] = number[leader];
+  for (const Index a : result.leaders) {
+    for (Index k = graph.offsets[a]; k < graph.offsets[a + 1]; ++k)
+      if (number[graph.rows[k]] >= 0) result.rows.push_back(number[graph.rows[k]]);
+    result.offsets.push_back(static_cast<Index>(result.rows.size()));
+  }
+  return result;
+}
+
+bool Followers::are_mostly_between_two() const {
+  Index count = 0;
+  for (Index a = 0; a < followed.rows(); ++a) count += followed[a].size() == 2 ? 1 : 0;
+  return 2 * count > followed.rows();
+}
+
+std::vector<Index> Followers::order(const std::vector<Index>& of_leaders) const {
+  std::vector<Index> rank(of_leaders.size());
+  for (Index k = 0; k < size(); ++k) rank[of_leaders[k]] = k;
+  // By the first of those it follows, then the last.
+  std::vector<std::array<Index, 3>> places;
+  for (Index a = 0; a < followed.rows(); ++a) {
+    if (followed[a].empty()) continue;
+    const auto [first, last] =
+        std::ranges::minmax(followed[a] | std::views::transform([&](Index leader) { return rank[leader]; }));
+    places.push_back({first, last, a});
+  }
+  for (Index k = 0; k < size(); ++k) places.push_back({k, size(), leaders[of_leaders[k]]});
+  std::ranges::sort(places);
+  std::vector<Index> ordered;
+  for (const auto& place : places) ordered.push_back(place[2]);
+  return ordered;
+}
 
 std::vector<std::vector<Index>> clusters(const NodeGraph& graph, Index size) {
   const Index n = graph.size();

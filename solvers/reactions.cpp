@@ -5,6 +5,7 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/internal/spectrum.hpp"
+#include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 
 #include <algorithm>
@@ -251,21 +252,36 @@ ElementReactions<Dim>::ElementReactions(const Approximation<Dim>& elements, cons
   nodally_ = std::make_unique<const NodalReactions<Dim>>(space, node_at_, nodal, weak);
 }
 
-template <int Dim>
-typename ElementReactions<Dim>::Held ElementReactions<Dim>::operator()(const Loads<Dim>& loads,
-                                                                       const Solution<Dim>& solution) const {
+template <int Dim> std::vector<typename ElementReactions<Dim>::Held> ElementReactions<Dim>::operator()(
+    const std::vector<Loads<Dim>>& loads, const std::vector<const Solution<Dim>*>& solutions) const {
+  std::vector<Held> all;
+  while (all.size() < solutions.size()) {
+    const std::size_t first = all.size(), end = std::min(first + internal::most_side_by_side, solutions.size());
+    std::vector<Points<Dim>> forces;
+    if (terms_.size() == 1) {  // the stiffness is that of the points, and their stress is known
+      std::vector<const VoigtPoints<Dim>*> stresses;
+      for (std::size_t k = first; k < end; ++k) stresses.push_back(&solutions[k]->stress);
+      forces = internal::forces_of_stresses(elements_.quadrature, stresses);
+    } else {
+      for (std::size_t k = first; k < end; ++k) forces.push_back(forces_of(terms_, solutions[k]->coefficients));
+    }
+    for (std::size_t k = first; k < end; ++k)
+      all.push_back(held(loads[k], solutions[k]->coefficients, forces[k - first]));
+  }
+  return all;
+}
+
+template <int Dim> typename ElementReactions<Dim>::Held ElementReactions<Dim>::held(const Loads<Dim>& loads,
+                                                                                    const Points<Dim>& u,
+                                                                                    const Points<Dim>& internal) const {
   const FineSpace<Dim>& space = elements_.space;
-  const Points<Dim>& u = solution.coefficients;
-  Points<Dim> forces = -load_vector(space, elements_.shape, loads);
-  const double load_work = -forces.cwiseProduct(u).sum();
-  if (terms_.size() == 1)  // the stiffness is that of the points, and their stress is known
-    forces += forces_of_stress(elements_.quadrature, solution.stress);
-  else
-    forces += forces_of(terms_, u);
+  const Points<Dim> external = load_vector(space, elements_.shape, loads);
+  const double load_work = external.cwiseProduct(u).sum();
+  Points<Dim> forces = internal - external;
   Resultants<Dim> reactions;
   if (weakly_) {
-    const Vector held = system_.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped() - system_.rhs;
-    forces += held.reshaped(Dim, space.size());
+    const Vector by_restraints = system_.matrix.template selfadjointView<Eigen::Lower>() * u.reshaped() - system_.rhs;
+    forces += by_restraints.reshaped(Dim, space.size());
     reactions = (*weakly_)(u);
   }
   Points<Dim> at_nodes = Points<Dim>::Zero(Dim, nodes_);

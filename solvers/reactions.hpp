@@ -45,10 +45,13 @@ template <int Dim> class ElementReactions {
     double free_work;           ///< of the forces that nothing holds, along the displacements: what iterations leave
     double load_work;           ///< of the loads
   };
-  /// With these displacements (coefficients) and stresses, under these loads.
-  Held operator()(const Loads<Dim>& loads, const Solution<Dim>& solution) const;
+  /// With these displacements (coefficients) and stresses, under these loads; several in less time than one by one.
+  std::vector<Held> operator()(const std::vector<Loads<Dim>>& loads,
+                               const std::vector<const Solution<Dim>*>& solutions) const;
 
  private:
+  Held held(const Loads<Dim>& loads, const Points<Dim>& u, const Points<Dim>& internal) const;
+
   const Approximation<Dim>& elements_;
   std::vector<StiffnessTerm<Dim>> terms_;
   NitscheSystem<Dim> system_;                            ///< of the weak restraints, if there are any

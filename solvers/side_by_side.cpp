@@ -161,6 +161,43 @@ EFREE_FOR_EACH_MACHINE void sum_rows_3(const Sums& of) {
   sum_rows<voigt_size<3>>(of);
 }
 
+/// A point whose stresses work on its nodes.
+template <int Dim> struct Loaded {
+  Index count;         ///< nodes
+  const Index* nodes;  ///< of the row
+  const double* dN;    ///< by node and direction
+  const double* hoop;  ///< by node; none: zero
+  const double* stress;
+  double* forces;
+};
+
+template <int Dim, int lanes> EFREE_INLINE void spread_at(const Loaded<Dim>& at) {
+  using Lanes = typename LanesOf<double, lanes>::type;
+  constexpr auto component = [] {  // of a stress in Voigt order
+    if constexpr (Dim == 2)
+      return std::array{std::array{0, 3}, std::array{3, 1}};
+    else
+      return std::array{std::array{0, 5, 4}, std::array{5, 1, 3}, std::array{4, 3, 2}};
+  }();
+  Lanes stress[voigt_size<Dim>];
+  std::memcpy(stress, at.stress, sizeof stress);
+  NodeLanes<double, Dim, lanes> force;
+  for (Index k = 0; k < at.count; ++k) {
+    force.load(at.forces, at.nodes[k]);
+    for (int i = 0; i < Dim; ++i)
+      for (int J = 0; J < Dim; ++J) force.of[i] += at.dN[Dim * k + J] * stress[component[i][J]];
+    if constexpr (Dim == 2)
+      if (at.hoop) force.of[0] += at.hoop[k] * stress[2];
+    force.store(at.forces, at.nodes[k]);
+  }
+}
+EFREE_FOR_EACH_MACHINE void spread_2(Index lanes, const Loaded<2>& at) {
+  lanes == 4 ? spread_at<2, 4>(at) : spread_at<2, 8>(at);
+}
+EFREE_FOR_EACH_MACHINE void spread_3(Index lanes, const Loaded<3>& at) {
+  lanes == 4 ? spread_at<3, 4>(at) : spread_at<3, 8>(at);
+}
+
 template <int Dim> EFREE_INLINE void respond_in(Index lanes, const Point<Dim>& at) {
   if (lanes == 1)
     respond_at<Dim, 1>(at);
@@ -259,6 +296,45 @@ template <int Dim> void weighted_sums(const SparseRows& weights, const VoigtPoin
   });
 }
 
+template <int Dim> std::vector<Points<Dim>> forces_of_stresses(const Discretization<Dim>& discretization,
+                                                               const std::vector<const VoigtPoints<Dim>*>& stresses) {
+  if (stresses.size() == 1) return {forces_of_stress(discretization, *stresses.front())};
+  constexpr int size = voigt_size<Dim>;
+  const auto count = static_cast<Index>(stresses.size());
+  const Index nodes = discretization.shape.num_nodes();
+  std::vector<Points<Dim>> forces(stresses.size());
+  // Each thread has some of them, and all points.
+  const Index share = std::clamp((count + num_threads() - 1) / num_threads(), Index{2}, most_side_by_side);
+  parallel_chunks(count, share, [&](Index begin, Index end) {
+    const Index lanes = end - begin <= 4 ? 4 : most_side_by_side;
+    std::vector<double> packed(static_cast<std::size_t>(Dim * lanes) * nodes, 0.0);
+    std::array<double, std::size_t{size} * most_side_by_side> stress{};
+    for (Index K = 0; K < discretization.size(); ++K) {
+      for (Index lane = 0; lane < end - begin; ++lane) {
+        const double* const from = stresses[begin + lane]->col(K).data();
+        for (int i = 0; i < size; ++i) stress[i * lanes + lane] = discretization.weights[K] * from[i];
+      }
+      const auto row = discretization.shape.row(K);
+      const Loaded<Dim> at{.count = static_cast<Index>(row.nodes.size()),
+                           .nodes = row.nodes.data(),
+                           .dN = row.dN.front().data(),
+                           .hoop = row.hoop.empty() ? nullptr : row.hoop.data(),
+                           .stress = stress.data(),
+                           .forces = packed.data()};
+      if constexpr (Dim == 2)
+        spread_2(lanes, at);
+      else
+        spread_3(lanes, at);
+    }
+    for (Index lane = 0; lane < end - begin; ++lane) {
+      Points<Dim>& to = forces[begin + lane];
+      to.resize(Dim, nodes);
+      for (std::ptrdiff_t i = 0; i < to.size(); ++i) to.data()[i] = packed[i * lanes + lane];
+    }
+  });
+  return forces;
+}
+
 template class SideBySide<2>;
 template class SideBySide<3>;
 template class SideBySide<4>;
@@ -273,5 +349,9 @@ template void weighted_sums<2>(const SparseRows&, const VoigtPoints<2>&, const V
                                VoigtPoints<2>&);
 template void weighted_sums<3>(const SparseRows&, const VoigtPoints<3>&, const VoigtPoints<3>&, VoigtPoints<3>&,
                                VoigtPoints<3>&);
+template std::vector<Points<2>> forces_of_stresses<2>(const Discretization<2>&,
+                                                      const std::vector<const VoigtPoints<2>*>&);
+template std::vector<Points<3>> forces_of_stresses<3>(const Discretization<3>&,
+                                                      const std::vector<const VoigtPoints<3>*>&);
 
 }  // namespace efree::internal

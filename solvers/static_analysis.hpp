@@ -50,8 +50,10 @@ template <int Dim> class ElasticSolver {
   std::vector<Points<Dim>> duals(const std::vector<Functional<Dim>>& functionals) const;
   /// Likewise, the functional for the solution u under these loads.
   double value(const Functional<Dim>& functional, const Points<Dim>& u, const Loads<Dim>& loads) const;
-  /// By part with displacement conditions: the force and moment by which it holds the body (Equilibrium::reactions).
-  Resultants<Dim> reactions(const Solution<Dim>& solution, const Loads<Dim>& loads) const;
+  /// Of each solution, by part with displacement conditions: the force and moment by which it holds the body
+  /// (Equilibrium::reactions).
+  std::vector<Resultants<Dim>> reactions(const std::vector<const Solution<Dim>*>& solutions,
+                                         const std::vector<Loads<Dim>>& cases) const;
   Index num_unknowns() const;
 
  private:

@@ -21,6 +21,21 @@ NodeGraph node_graph(const SymmetricMatrix& lower, const std::vector<Index>& nod
 /// Whether every pair of nodes that meet has all of its entries in the matrix, and in the order of `rows`.
 bool has_whole_blocks(const SymmetricMatrix& lower, const NodeGraph& graph);
 
+/// Nodes all of whose neighbours are neighbours of another one that has more, as those within the edges of quadratic
+/// elements are of both ends: they follow it, and the graph of the others says in which order to eliminate all.
+struct Followers {
+  std::vector<Index> leaders;           ///< nodes that follow none
+  Ragged<Index> followed;               ///< by node: the leaders that it follows, as numbers in `leaders`
+  std::vector<Index> offsets{0}, rows;  ///< which leaders meet: lower triangle by columns
+
+  Index size() const { return static_cast<Index>(leaders.size()); }
+  /// Whether most nodes follow two, as those of quadratic elements.
+  bool are_mostly_between_two() const;
+  /// All nodes in the order of the leaders (their numbers), each after those that follow it and none before it.
+  std::vector<Index> order(const std::vector<Index>& of_leaders) const;
+};
+Followers followers(const NodeGraph& graph);
+
 /// Cuts the nodes into clusters of about `size` that lie together: each grows from the node with fewest neighbours left
 /// by the one of whose neighbours most belong to it (greedy graph growing; Karypis & Kumar 1998).
 std::vector<std::vector<Index>> clusters(const NodeGraph& graph, Index size);

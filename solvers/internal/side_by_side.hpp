@@ -2,7 +2,7 @@
 /// Several answers of one approximation side by side: what is stored of points and cells is read once for all of them.
 #pragma once
 
-#include "efree/assembly/materials.hpp"
+#include "efree/assembly/operators.hpp"
 #include "efree/basis/shape_table.hpp"
 
 #include <array>
@@ -60,6 +60,10 @@ struct CellSquares {
 };
 template <int Dim> void compare(const SideBySide<Dim>& displacement, const SideBySide<voigt_size<Dim>>& stress,
                                 int degree, const UniformCell<Dim>& cell, CellSquares& to);
+
+/// forces_of_stress, of each of several.
+template <int Dim> std::vector<Points<Dim>> forces_of_stresses(const Discretization<Dim>& discretization,
+                                                               const std::vector<const VoigtPoints<Dim>*>& stresses);
 
 /// Sums of fields at points with the weights of rows of a table, of strains and stresses at once.
 template <int Dim> void weighted_sums(const SparseRows& weights, const VoigtPoints<Dim>& strain,

@@ -409,7 +409,10 @@ template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
   std::vector<Points<Dim>> starts;
   for (int k = 0; k < 10; ++k) {
     Loads<Dim> loads{.tractions = {}, .body_force = {}};
-    if (k != 3) loads.tractions = {tension<Dim>(k % 2 == 0 ? "right" : "top", 1.0 + k)};
+    if (k != 3)
+      loads.tractions = {{k % 2 == 0 ? "right" : "top", [k](const Vec<Dim>& x, const Vec<Dim>& n) -> Vec<Dim> {
+                            return (1.0 + std::cos(k * x[1] + x[0])) * n;
+                          }}};
     if (k == 5)
       loads.body_force = [](const Vec<Dim>& x) -> Vec<Dim> { return std::sin(40.0 * x[0]) * Vec<Dim>::Unit(1); };
     const Solution<Dim> solution = solver.solve(loads);
@@ -461,6 +464,63 @@ TEST(Correction, OfSeveralLoadCasesIsThatOfEach) {
                            {.material = LinearElastic(1.0, 0.3)},
                            {clamp<3>("left")},
                            {}});
+}
+
+/// Loads that are sums of others: their answers are, too, and nothing is iterated for them.
+TEST(Correction, OfLoadsThatAreSumsOfOthersIsTheirSum) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.05});
+  const ElasticModel plane{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  const auto cloud = approximate(mesh, {.spacing = 0.2});
+  const auto loads = [](double right, double top) {
+    return Loads<2>{.tractions = {tension<2>("right", right), tension<2>("top", top)}};
+  };
+  for (const double held : {0.0, 0.3}) {  // where something is prescribed factors have to add up to one
+    DisplacementCondition<2> left = clamp<2>("left");
+    left.components[0] = [held](const Vec<2>& x) { return held * x[1]; };
+    const std::vector<Loads<2>> cases{loads(1.0, 0.0), loads(0.0, 1.0), loads(0.25, 0.75), loads(2.0, -3.0)};
+    const ElasticSolver<2> solver(cloud, plane, {left});
+    const Corrector<2> corrector(cloud, plane, {left});
+    std::vector<Points<2>> starts;
+    for (const auto& solution : solver.solve_all(cases))
+      starts.push_back(interpolate(cloud.shape, solution.coefficients));
+    const auto all = corrector.correct_all(starts, cases, {.tolerance = 1e-3});
+    int sums = 0;
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      const auto alone = corrector.correct(starts[k], cases[k], {.tolerance = 1e-3});
+      const auto exact = corrector.correct(starts[k], cases[k], {.tolerance = 1e-9});
+      if (all[k].taken.empty()) ++sums;
+      EXPECT_LE(all[k].error, 1e-3) << k;
+      EXPECT_GT(all[k].error, 0.0) << k;
+      EXPECT_NEAR(all[k].start_error, exact.start_error, 2e-3 * exact.start_error) << k;
+      EXPECT_NEAR(all[k].strain_energy, exact.strain_energy, 1e-5 * exact.strain_energy) << k;
+      const double moved = exact.displacement.cwiseAbs().maxCoeff();
+      EXPECT_LE((all[k].displacement - exact.displacement).cwiseAbs().maxCoeff(), 1e-3 * moved) << k;
+      EXPECT_LE(alone.iterations, all[k].iterations + 1) << k;
+    }
+    EXPECT_EQ(sums, held == 0.0 ? 2 : 1);
+  }
+}
+
+/// A sum that nearly cancels, as energies go: its error would be that of its terms, and it is iterated by itself.
+TEST(Correction, OfASumThatCancelsIsItsOwn) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 8.0, 1.0), {.size = 0.1});
+  const ElasticModel plane{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  const auto cloud = approximate(mesh, {.spacing = 0.4});
+  const auto loads = [](double bending, double wrinkling) {
+    return Loads<2>{.tractions = {{"right", [=](const Vec<2>& x, const Vec<2>&) -> Vec<2> {
+                                     return {wrinkling * std::cos(2.0 * std::numbers::pi * x[1]), bending};
+                                   }}}};
+  };
+  const std::vector<Loads<2>> cases{loads(1.0, 1.0), loads(1.0, 0.0), loads(0.0, 1.0)};
+  const Corrector<2> corrector(cloud, plane, {clamp<2>("left")});
+  const std::vector<Points<2>> nothing(cases.size(), Points<2>::Zero(2, cloud.space.size()));
+  const auto all = corrector.correct_all(nothing, cases);
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    EXPECT_LE(all[k].error, 0.01) << k;
+    EXPECT_FALSE(all[k].taken.empty()) << k;
+    const auto exact = corrector.correct(nothing[k], cases[k], {.tolerance = 1e-8});
+    EXPECT_NEAR(all[k].strain_energy, exact.strain_energy, 1e-3 * exact.strain_energy) << k;
+  }
 }
 
 }  // namespace

@@ -3,12 +3,17 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/quadrature/approximation.hpp"
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/internal/node_graph.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <vector>
@@ -152,6 +157,44 @@ TEST(NodeGraph, ClustersLieTogetherAndHoldEveryNodeOnce) {
     EXPECT_LT(std::sqrt(off.colwise().squaredNorm().mean()), 3.0);
   }
   EXPECT_EQ(seen.size(), 512u);
+}
+
+/// The graph of a problem that nothing holds.
+NodeGraph graph_of(const FineMesh<2>& mesh, const ApproximationOptions& options) {
+  const auto approximation = approximate(mesh, options);
+  std::vector<Index> node_of;
+  for (Index node = 0; node < approximation.shape.num_nodes(); ++node) node_of.insert(node_of.end(), 2, node);
+  const Materials<2> materials({LinearElastic(1.0, 0.3)}, Plane::strain);
+  return node_graph(stiffness_matrix(approximation.quadrature, materials.tangents(approximation.quadrature)), node_of);
+}
+
+TEST(NodeGraph, NodesOnEdgesOfQuadraticElementsFollowTheEnds) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.1});
+  const Index vertices = mesh.num_vertices();
+  const NodeGraph graph = graph_of(mesh, {.kind = BasisKind::p2});
+  const Followers all = followers(graph);
+  EXPECT_TRUE(all.are_mostly_between_two());
+  for (const Index leader : all.leaders) EXPECT_LT(leader, vertices);
+  const auto edges = FineSpace<2>(mesh, 2).edges();
+  for (Index dof = vertices; dof < graph.size(); ++dof)
+    for (const Index end : edges[dof - vertices])
+      if (const auto at = std::ranges::find(all.leaders, end); at != all.leaders.end()) {
+        EXPECT_EQ(std::ranges::count(all.followed[dof], at - all.leaders.begin()), 1) << dof;
+      }
+
+  std::vector<Index> backwards(all.leaders.size());
+  for (Index k = 0; k < all.size(); ++k) backwards[k] = all.size() - 1 - k;
+  const std::vector<Index> order = all.order(backwards);
+  ASSERT_EQ(std::ssize(order), graph.size());
+  std::vector<Index> rank(order.size(), -1);
+  for (std::size_t k = 0; k < order.size(); ++k) rank[order[k]] = static_cast<Index>(k);
+  EXPECT_EQ(std::ranges::count(rank, -1), 0) << "all are there";
+  for (Index k = 1; k < all.size(); ++k) EXPECT_LT(rank[all.leaders[k]], rank[all.leaders[k - 1]]);
+  for (Index node = 0; node < graph.size(); ++node)
+    for (const Index leader : all.followed[node]) EXPECT_LT(rank[node], rank[all.leaders[leader]]);
+
+  EXPECT_FALSE(followers(graph_of(mesh, {.kind = BasisKind::p1})).are_mostly_between_two());
+  EXPECT_FALSE(followers(graph_of(mesh, {.spacing = 0.25})).are_mostly_between_two());
 }
 
 }  // namespace

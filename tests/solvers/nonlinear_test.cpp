@@ -297,7 +297,9 @@ TEST(NonlinearEquilibrium, ConvergesQuadraticallyToTheClosedFormOfASlidingBlock)
     EXPECT_LT(result.iterations(), 9) << name;
     const auto& r = result.residuals;
     for (std::size_t k = 1; k < r.size(); ++k)
-      if (r[k - 1] < 0.01 && r[k] > 1e-13) EXPECT_LT(r[k], 100.0 * r[k - 1] * r[k - 1]) << name;
+      if (r[k - 1] < 0.01 && r[k] > 1e-13) {
+        EXPECT_LT(r[k], 100.0 * r[k - 1] * r[k - 1]) << name;
+      }
   }
 }
 

@@ -9,7 +9,7 @@
 
 namespace efree::internal {
 
-/// Numbers of points along a space-filling curve (Hilbert 1891).
-template <int Dim> std::vector<std::size_t> along_curve(const Points<Dim>& points);
+/// Numbers of vertices along a space-filling curve (Hilbert 1891).
+template <int Dim> std::vector<std::size_t> along_curve(const Points<Dim>& vertices);
 
 }  // namespace efree::internal

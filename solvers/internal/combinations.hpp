@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Which of some vectors are combinations of others: of linear equations, so are their solutions.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace efree::internal {
+
+/// A vector times a factor.
+struct Term {
+  std::size_t vector;
+  double factor;
+};
+
+/// By pair of vectors, of quantities each: the terms it is the sum of, to rounding, all of them before it and none of
+/// them a sum itself; none where it is no sum, or zero.
+std::vector<std::vector<Term>> combinations(const std::vector<std::array<Vector, 2>>& pairs);
+
+}  // namespace efree::internal
