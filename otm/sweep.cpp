@@ -211,6 +211,11 @@ template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   push(chunk, chunk.since, chunk.from_origin);
 }
 
+/// Adds weights to the forces.
+template <int Dim> void Motion<Dim>::weigh() {
+  if (!acceleration.isZero(0.0)) force += acceleration * mass.transpose();
+}
+
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
 template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const {
   const double J = chunk.now.gradient(p).determinant(), shrunk = -std::log(J / chunk.dilatation[p]);
