@@ -167,6 +167,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
   if (!of.watch.begun) of.watch.look(balance());
+  if (of.counts.steps == 0) of.foresee_damping();
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
   double damping = 0.0, squeezed = std::numeric_limits<double>::infinity();
   for (auto& chunk : of.chunks) {

@@ -205,6 +205,16 @@ template <int Dim> struct Motion {
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
+  /// Of a point's viscous pressure.
+  struct Viscosity {
+    double length;   ///< spacing of nodes along the fastest compression
+    double sound;    ///< speed
+    double highest;  ///< frequency that the point may have, at the most
+    /// Of the critical one at that frequency, by a pressure of density times length times this times rate.
+    double damping(double speed) const { return 0.5 * highest * length * speed / (sound * sound); }
+  };
+  Viscosity viscosity_of(const OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
+  void foresee_damping();
   void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
 
   // Contact of bodies.
