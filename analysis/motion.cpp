@@ -273,6 +273,9 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
                                                    const MotionSettings<Dim>& motion, const Monitor& monitor) {
   const FineMesh<Dim>& all = *mesh.mesh;
   const bool axisymmetric = Dim == 2 && settings.model.plane == Plane::axisymmetric;
+  if (settings.loads.inside())
+    throw InputError(
+        said_at(settings.where, "forces in bodies in motion: expected MotionSettings::acceleration and no loads"));
   for (const auto& thrown : motion.velocities)
     if (!thrown.region.empty()) located(settings, thrown.where, [&] { return all.region(thrown.region); });
   for (const auto& broken : motion.fractures)
@@ -319,6 +322,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
     located(settings, where, [&, &added = wall] { result.otm.add_wall(added); });
   for (const auto& [tool, where] : motion.tools)
     located(settings, where, [&, &added = tool] { result.otm.add_tool(added); });
+  located(settings, where_said(settings, "analysis.acceleration"), [&] { result.otm.accelerate(motion.acceleration); });
   fill(settings, motion, built, result.otm);
   prescribe(motion, built, axisymmetric, result);
   if (const auto ties = tied_facets(all); !ties.empty())

@@ -80,6 +80,7 @@ template <int Dim> struct MotionSettings {
   /// Whether points that are near each other share their dilatation, against locking. Empty: all but those of fluids
   /// with shock viscosity, which need none.
   std::optional<bool> shared_dilatation{};
+  Vec<Dim> acceleration = Vec<Dim>::Zero();  ///< force per mass, as Otm::accelerate takes it [length/time^2]
   std::vector<InitialVelocity<Dim>> velocities{};
   std::vector<BodyFracture> fractures{};  ///< of a region one at most; that of all bodies is of those without
   std::vector<MotionWall<Dim>> walls{};
@@ -105,9 +106,10 @@ template <int Dim> struct MovingBodies {
 };
 
 /// A body for every region of the mesh, with its material, density, velocities, what moves it, walls and tools. Nodes
-/// on the axis of an axisymmetric section stay there. Throws InputError beginning with where it was said, for a
-/// material of small strains, a density that is missing, names that are not there, velocities that are no numbers and
-/// bodies that reach into walls or tools at the start; and NumericalError as Otm does. Stages of approximate, bodies.
+/// on the axis of an axisymmetric section stay there. Throws InputError beginning with where it was said, for forces in
+/// the bodies among settings.loads, which are of statics, a material of small strains, a density that is missing, names
+/// that are not there, velocities that are no numbers and bodies that reach into walls or tools at the start; and
+/// NumericalError as Otm does. Stages of approximate, bodies.
 template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
                                                    const MotionSettings<Dim>& motion, const Monitor& monitor = {});
 

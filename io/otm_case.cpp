@@ -19,6 +19,8 @@ namespace {
 
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
 
+const Section::Keys analysis_keys{"kind", "plane", "acceleration", "body_force", "rotation"};
+
 /// Whether this is said to be a case of bodies in motion.
 bool moves(const toml::table& table) {
   return table["analysis"]["kind"].value_or(std::string()) == "otm";
@@ -37,6 +39,23 @@ template <int Dim> void read_velocities(const std::vector<Section>& entries, con
     thrown.velocity = expressions.fields(entry.expressions<Dim>("value"), thrown.where);
     motion.velocities.push_back(std::move(thrown));
   }
+}
+
+/// Force per mass, the same everywhere.
+template <int Dim> Vec<Dim> read_acceleration(const Section& analysis, const Expressions<Dim>& expressions) {
+  if (analysis.has("body_force"))
+    analysis.fail("body_force",
+                  "body_force is for bodies at rest: those in motion have a force per mass, acceleration");
+  if (analysis.has("rotation"))
+    analysis.fail("rotation", "rotation is for bodies at rest: those in motion turn by their velocity");
+  if (!analysis.has("acceleration")) return Vec<Dim>::Zero();
+  const auto texts = analysis.expressions<Dim>("acceleration");
+  const std::string where = analysis.where("acceleration");
+  for (const std::string& text : texts)
+    if (expressions.varies(text, where))
+      analysis.fail("acceleration",
+                    fmt::format("acceleration of bodies in motion is \"{}\", expected the same everywhere", text));
+  return expressions.fields(texts, where)(Vec<Dim>::Zero());
 }
 
 template <int Dim> void read_fractures(const std::vector<Section>& entries, MotionSettings<Dim>& motion) {
@@ -281,7 +300,7 @@ template <int Dim> void read_functions(const Section& root, internal::PlaceReade
 
 template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const toml::table& table, const Section& root,
                                      const Section& geometry, const Reading& reading) {
-  const Section analysis = root.required_section("analysis", {"kind", "plane"});
+  const Section analysis = root.required_section("analysis", analysis_keys);
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
   const auto velocities = root.sections("velocity", {"region", "value"});
@@ -306,9 +325,11 @@ template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const to
       analysis.choice<Plane>("plane", {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
                              Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
   const Expressions<Dim> expressions = internal::read_definitions<Dim>(
-      root, result.geometry.grey, {std::nullopt, "velocities are those at the start, or do not change"});
+      root, result.geometry.grey,
+      {std::nullopt, "velocities are those at the start, or do not change, and neither do accelerations"});
   internal::MaterialReader<Dim>(expressions, "bodies in motion ask").read(root, result);
   internal::PlaceReader<Dim> places(result);
+  motion.acceleration = read_acceleration<Dim>(analysis, expressions);
   read_velocities<Dim>(velocities, expressions, motion);
   read_fractures<Dim>(fractures, motion);
   read_walls<Dim>(walls, motion);
@@ -364,7 +385,7 @@ AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& readi
                      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
                       "fracture", "wall", "tool", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
-  const Section analysis = root.required_section("analysis", {"kind", "plane"});
+  const Section analysis = root.required_section("analysis", analysis_keys);
   if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");
   if (internal::geometry_dimension(geometry, file.parent_path(), analysis.has("plane"), reading, monitor) == 2)
     return read<2>(file, table, root, geometry, reading);

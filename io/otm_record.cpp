@@ -113,6 +113,7 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"renewal", now.renewal},
             {"fracture", now.fracture},
             {"prescribed", now.prescribed},
+            {"weight", now.weight},
             {"total", now.total()},
             {"nodes", otm.num_nodes()},
             {"points", otm.num_points()},

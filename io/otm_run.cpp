@@ -25,7 +25,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::string_view kind = "efree otm 2\n";
+constexpr std::string_view kind = "efree otm 3\n";
 constexpr const char* state_name = "otm.state";
 
 template <class Values> ordered_json array(const Values& values) {
@@ -227,19 +227,13 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"fused", counts.fused},       {"joined", joined_so_far(otm)},
                     {"eroded", counts.eroded},     {"passed", counts.passed}};
   json["stable_step"] = otm.stable_step();
-  json["energy"] = {{"start", energy.start},
-                    {"kinetic", now.kinetic},
-                    {"stored", now.stored},
-                    {"dissipated", now.dissipated},
-                    {"stabilising", now.stabilising},
-                    {"viscous", now.viscous},
-                    {"contact", now.contact},
-                    {"renewal", now.renewal},
-                    {"prescribed", now.prescribed},
-                    {"fracture", now.fracture},
-                    {"total", now.total()},
-                    {"error", energy.error()},
-                    {"largest_error", energy.largest_error()}};
+  json["energy"] = {{"start", energy.start},          {"kinetic", now.kinetic},
+                    {"stored", now.stored},           {"dissipated", now.dissipated},
+                    {"stabilising", now.stabilising}, {"viscous", now.viscous},
+                    {"contact", now.contact},         {"renewal", now.renewal},
+                    {"prescribed", now.prescribed},   {"weight", now.weight},
+                    {"fracture", now.fracture},       {"total", now.total()},
+                    {"error", energy.error()},        {"largest_error", energy.largest_error()}};
   json["momentum"] = array(now.momentum);
   json["moment_of_momentum"] = array(now.moment);
   for (const ToolState<Dim>& tool : otm.tools())

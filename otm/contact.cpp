@@ -434,9 +434,13 @@ template <int Dim> void Motion<Dim>::move(double kick, double dt) {
     v(axis, node) = velocity;
     if (fixed) nodal_momentum(axis, node) = mass[node] * velocity;
   }
-  hold_back(dt);
+  hold_back(kick, dt);
   if (rubs) contact_loss -= 0.5 * rubbed.cwiseProduct(v + was).sum();
   move_tools(kick, dt);
+  if (!acceleration.isZero(0.0)) {
+    weight_work += dt * acceleration.dot(v * mass);
+    for (const Tool& tool : tools) weight_work += dt * tool.of.mass * acceleration.dot(tool.now.velocity);
+  }
   nodal_changes = dt * v;
   add<Dim>(nodal_changes, x, x_rest);
   for (Index a = 0; a < x.cols(); ++a)

@@ -240,6 +240,7 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   });
   const Points<Dim> pulled = force;
   force = collected();
+  weigh();
   surfaces.clear();
   seen.resize(Dim, 0);
   touch();

@@ -67,7 +67,6 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   };
   insert<Dim>(x, first, at);
   insert<Dim>(v, first, velocity);
-  insert<Dim>(was, first, velocity);
   insert<Dim>(met, first, at);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
   for (Points<Dim>* values : {&force, &shaken, &x_rest}) insert<Dim>(*values, first, nothing);

@@ -33,7 +33,8 @@ template <int Dim> void EnergyWatch::look(const OtmBalance<Dim>& now) {
   // What is told in between may bring energy, and none of it is off.
   if (!begun) start = total - off;
   begun = true;
-  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated - made, std::abs(now.prescribed)});
+  scale = std::max({scale, now.kinetic + std::abs(now.stored) + now.dissipated - made, std::abs(now.prescribed),
+                    std::abs(now.weight)});
   off = total - start;
   if (!(std::abs(off) <= std::abs(furthest))) furthest = off;
 }
@@ -103,6 +104,17 @@ template <int Dim> void Otm<Dim>::prescribe(Index node, int axis, double velocit
   motion_->watch.begun = false;
 }
 
+template <int Dim> void Otm<Dim>::accelerate(const Vec<Dim>& by) {
+  internal::Motion<Dim>& of = *motion_;
+  if (!by.allFinite()) throw InputError("an acceleration: expected numbers");
+  if (of.axisymmetric() && by[0] != 0.0)
+    throw InputError(fmt::format(
+        "an acceleration of {:.6g} along the radius of an axisymmetric section, expected one along y alone", by[0]));
+  of.force += (by - of.acceleration) * of.mass.transpose();
+  of.acceleration = by;
+  of.watch.begun = false;
+}
+
 template <int Dim> void Otm<Dim>::erode(Index point) {
   if (point < 0 || point >= num_points())
     throw InputError(fmt::format("point {} is to be eroded, and there are {}", point, num_points()));
@@ -155,6 +167,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
   if (!of.watch.begun) of.watch.look(balance());
+  if (of.counts.steps == 0) of.foresee_damping();
   // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
   double damping = 0.0, squeezed = std::numeric_limits<double>::infinity();
   for (auto& chunk : of.chunks) {
@@ -183,6 +196,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     of.pair_points();
   of.renew();
   of.sweep(dt);
+  of.weigh();
   of.touch();
   of.inflate();
   if (of.breaks()) of.fracture();
@@ -277,6 +291,7 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
   result.renewal = of.renewal_loss;
   result.fracture = of.fracture_loss;
   result.prescribed = of.prescribed_work;
+  result.weight = of.weight_work;
   for (Index a = 0; a < num_nodes(); ++a) {
     if (!(of.mass[a] > 0.0)) continue;
     // Half a step ago; and the energy with that half a step from now.
@@ -285,10 +300,13 @@ template <int Dim> OtmBalance<Dim> Otm<Dim>::balance() const {
     result.momentum += l;
     result.moment += internal::torque_of<Dim>(of.x.col(a), l);
   }
+  // What falls freely has the energy of its velocity now, whatever steps there were.
+  const Vec<Dim> faster = 0.5 * of.last_step * of.acceleration;
+  result.kinetic += 0.5 * of.mass.sum() * faster.squaredNorm();
   for (const auto& tool : of.tools) {
     const Vec<Dim> l = tool.of.mass * tool.now.velocity;
     const Spin<Dim> turns = tool.of.inertia * tool.now.spin;
-    result.kinetic += 0.5 * (l.dot(tool.now.velocity) + turns.dot(tool.now.spin));
+    result.kinetic += 0.5 * (tool.of.mass * (tool.now.velocity + faster).squaredNorm() + turns.dot(tool.now.spin));
     result.momentum += l;
     result.moment += internal::torque_of<Dim>(tool.now.centre, l) + turns;
   }

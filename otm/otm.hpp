@@ -107,11 +107,12 @@ template <int Dim> struct OtmBalance {
   double renewal = 0.0;                                  ///< energy lost where functions changed
   double fracture = 0.0;                                 ///< energy lost with points that broke
   double prescribed = 0.0;                               ///< work of prescribed velocities, of tools too
-  Vec<Dim> momentum = Vec<Dim>::Zero();
-  Vec<Dim == 2 ? 1 : 3> moment;  ///< of momentum, about the origin
+  double weight = 0.0;                                   ///< work of the force per mass (Otm::accelerate)
+  Vec<Dim> momentum = Vec<Dim>::Zero();                  ///< half a step ago
+  Vec<Dim == 2 ? 1 : 3> moment;                          ///< of momentum, about the origin
   /// All of it; constant but for the integration in time.
   double total() const {
-    return kinetic + stored + dissipated + stabilising + viscous + contact + renewal + fracture - prescribed;
+    return kinetic + stored + dissipated + stabilising + viscous + contact + renewal + fracture - prescribed - weight;
   }
 };
 
@@ -182,6 +183,9 @@ template <int Dim> class Otm {
   void add_cavity(const OtmCavity<Dim>& cavity);
   /// The node's velocity along an axis is prescribed from now on.
   void prescribe(Index node, int axis, double velocity);
+  /// Bodies, and tools that have a mass, get this force per mass from now on [length/time^2], such as gravity, in place
+  /// of the one before. Throws InputError for what is no number, and around an axis for one along the radius.
+  void accelerate(const Vec<Dim>& by);
 
   /// The point bears no stress from now on: its mass stays with its nodes, with their velocities, and what was stored
   /// in it is lost (OtmBalance::fracture). Nothing happens to a point that is eroded.

@@ -128,11 +128,11 @@ auto fields(IsTool auto& of) {
   return std::tie(now, near, impulses, travelled);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
-  return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.was, of.mass, of.chunks, of.tools,
-                  of.prescribed, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
+  return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.mass, of.chunks, of.tools, of.prescribed,
+                  of.acceleration, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
-                  of.dissipated, of.viscous, of.stored, of.shaken, of.watch, of.counts, of.times, of.merged,
-                  of.body_of_node, of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met,
+                  of.weight_work, of.dissipated, of.viscous, of.stored, of.shaken, of.watch, of.counts, of.times,
+                  of.merged, of.body_of_node, of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met,
                   of.touches, of.passed, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 

@@ -25,6 +25,10 @@ constexpr double mixed_in = 0.05;
 /// By how much steps grow at the most, each time.
 constexpr double growth_of_steps = 1.05;
 
+/// What steps know of damping from one to the next: where points get smaller is known when they have, and as these come
+/// and go energy would feel steps that jump. They grow no faster by it than otherwise.
+constexpr double kept_damping = 0.98;
+
 /// Volume of a point, over that by the dilatation it shares, below which it shares no more.
 constexpr double least_growth = 0.5;
 
@@ -183,7 +187,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
       std::sort(chunk.unions.begin(), chunk.unions.end());
     }
   }
-  chunk.damping = 0.0;
+  chunk.damping *= kept_damping;
   if (viscous_shocks) {
     for (Index p = 0; p < n; ++p)
       if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) shock(chunk, p, before[p], dt);
@@ -211,30 +215,55 @@ template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
   push(chunk, chunk.since, chunk.from_origin);
 }
 
+/// Adds weights to the forces.
+template <int Dim> void Motion<Dim>::weigh() {
+  if (!acceleration.isZero(0.0)) force += acceleration * mass.transpose();
+}
+
+/// By the compression since F was `before`, since the functions were made.
+template <int Dim> typename Motion<Dim>::Viscosity Motion<Dim>::viscosity_of(const OtmChunk<Dim>& chunk, Index p,
+                                                                             const Mat<3>& before) const {
+  const Mat<Dim> now = chunk.since[p].template topLeftCorner<Dim, Dim>();
+  const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
+  Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
+  axes.computeDirect(rate + rate.transpose());
+  const Vec<Dim> then = now.inverse() * axes.eigenvectors().col(0);
+  // Pressure acts along all axes: where functions are much narrower along another it would damp too much for steps that
+  // are stable without it.
+  const bool is_known = bodies[chunk.body].renewed && options.functions == OtmFunctions::lme;
+  const double width = is_known ? smallest_width<Dim>(now * chunk.moment[p] * now.transpose()) : 0.0;
+  double l = std::sqrt(options.lme.gamma / then.dot(chunk.metric[p] * then));
+  if (is_known) l = std::min(l, 2.0 * std::sqrt(2.0 * options.lme.gamma) * width);
+  const double c = std::sqrt(chunk.modulus[p] / (chunk.mass[p] / chunk.volume[p]));
+  const double highest = 2.0 * options.courant / stable;
+  return {.length = l, .sound = c, .highest = is_known ? std::min(highest, c / width) : highest};
+}
+
+/// For the first step, in which whatever has met something is squeezed: by all the speed there is, at the most.
+template <int Dim> void Motion<Dim>::foresee_damping() {
+  if (!options.shock.on()) return;
+  double fastest = std::sqrt(v.colwise().squaredNorm().maxCoeff());
+  for (const Tool& tool : tools) fastest = std::max(fastest, tool.now.velocity.norm());
+  for (auto& chunk : chunks)
+    for (Index p = 0; p < chunk.size(); ++p) {
+      const Viscosity by = viscosity_of(chunk, p, chunk.since[p]);
+      const double speed = options.shock.linear * by.sound + options.shock.quadratic * fastest;
+      chunk.damping = std::max(chunk.damping, by.damping(speed));
+    }
+}
+
 /// Viscous pressure of a point, and the heat it makes; `before`: F a step ago, since the functions were made.
 template <int Dim> void Motion<Dim>::shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const {
   const double J = chunk.now.gradient(p).determinant(), shrunk = -std::log(J / chunk.dilatation[p]);
   chunk.dilatation[p] = J;
   double pressure = 0.0;
   if (shrunk > 0.0) {
-    const Mat<Dim> now = chunk.since[p].template topLeftCorner<Dim, Dim>();
-    const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
-    Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
-    axes.computeDirect(rate + rate.transpose());
-    const Vec<Dim> then = now.inverse() * axes.eigenvectors().col(0);
-    // Pressure acts along all axes: where functions are much narrower along another it would damp too much for steps
-    // that are stable without it.
-    const bool is_known = bodies[chunk.body].renewed && options.functions == OtmFunctions::lme;
-    const double width = is_known ? smallest_width<Dim>(now * chunk.moment[p] * now.transpose()) : 0.0;
-    double l = std::sqrt(options.lme.gamma / then.dot(chunk.metric[p] * then));
-    if (is_known) l = std::min(l, 2.0 * std::sqrt(2.0 * options.lme.gamma) * width);
-    const double rho = chunk.mass[p] / chunk.volume[p], c = std::sqrt(chunk.modulus[p] / rho);
-    const double speed = options.shock.linear * c + options.shock.quadratic * l * shrunk / dt;
-    // Of the critical one at the highest frequency the point may have; no more than is stable in a step such as this.
-    const double highest = 2.0 * options.courant / stable, fastest = is_known ? std::min(highest, c / width) : highest;
-    const double damping = 0.5 * fastest * l * speed / (c * c), half = 0.5 * fastest * dt;
+    const Viscosity by = viscosity_of(chunk, p, before);
+    const double speed = options.shock.linear * by.sound + options.shock.quadratic * by.length * shrunk / dt;
+    // No more than is stable in a step such as this.
+    const double damping = by.damping(speed), half = 0.5 * by.highest * dt;
     const double most = half < 1.0 ? 0.5 * (1.0 - half * half) / half : 0.0;
-    pressure = rho * l * shrunk / dt * speed * std::min(1.0, most / damping);
+    pressure = chunk.mass[p] / chunk.volume[p] * by.length * shrunk / dt * speed * std::min(1.0, most / damping);
     chunk.damping = std::max(chunk.damping, damping);
   }
   chunk.now.heat[p] = 0.5 * (pressure + chunk.shock[p]) * shrunk;

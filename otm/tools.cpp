@@ -164,7 +164,7 @@ template <int Dim> void Motion<Dim>::yield_to_nodes(Tool& tool, double dt) const
 }
 
 /// Nodes meet walls and tools, one after the other.
-template <int Dim> void Motion<Dim>::hold_back(double dt) {
+template <int Dim> void Motion<Dim>::hold_back(double kick, double dt) {
   hits.clear();
   for (std::size_t k = 0; k < tools.size(); ++k) {
     Tool& tool = tools[k];
@@ -172,6 +172,8 @@ template <int Dim> void Motion<Dim>::hold_back(double dt) {
     tool.pushed.setZero();
     tool.turned.setZero();
     lead(tool, time + 0.5 * dt);
+    if (tool.of.mass > 0.0) tool.now.velocity += kick * acceleration;
+    const Vec<Dim> falling = tool.now.velocity;
     stop_surfaces(tool, dt);
     find_gaps(tool);
     if (tool.of.mass > 0.0 || tool.of.inertia > 0.0) yield_to_nodes(tool, dt);
@@ -186,7 +188,7 @@ template <int Dim> void Motion<Dim>::hold_back(double dt) {
     // Its momentum is what they gave it, to rounding.
     const double axial = axisymmetric() ? 0.0 : 1.0;
     if (tool.of.mass > 0.0) {
-      tool.now.velocity = tool.before.velocity + tool.pushed / tool.of.mass;
+      tool.now.velocity = falling + tool.pushed / tool.of.mass;
       tool.now.velocity[0] *= axial;
     }
     if (tool.of.inertia > 0.0) tool.now.spin = tool.before.spin + tool.turned / tool.of.inertia;

@@ -73,9 +73,9 @@ template <int Dim> struct Motion {
   OtmOptions options;
   std::vector<Index> given;  ///< nodes and points of each body at the start
   std::vector<BodyOf> bodies;
-  Points<Dim> x, v, force;
-  Points<Dim> x_rest;  ///< what rounding has kept from x so far
-  Points<Dim> was;     ///< v a step ago
+  Points<Dim> x, v, force;  ///< force: of all but walls, tools and what is prescribed
+  Points<Dim> x_rest;       ///< what rounding has kept from x so far
+  Points<Dim> was;          ///< v a step ago
   Vector mass;
   std::vector<OtmChunk<Dim>> chunks;
   std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
@@ -83,15 +83,16 @@ template <int Dim> struct Motion {
   std::vector<Index> node_offsets;
   std::vector<std::pair<Index, Index>> node_places;
   std::vector<Prescribed> prescribed;
-  Points<Dim> free;            ///< 0 for what is prescribed, else 1
-  bool changed_nodes = false;  ///< nodes are about to become one, or to come in
-  bool held_anew = false;      ///< more is prescribed than the shape of the fastest vibration knows of
+  Vec<Dim> acceleration = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
+  Points<Dim> free;                          ///< 0 for what is prescribed, else 1
+  bool changed_nodes = false;                ///< nodes are about to become one, or to come in
+  bool held_anew = false;                    ///< more is prescribed than the shape of the fastest vibration knows of
 
   std::vector<std::unique_ptr<Neighbours<Dim>>> trees;  ///< by body, of nodes
   std::vector<double> drift;                            ///< by body, how far nodes have gone since then, at the most
   Vector spacing;                                       ///< by node, at the start
   double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
-  double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0;
+  double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0, weight_work = 0.0;
   Vector dissipated;   ///< by chunk, so far
   Vector viscous;      ///< likewise
   Vector stored;       ///< by chunk
@@ -146,6 +147,7 @@ template <int Dim> struct Motion {
   void sweep(double dt);
   void sweep(Index number, double dt);
   void press(OtmChunk<Dim>& chunk) const;
+  void weigh();
   void build_tree(Index body);
   void follow_nodes(Index body);
   void renew();
@@ -203,6 +205,16 @@ template <int Dim> struct Motion {
   void move(double kick, double dt);
   void stiffen();
   void shake(Index repeats);
+  /// Of a point's viscous pressure.
+  struct Viscosity {
+    double length;   ///< spacing of nodes along the fastest compression
+    double sound;    ///< speed
+    double highest;  ///< frequency that the point may have, at the most
+    /// Of the critical one at that frequency, by a pressure of density times length times this times rate.
+    double damping(double speed) const { return 0.5 * highest * length * speed / (sound * sound); }
+  };
+  Viscosity viscosity_of(const OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
+  void foresee_damping();
   void shock(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) const;
 
   // Contact of bodies.
@@ -297,7 +309,7 @@ template <int Dim> struct Motion {
   void find_gaps(const Tool& tool);
   Vec<Dim> stop_at(const Tool& tool, Index a, double dt, Mat<Dim>* slope) const;
   void yield_to_nodes(Tool& tool, double dt) const;
-  void hold_back(double dt);
+  void hold_back(double kick, double dt);
   void move_tools(double kick, double dt);
 
   // The surfaces of bodies that have them, which walls and tools act on.

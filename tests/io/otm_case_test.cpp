@@ -82,6 +82,17 @@ TEST(OtmCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(with("value = [0, \"-0.2\"]", "value = [0]")), says("expected an array of 2"));
   EXPECT_THAT(refuses(with("\"-0.2\"", "\"log(x - 1)\"")), says("log(x - 1)"));
   EXPECT_THAT(refuses(with("\"-0.2\"", "\"-t\"")), says("velocities are those at the start"));
+  const auto forced = [](const std::string& more) {
+    return refuses(with("plane = \"strain\"", "plane = \"strain\"\n" + more));
+  };
+  EXPECT_THAT(forced("acceleration = [0]"), says("expected an array of 2"));
+  EXPECT_THAT(forced("acceleration = [0, \"0.1*x\"]"), says("\"0.1*x\", expected the same everywhere"));
+  EXPECT_THAT(forced("acceleration = [0, \"t\"]"), says("neither do accelerations"));
+  EXPECT_THAT(forced("acceleration = [0, \"log(-1)\"]"), says("log(-1)"));
+  EXPECT_THAT(forced("body_force = [0, -1]"), says("acceleration"));
+  EXPECT_THAT(forced("rotation = { speed = 1 }"), says("turn by their velocity"));
+  EXPECT_THAT(refuses(with("plane = \"strain\"", "plane = \"axisymmetric\"\nacceleration = [1, 0]")),
+              says("an acceleration of 1 along the radius"));
   EXPECT_THAT(refuses(with("[[wall]]", "[[velocity]]\nvalue = [1, 0]\n[[wall]]")), says("a velocity already"));
   EXPECT_THAT(refuses(with("normal = [0, 2]", "normal = [0, 0]")), says("normal is zero"));
   EXPECT_THAT(refuses(with("level = -0.1", "level = 0.1")), says("reach through the wall by 0.1"));
@@ -241,6 +252,22 @@ TEST(OtmRun, StripComesBackFromTheWallWithItsEnergyAccounted) {
   EXPECT_EQ(corner.back(), result["probes"]["corner"]["displacement"][1].get<double>());
   EXPECT_EQ(height.back(), result["probes"]["height"].get<double>());
   EXPECT_LT(*std::ranges::min_element(height), 0.95);
+}
+
+TEST(OtmRun, WhatFallsHasTheWorkOfItsWeight) {
+  const Workspace workspace;
+  const std::string falls =
+      replaced(replaced(rubber, "[analysis]", "[definitions]\ng = 0.05\n[analysis]\nacceleration = [0, \"-g\"]"),
+               "end = 4", "end = 1.9");
+  const auto done = run(workspace, replaced(falls, "value = [0, \"-0.2\"]", "value = [0, 0]"));
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  const double way = 0.5 * 0.05 * 1.9 * 1.9, speed = 0.05 * 1.9;
+  EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -way, 1e-13);
+  EXPECT_NEAR(result["energy"]["kinetic"].get<double>(), speed * speed, 1e-13);
+  EXPECT_NEAR(result["energy"]["weight"].get<double>(), 2.0 * 0.05 * way, 1e-13);
+  EXPECT_NEAR(result["energy"]["total"].get<double>(), 0.0, 1e-13);
+  EXPECT_EQ(column(workspace / "out/history.csv", "weight").back(), result["energy"]["weight"].get<double>());
 }
 
 /// A strip that flies up between a plane that comes down and a ball with a mass below.
