@@ -468,10 +468,10 @@ template <int Dim> MotionEnd run_motion(MovingBodies<Dim>& bodies, const MotionS
     }
     if (last) {
       const double error = otm.energy().largest_error();
-      if (const double most = std::min(refused_imbalance, motion.options.imbalance); !(std::abs(error) <= most))
+      if (const double bearable = std::min(refused_imbalance, motion.options.imbalance); !(std::abs(error) <= bearable))
         result.refusal = fmt::format(
             "the energy is off by {:.2g} %, more than {:.2g} %: smaller steps (otm.courant) or finer bodies may help",
-            100.0 * error, 100.0 * most);
+            100.0 * error, 100.0 * bearable);
       break;
     }
     if (now >= motion.time_limit) {

@@ -421,6 +421,8 @@ template <int Dim> struct Corrector<Dim>::Impl {
   /// All of them in step.
   std::vector<Correction<Dim>> iterate(const std::vector<Beginning>& from, const CorrectionOptions& options,
                                        const Stage& stage) const;
+  /// Which of them are sums of others: their terms.
+  std::vector<std::vector<internal::Term>> sums_among(const std::vector<Beginning>& from) const;
   /// Those of these numbers.
   void iterate(const std::vector<Beginning>& from, const std::vector<std::size_t>& numbers,
                const CorrectionOptions& options, const Stage& stage, std::vector<End>& ends) const;
@@ -540,16 +542,27 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::correct_all(cons
   return impl_->iterate(from, options, stage);
 }
 
+template <int Dim>
+std::vector<std::vector<internal::Term>> Corrector<Dim>::Impl::sums_among(const std::vector<Beginning>& from) const {
+  // In the order of their energies, so that none is left over from others of more energy that cancel.
+  std::vector<std::size_t> order(from.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return std::abs(dot<Dim>(from[k].start, from[k].forces)); });
+  std::vector<std::array<Vector, 2>> causes;
+  for (const std::size_t k : order) causes.push_back({from[k].forces.reshaped(), supports.held(from[k].u).reshaped()});
+  const auto found = internal::combinations(causes);
+  std::vector<std::vector<internal::Term>> sums(from.size());
+  for (std::size_t k = 0; k < from.size(); ++k)
+    for (const auto& [vector, factor] : found[k]) sums[order[k]].push_back({order[vector], factor});
+  return sums;
+}
+
 template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(const std::vector<Beginning>& from,
                                                                               const CorrectionOptions& options,
                                                                               const Stage& stage) const {
   std::vector<End> ends(from.size());
-  std::vector<std::vector<internal::Term>> sums(from.size());
-  if (options.iterations < 0 && from.size() > 1) {  // which are to take answers to a tolerance, from wherever
-    std::vector<std::array<Vector, 2>> causes;
-    for (const Beginning& one : from) causes.push_back({one.forces.reshaped(), supports.held(one.u).reshaped()});
-    sums = internal::combinations(causes);
-  }
+  // Only those that are to take answers to a tolerance, from wherever.
+  const auto sums = options.iterations < 0 ? sums_among(from) : std::vector<std::vector<internal::Term>>(from.size());
   std::vector<std::size_t> alone, left;
   for (std::size_t k = 0; k < from.size(); ++k)
     if (sums[k].empty()) alone.push_back(k);
