@@ -545,9 +545,11 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::correct_all(cons
 template <int Dim>
 std::vector<std::vector<internal::Term>> Corrector<Dim>::Impl::sums_among(const std::vector<Beginning>& from) const {
   // In the order of their energies, so that none is left over from others of more energy that cancel.
+  std::vector<double> energies;
+  for (const Beginning& one : from) energies.push_back(std::abs(dot<Dim>(one.start, one.forces)));
   std::vector<std::size_t> order(from.size());
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return std::abs(dot<Dim>(from[k].start, from[k].forces)); });
+  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return energies[k]; });
   std::vector<std::array<Vector, 2>> causes;
   for (const std::size_t k : order) causes.push_back({from[k].forces.reshaped(), supports.held(from[k].u).reshaped()});
   const auto found = internal::combinations(causes);
