@@ -524,12 +524,12 @@ TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
     EXPECT_TRUE(bearable.refusal.empty()) << bearable.refusal;
     EXPECT_NEAR(bearable.solution.strain_energy / (1e-12 * 1e6 / 40.0), 1.0, 0.01);
   }
-  EXPECT_THAT([&] { beam(600.0, ""); }, ThrowsMessage<NumericalError>(HasSubstr("ill-conditioned")));
   // However small the pivots: eliminated from the free end on a beam has none that are, as at 1500.
-  for (const double length : {600.0, 1500.0})
+  for (const double length : {800.0, 1500.0}) {
     EXPECT_THAT([&] { beam(length, elements); }, ThrowsMessage<NumericalError>(HasSubstr("ill-conditioned"))) << length;
-  for (const std::string& kind : {std::string(), std::string("[basis]\nkind = \"p1\"\n")})
-    EXPECT_THROW(beam(1500.0, kind), NumericalError) << kind;
+    EXPECT_THROW(beam(length, ""), NumericalError) << length;
+  }
+  EXPECT_THROW(beam(1500.0, "[basis]\nkind = \"p1\"\n"), NumericalError);
 }
 
 TEST(LoadCases, SlideOnHolesAndSlitsAsOneAloneDoes) {

@@ -162,7 +162,7 @@ TYPED_TEST(OtmWeightIn, OnAWallAtRestIsAsOnAWallThatRisesEverFaster) {
   while (heavy.time() < 2.0) {
     const double dt = heavy.step();
     lifted.step(dt);
-    ASSERT_NEAR(lifted.time(), heavy.time(), 1e-14);
+    ASSERT_NEAR(lifted.time(), heavy.time(), 1e-12);  // sums of steps
   }
   const double t = heavy.time();
   EXPECT_GT(heavy.counts().renewals, 0);
