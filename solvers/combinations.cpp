@@ -34,13 +34,18 @@ std::vector<std::vector<Term>> combinations(const std::vector<std::array<Vector,
     const auto rank = static_cast<Index>(alone.size());
     Vector rest = columns.col(k), along = Vector::Zero(rank);
     const double size = rest.norm();
+    // Each part against its own: a small force beside a large motion is one.
+    const auto is_left = [&] {
+      return rest.head(first.rows()).norm() > rounding * first.col(k).norm() ||
+             rest.tail(second.rows()).norm() > rounding * second.col(k).norm();
+    };
     for (int pass = 0; pass < 2; ++pass) {
       const Vector more = Q.leftCols(rank).transpose() * rest;
       rest -= Q.leftCols(rank) * more;
       along += more;
     }
     const double left = rest.norm();
-    if (left > rounding * size) {
+    if (is_left()) {
       Q.col(rank) = rest / left;
       R.col(rank).head(rank) = along;
       R(rank, rank) = left;

@@ -615,7 +615,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::combine(InStep<Dim>& in_step,
   end.energy = dot<Dim>(u, forces) + condensation.work(u, u);
   const double start = dot<Dim>(moved, of_start) + condensation.work(moved, moved);
   const bool deformed = end.energy > no_energy * energy_one_by_one(u);
-  result.error = deformed ? off / std::sqrt(end.energy) : 0.0;
+  result.error = deformed ? off / std::sqrt(end.energy) : std::numeric_limits<double>::infinity();
   result.start_error = deformed ? std::sqrt(std::max(0.0, start) / end.energy) : 0.0;
   result.strain_energy = 0.5 * end.energy - energy_held_weakly(result.displacement);
 }

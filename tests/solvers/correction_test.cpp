@@ -501,6 +501,27 @@ TEST(Correction, OfLoadsThatAreSumsOfOthersIsTheirSum) {
   }
 }
 
+/// Small loads are loads beside a large one where something is prescribed.
+TEST(Correction, OfSmallLoadsBesideALargeOneIsTheirs) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 1.0), {.size = 0.1});
+  const ElasticModel plane{.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  const auto cloud = approximate(mesh, {.spacing = 0.3});
+  DisplacementCondition<2> left = clamp<2>("left");
+  left.components[0] = [](const Vec<2>& x) { return 0.3 * x[1]; };
+  const Corrector<2> corrector(cloud, plane, {left});
+  std::vector<Loads<2>> cases;
+  for (const double right : {1.0, 2.0, 1e13}) cases.push_back({.tractions = {tension<2>("right", right)}});
+  cases[1].tractions.push_back(tension<2>("top", 0.5));
+  const std::vector<Points<2>> nothing(cases.size(), Points<2>::Zero(2, cloud.space.size()));
+  const auto all = corrector.correct_all(nothing, cases, {.tolerance = 1e-5});
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    const auto alone = corrector.correct(nothing[k], cases[k], {.tolerance = 1e-5});
+    EXPECT_LE((all[k].displacement - alone.displacement).cwiseAbs().maxCoeff(),
+              1e-4 * alone.displacement.cwiseAbs().maxCoeff())
+        << k;
+  }
+}
+
 /// A sum that nearly cancels, as energies go: its error would be that of its terms, and it is iterated by itself.
 TEST(Correction, OfASumThatCancelsIsItsOwn) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 8.0, 1.0), {.size = 0.1});
