@@ -239,11 +239,18 @@ template <int Dim> typename Motion<Dim>::Viscosity Motion<Dim>::viscosity_of(con
   return {.length = l, .sound = c, .highest = is_known ? std::min(highest, c / width) : highest};
 }
 
-/// For the first step, in which whatever has met something is squeezed: by all the speed there is, at the most.
+/// For the first step, in which whatever has met something is squeezed: at most as fast as any two things approach each
+/// other, so that what flies alone is not damped.
 template <int Dim> void Motion<Dim>::foresee_damping() {
   if (!options.shock.on()) return;
-  double fastest = std::sqrt(v.colwise().squaredNorm().maxCoeff());
-  for (const Tool& tool : tools) fastest = std::max(fastest, tool.now.velocity.norm());
+  Vec<Dim> least = v.rowwise().minCoeff(), most = v.rowwise().maxCoeff();
+  const auto add = [&](const Vec<Dim>& velocity) {
+    least = least.cwiseMin(velocity);
+    most = most.cwiseMax(velocity);
+  };
+  for (const Tool& tool : tools) add(tool.now.velocity);
+  if (!prescribed.empty()) add(Vec<Dim>::Zero());
+  const double fastest = (most - least).norm();
   for (auto& chunk : chunks)
     for (Index p = 0; p < chunk.size(); ++p) {
       const Viscosity by = viscosity_of(chunk, p, chunk.since[p]);
