@@ -2,6 +2,7 @@
 #include "efree/analysis/analyse.hpp"
 
 #include "efree/analysis/internal/clock.hpp"
+#include "efree/analysis/internal/corrected.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/located.hpp"
@@ -181,22 +182,15 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   const auto materials = materials_of(result.model, *mesh.mesh);
   std::optional<RecoveryFits<Dim>> fits;
   const auto answers = answers_in(result);
-  const auto loads_in = [&](std::size_t k) -> const Loads<Dim>& {
-    return k == 0 ? settings.loads : settings.cases[k].loads;
-  };
+  const auto loads = loads_of(settings, 0, answers.size());
   std::vector<typename ElementReactions<Dim>::Held> of_elements;
   if (result.history.empty() && (without_cloud || result.elements)) {
-    std::vector<Loads<Dim>> loads;
     std::vector<const Solution<Dim>*> solutions;
-    for (std::size_t k = 0; k < answers.size(); ++k) {
-      loads.push_back(loads_in(k));
-      solutions.push_back(&answers[k]->solution);
-    }
+    for (const Answer<Dim>* answer : answers) solutions.push_back(&answer->solution);
     of_elements = ElementReactions<Dim>(basis, result.model, settings.supports)(loads, solutions);
   }
   for (std::size_t k = 0; k < answers.size(); ++k) {
     Answer<Dim>& answer = *answers[k];
-    const Loads<Dim>& loads = loads_in(k);
     const std::string of = k == 0 ? "" : fmt::format("case \"{}\": ", settings.cases[k].name);
     if (answer.fields.displacement.size() == 0) {
       if (!fits) fits.emplace(recovery_fits(basis));
@@ -204,7 +198,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     }
     check_finite(answer);
     if (answer.probes.empty() && answer.extremes.empty()) read_off(settings, basis.space, answer);
-    answer.balance = balance_of(materials, result, answer, loads, of_elements.empty() ? nullptr : &of_elements[k]);
+    answer.balance = balance_of(materials, result, answer, loads[k], of_elements.empty() ? nullptr : &of_elements[k]);
     check_balance(answer.balance, of, result);
     check_free_work(answer, of, result);
   }

@@ -4,8 +4,11 @@
 
 #include "efree/core/parallel.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <utility>
+#include <vector>
 
 namespace efree::bench {
 
@@ -24,6 +27,23 @@ inline double wall_seconds() {
 /// Seconds of the processor on one thread, whatever else runs beside it; on several, by the clock.
 inline double seconds() {
   return num_threads() == 1 ? cpu_seconds() : wall_seconds();
+}
+
+/// The middle one, of an even number the upper of the two.
+inline double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+/// Median of the CPU seconds that something takes.
+template <class F> double median_cpu(int repetitions, const F& run) {
+  std::vector<double> spent;
+  for (int k = 0; k < repetitions; ++k) {
+    const double start = cpu_seconds();
+    run();
+    spent.push_back(cpu_seconds() - start);
+  }
+  return median(std::move(spent));
 }
 
 }  // namespace efree::bench

@@ -14,7 +14,6 @@
 #include "efree/io/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -23,6 +22,7 @@
 #include <string>
 
 using namespace efree;
+using efree::bench::median;
 using efree::bench::seconds;
 
 namespace {
@@ -75,11 +75,6 @@ template <int Dim> void write(const Settings<Dim>& settings, const Result<Dim>& 
     }
   });
   write_result(folder / "result.json", settings, result);
-}
-
-double median(std::vector<double> of) {
-  std::ranges::sort(of);
-  return of[of.size() / 2];
 }
 
 /// Of one case and of ten.

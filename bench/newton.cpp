@@ -18,13 +18,9 @@
 #include <vector>
 
 using namespace efree;
+using efree::bench::median;
 
 namespace {
-
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
 
 template <int Dim> std::vector<DisplacementCondition<Dim>> pulled() {
   std::vector<DisplacementCondition<Dim>> conditions{

@@ -10,20 +10,15 @@
 #include "efree/solvers/cholesky.hpp"
 #include "efree/solvers/equilibrium.hpp"
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
 
 using namespace efree;
+using efree::bench::median;
 using efree::bench::seconds;
 
 namespace {
-
-double median(std::vector<double> of) {
-  std::ranges::sort(of);
-  return of[of.size() / 2];
-}
 
 struct Cost {
   std::vector<double> analysis, factor;

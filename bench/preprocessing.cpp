@@ -15,7 +15,6 @@
 
 #include <malloc.h>
 #include <unistd.h>
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -24,7 +23,7 @@
 #include <string_view>
 
 using namespace efree;
-using efree::bench::cpu_seconds;
+using efree::bench::median_cpu;
 
 namespace {
 
@@ -33,17 +32,6 @@ double resident() {
   long pages = 0, total = 0;
   std::ifstream("/proc/self/statm") >> total >> pages;
   return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE));
-}
-
-template <class F> double median_cpu(int repetitions, const F& run) {
-  std::vector<double> seconds;
-  for (int k = 0; k < repetitions; ++k) {
-    const double start = cpu_seconds();
-    run();
-    seconds.push_back(cpu_seconds() - start);
-  }
-  std::nth_element(seconds.begin(), seconds.begin() + repetitions / 2, seconds.end());
-  return seconds[repetitions / 2];
 }
 
 /// `per_spacing`: H over the edge of the regular triangle or tetrahedron of mean measure.

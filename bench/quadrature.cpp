@@ -20,6 +20,7 @@
 
 using namespace efree;
 using efree::bench::cpu_seconds;
+using efree::bench::median;
 
 namespace {
 
@@ -48,11 +49,6 @@ std::string name_of(const Choice& choice) {
   char text[40];
   std::snprintf(text, sizeof text, "%s %g", testing::name_of(choice.secondary), choice.ratio);
   return text;
-}
-
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
 }
 
 bool matches(const std::string& name, const std::string& wanted) {

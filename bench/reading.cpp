@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// What it costs that geometries are read and meshed in a process of their own: bench_reading CASE.toml [RUNS]. Seconds
 /// of reading and meshing there and in this process, and of the whole analysis; medians.
+#include "clock.hpp"
 #include "efree/io/internal/confined.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <efree/efree.hpp>
 
 using namespace efree;
+using efree::bench::median;
 
 namespace {
 
@@ -20,11 +21,6 @@ class Clock {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
 
 template <int Dim> void measure(const Case<Dim>& analysis, int runs) {
   const MeshSize size{.length = analysis.geometry.size};

@@ -3,6 +3,7 @@
 /// vertex in its reach; with that, all of `approximate`. Medians. Prints a Markdown table.
 ///
 ///   bench_solid_distances [voxels a side of the porous block = 128] [repetitions = 5]
+#include "clock.hpp"
 #include "efree/bench/cavity.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/input/label_image.hpp"
@@ -10,25 +11,13 @@
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 
 using namespace efree;
+using efree::bench::median_cpu;
 
 namespace {
-
-template <class F> double median_cpu(int repetitions, const F& run) {
-  std::vector<double> seconds;
-  for (int k = 0; k < repetitions; ++k) {
-    const std::clock_t start = std::clock();
-    run();
-    seconds.push_back(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
-  }
-  std::ranges::nth_element(seconds, seconds.begin() + repetitions / 2);
-  return seconds[repetitions / 2];
-}
 
 void measure(const char* name, const FineMesh<3>& mesh, double spacing, int repetitions) {
   const auto cloud = sample_cloud<3>(mesh, CloudOptions{.spacing = spacing});

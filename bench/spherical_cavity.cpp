@@ -9,13 +9,13 @@
 #include "clock.hpp"
 #include "efree/bench/cavity.hpp"
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
 using namespace efree;
 using bench::Cavity;
 using efree::bench::cpu_seconds;
+using efree::bench::median;
 
 namespace {
 
@@ -34,11 +34,6 @@ constexpr Method methods[] = {{"cells", BasisKind::mls, SecondaryKind::cells, 1,
                               {"p2", BasisKind::p2, SecondaryKind::full, 2, 1.25},
                               {"coarse", BasisKind::mls, SecondaryKind::cells, 1, coarse},
                               {"quadratic", BasisKind::mls, SecondaryKind::cells, 2, coarse}};
-
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
 
 }  // namespace
 

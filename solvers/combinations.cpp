@@ -7,26 +7,26 @@
 namespace efree::internal {
 namespace {
 
-/// Where any of some vectors is something, over the largest length among them.
-Matrix condensed(const std::vector<std::array<Vector, 2>>& pairs, int which) {
-  std::vector<Index> rows;
-  for (Index i = 0; i < pairs.front()[which].size(); ++i)
-    if (std::ranges::any_of(pairs, [&](const auto& pair) { return pair[which][i] != 0.0; })) rows.push_back(i);
-  Matrix columns(std::ssize(rows), std::ssize(pairs));
+/// A part of the vectors where any of them is something, over the largest length among them.
+Matrix condensed(const std::vector<Parts>& vectors, int part) {
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < vectors.front()[part].size(); ++i)
+    if (std::ranges::any_of(vectors, [&](const Parts& vector) { return vector[part][i] != 0.0; })) rows.push_back(i);
+  Matrix columns(std::ssize(rows), std::ssize(vectors));
   for (Index j = 0; j < columns.cols(); ++j)
-    for (Index i = 0; i < columns.rows(); ++i) columns(i, j) = pairs[j][which][rows[i]];
+    for (Index i = 0; i < columns.rows(); ++i) columns(i, j) = vectors[j][part][rows[i]];
   if (columns.size() > 0) columns /= columns.colwise().norm().maxCoeff();
   return columns;
 }
 
 }  // namespace
 
-std::vector<std::vector<Term>> combinations(const std::vector<std::array<Vector, 2>>& pairs) {
+std::vector<std::vector<Term>> combinations(const std::vector<Parts>& vectors) {
   constexpr double rounding = 1e-11;
-  const Matrix first = condensed(pairs, 0), second = condensed(pairs, 1);
+  const Matrix first = condensed(vectors, 0), second = condensed(vectors, 1);
   Matrix columns(first.rows() + second.rows(), first.cols());
   columns << first, second;
-  std::vector<std::vector<Term>> sums(pairs.size());
+  std::vector<std::vector<Term>> sums(vectors.size());
   // Q R = those that are no sums (Gram & Schmidt, twice is enough).
   Matrix Q(columns.rows(), columns.cols()), R = Matrix::Zero(columns.cols(), columns.cols());
   std::vector<std::size_t> alone;

@@ -122,9 +122,9 @@ template <int Dim> struct Supports {
   }
   /// Leaves what is held alone.
   void keep_held(Points<Dim>& x) const {
-    Points<Dim> held = Points<Dim>::Zero(Dim, x.cols());
-    for (const Support& s : supports) held.col(s.node) = x.col(s.node) - s.free * Vec<Dim>(x.col(s.node));
-    x = std::move(held);
+    const Points<Dim> kept = held(x);
+    x.setZero();
+    for (std::size_t k = 0; k < supports.size(); ++k) x.col(supports[k].node) = kept.col(static_cast<Index>(k));
   }
   /// Sets what is held.
   void impose(Points<Dim>& x) const {
@@ -550,8 +550,11 @@ std::vector<std::vector<internal::Term>> Corrector<Dim>::Impl::sums_among(const 
   std::vector<std::size_t> order(from.size());
   std::iota(order.begin(), order.end(), 0);
   std::ranges::stable_sort(order, {}, [&](std::size_t k) { return energies[k]; });
-  std::vector<std::array<Vector, 2>> causes;
-  for (const std::size_t k : order) causes.push_back({from[k].forces.reshaped(), supports.held(from[k].u).reshaped()});
+  std::vector<Points<Dim>> held;
+  for (const std::size_t k : order) held.push_back(supports.held(from[k].u));
+  const auto numbers = [](const Points<Dim>& of) { return std::span(of.data(), static_cast<std::size_t>(of.size())); };
+  std::vector<internal::Parts> causes;
+  for (std::size_t k = 0; k < order.size(); ++k) causes.push_back({numbers(from[order[k]].forces), numbers(held[k])});
   const auto found = internal::combinations(causes);
   std::vector<std::vector<internal::Term>> sums(from.size());
   for (std::size_t k = 0; k < from.size(); ++k)
@@ -564,7 +567,8 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(co
                                                                               const Stage& stage) const {
   std::vector<End> ends(from.size());
   // Only those that are to take answers to a tolerance, from wherever.
-  const auto sums = options.iterations < 0 ? sums_among(from) : std::vector<std::vector<internal::Term>>(from.size());
+  const auto sums = options.iterations < 0 && from.size() > 1 ? sums_among(from)
+                                                              : std::vector<std::vector<internal::Term>>(from.size());
   std::vector<std::size_t> alone, left;
   for (std::size_t k = 0; k < from.size(); ++k)
     if (sums[k].empty()) alone.push_back(k);

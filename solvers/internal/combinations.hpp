@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace efree::internal {
@@ -16,8 +17,11 @@ struct Term {
   double factor;
 };
 
-/// By pair of vectors, of quantities each: the terms it is the sum of, to rounding, all of them before it and none of
-/// them a sum itself; none where it is no sum, or zero.
-std::vector<std::vector<Term>> combinations(const std::vector<std::array<Vector, 2>>& pairs);
+/// A vector of two quantities.
+using Parts = std::array<std::span<const double>, 2>;
+
+/// By vector: the terms it is the sum of, each part to rounding of its own, all of them before it and none of them a
+/// sum itself; none where it is no sum, or zero.
+std::vector<std::vector<Term>> combinations(const std::vector<Parts>& vectors);
 
 }  // namespace efree::internal
