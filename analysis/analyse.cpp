@@ -95,6 +95,29 @@ template <int Dim> void check_balance(const Balance<Dim>& balance, const std::st
     result.refusal = what;
 }
 
+/// Says so if strains are so small beside the displacements that they may be rounding: of a body that is moved as a
+/// whole, far beyond what it is strained.
+template <int Dim> void check_strains(const Materials<Dim>& materials, const FineSpace<Dim>& space,
+                                      const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
+  constexpr double rounding = 4e-24;  // of squares, times that of what differences of displacements keep
+  const FineMesh<Dim>& mesh = space.mesh();
+  const Points<Dim>& u = answer.fields.displacement;
+  double kept = 0.0;
+  Stiffness<Dim> room;
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    const Vec<Dim> x = mesh.centroid(c);
+    double furthest = 0.0;
+    for (const Index dof : space.cell(c)) furthest = std::max(furthest, u.col(dof).squaredNorm());
+    kept += mesh.volume(c) * space.measure(x) * materials.stiffness(mesh.region(c), x, room).C(0, 0) *
+            mesh.hat_gradients(c).squaredNorm() * furthest;
+  }
+  if (2.0 * answer.solution.strain_energy >= rounding * kept) return;
+  result.warnings.push_back(fmt::format(
+      "{}the body moves as a whole, by up to {:.3g}: strains and stresses are so small beside that they may "
+      "be rounding; leave what moves all of it out of what is prescribed",
+      of, std::sqrt(u.colwise().squaredNorm().maxCoeff())));
+}
+
 /// Refuses answers whose corrections rounding has ended: what these leave beyond their tolerance.
 template <int Dim> void check_free_work(const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
   constexpr double rounding = 0.01;
@@ -201,6 +224,8 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     answer.balance = balance_of(materials, result, answer, loads[k], of_elements.empty() ? nullptr : &of_elements[k]);
     check_balance(answer.balance, of, result);
     check_free_work(answer, of, result);
+    if (result.history.empty() && !result.cells && answer.fields.displacement.cwiseAbs().maxCoeff() > 0.0)
+      check_strains(materials, basis.space, answer, of, result);
   }
   if (settings.has_exact())
     located(settings, settings.where,

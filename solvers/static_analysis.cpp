@@ -205,24 +205,31 @@ Vector stiffness_alone(const SymmetricMatrix& K, const std::vector<Index>& node_
 /// Refuses solutions of which rounding has left an error, in the energy norm, that counts: what the forces out of
 /// balance move. Looked for where the energy is so little of what nodes would have that moved alone (`alone`: their
 /// stiffness) that rounding these may be much of it: bodies that are very slender, or hardly held, or very soft beside
-/// stiff. Pivots do not tell: of a beam that is eliminated from its free end all are alike.
+/// stiff. Pivots do not tell: of a beam that is eliminated from its free end all are alike. Bodies that supports move
+/// as a whole have hardly any energy, and are answers.
 template <int Dim> void require_solved(const Cholesky& factor, const Vector& alone,
                                        const std::vector<Equilibrium<Dim>>& equations, const std::vector<State>& states,
                                        const std::vector<Solution<Dim>>& solutions) {
-  constexpr double suspicious = 1e-3 * 0x1p53, bearable = 0.01;
+  constexpr double suspicious = 1e-3 * 0x1p53, as_a_whole = 1e-10 * 0x1p106, bearable = 0.01;
   for (std::size_t k = 0; k < solutions.size(); ++k) {
-    const Points<Dim>& U = solutions[k].coefficients;
-    if (U.colwise().squaredNorm().dot(alone) <= suspicious * 2.0 * solutions[k].strain_energy) continue;
+    const double twice = 2.0 * solutions[k].strain_energy;
+    const double one_by_one = solutions[k].coefficients.colwise().squaredNorm().dot(alone);
+    if (one_by_one <= suspicious * twice) continue;
+    const State begun = equations[k].under(1.0, equations[k].rest());
+    const bool moved = !begun.u.isZero(0.0) || !equations[k].weak_prescribed().isZero(0.0);
+    if (moved && one_by_one > as_a_whole * twice) continue;
     const Vector left = equations[k].residual(states[k]);
-    Matrix forces(left.size(), 2);  // and those to begin with, springs' energy included
-    forces << left, equations[k].residual(equations[k].under(1.0, equations[k].rest()));
+    Matrix forces(left.size(), moved ? 1 : 2);  // and those of the loads, springs' energy included
+    forces.col(0) = left;
+    if (!moved) forces.col(1) = equations[k].residual(begun);
     const Matrix moves = factor.solve(forces);
-    const double whole = std::max(2.0 * solutions[k].strain_energy, forces.col(1).dot(moves.col(1)));
+    const double whole = moved ? twice : std::max(twice, forces.col(1).dot(moves.col(1)));
     const double error = std::sqrt(std::max(0.0, forces.col(0).dot(moves.col(0))) / whole);
     if (whole > 0.0 && !(error < bearable))
       throw NumericalError(fmt::format(
           "the equations are so ill-conditioned that rounding leaves an error of {:.1g} % in the energy norm: the body "
-          "is too slender for its mesh, or moduli and springs are too far apart",
+          "is too slender for its mesh, moduli and springs are too far apart, or supports move it much further than "
+          "they strain it",
           100.0 * error));
   }
 }

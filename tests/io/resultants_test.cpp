@@ -17,7 +17,9 @@ namespace efree {
 namespace {
 
 using test::json, test::replaced, test::Workspace;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 template <int Dim = 2> Result<Dim> solved(const std::string& text) {
   const Workspace work(text);
@@ -530,6 +532,35 @@ TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
     EXPECT_THROW(beam(length, ""), NumericalError) << length;
   }
   EXPECT_THROW(beam(1500.0, "[basis]\nkind = \"p1\"\n"), NumericalError);
+}
+
+TEST(Slenderness, StrainsBesideMotionsOfTheWholeBodyAreRightOrSaidToBeRounding) {
+  const auto block = [](const std::string& moved, const std::string& strained, const std::string& more) {
+    return solved<2>(
+        "[geometry]\nshape = \"rectangle\"\nparameters = { width = 2, height = 1 }\nmesh_size = 0.1\n"
+        "[analysis]\nplane = \"stress\"\n[material]\nE = 1\nnu = 0.3\n"
+        "[[boundary]]\non = \"left\"\ndisplacement = [" +
+        moved + ", " + moved + "]\n[[boundary]]\non = \"right\"\ndisplacement = [\"" + moved + " + " + strained +
+        "\", " + moved + "]\n" + more);
+  };
+  for (const std::string& basis :
+       std::vector<std::string>{"", "[basis]\nkind = \"p1\"\n", "[basis]\nkind = \"p2\"\n"}) {
+    const auto still = block("0", "1e-3", basis);
+    EXPECT_THAT(still.warnings, Not(Contains(HasSubstr("as a whole"))));
+    for (const std::string& moved : std::vector<std::string>{"1", "1e3", "1e5"}) {
+      const auto along = block(moved, "1e-3", basis);
+      const double off = along.solution.strain_energy / still.solution.strain_energy - 1.0;
+      EXPECT_LT(std::abs(off), 1e-6) << basis << moved;
+      EXPECT_NEAR(along.estimates->total() / still.estimates->total(), 1.0, 0.01) << basis << moved;
+      EXPECT_NEAR(along.estimates->uncorrected, still.estimates->uncorrected, 0.01 * still.estimates->uncorrected);
+    }
+    for (const std::string& moved : std::vector<std::string>{"1", "1e7"})
+      for (const std::string& strained : {std::string("0"), "1e-16 * " + moved}) {
+        const auto as_a_whole = block(moved, strained, basis);
+        EXPECT_EQ(as_a_whole.refusal, "");
+        EXPECT_THAT(as_a_whole.warnings, Contains(HasSubstr("the body moves as a whole"))) << basis << moved;
+      }
+  }
 }
 
 TEST(LoadCases, SlideOnHolesAndSlitsAsOneAloneDoes) {
