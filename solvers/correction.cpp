@@ -416,7 +416,10 @@ template <int Dim> struct Corrector<Dim>::Impl {
   /// Where they end.
   struct End {
     Correction<Dim> correction;
-    double energy = 0.0;  ///< twice that of the best answer there is
+    double energy = 0.0;   ///< twice that of the best answer there is
+    bool is_term = false;  ///< of a sum, which needs
+    Points<Dim> forces;    ///< K times the answer
+    Points<Dim> off;       ///< and times what `start` is off it
   };
   /// All of them in step.
   std::vector<Correction<Dim>> iterate(const std::vector<Beginning>& from, const CorrectionOptions& options,
@@ -429,8 +432,8 @@ template <int Dim> struct Corrector<Dim>::Impl {
   Iteration iterate(InStep<Dim>& in_step, const Beginning& from, const CorrectionOptions& options, const Stage& stage,
                     End& end) const;
   /// The sum of answers to other forces.
-  Iteration combine(InStep<Dim>& in_step, const Beginning& from, const std::vector<internal::Term>& terms,
-                    const std::vector<End>& ends, End& end) const;
+  void combine(const Beginning& from, const std::vector<internal::Term>& terms, const std::vector<End>& ends,
+               End& end) const;
 };
 
 namespace {
@@ -570,15 +573,13 @@ template <int Dim> std::vector<Correction<Dim>> Corrector<Dim>::Impl::iterate(co
   const auto sums = options.iterations < 0 && from.size() > 1 ? sums_among(from)
                                                               : std::vector<std::vector<internal::Term>>(from.size());
   std::vector<std::size_t> alone, left;
-  for (std::size_t k = 0; k < from.size(); ++k)
+  for (std::size_t k = 0; k < from.size(); ++k) {
     if (sums[k].empty()) alone.push_back(k);
+    for (const auto& term : sums[k]) ends[term.vector].is_term = true;
+  }
   iterate(from, alone, options, stage, ends);
-  InStep<Dim> in_step(K, smoother);
-  std::vector<Iteration> combined;
   for (std::size_t k = 0; k < from.size(); ++k)
-    if (!sums[k].empty()) combined.push_back(combine(in_step, from[k], sums[k], ends, ends[k]));
-  in_step.run();
-  for (const Iteration& one : combined) one.check();
+    if (!sums[k].empty()) combine(from[k], sums[k], ends, ends[k]);
   for (std::size_t k = 0; k < from.size(); ++k)  // most of the sum may cancel
     if (!sums[k].empty() && !(ends[k].correction.error <= options.tolerance)) left.push_back(k);
   iterate(from, left, options, stage, ends);
@@ -593,29 +594,28 @@ void Corrector<Dim>::Impl::iterate(const std::vector<Beginning>& from, const std
   InStep<Dim> in_step(K, smoother);
   std::vector<Iteration> iterations;
   for (const std::size_t k : numbers) {
-    ends[k] = {};
+    ends[k] = {.correction = {}, .is_term = ends[k].is_term, .forces = {}, .off = {}};
     iterations.push_back(iterate(in_step, from[k], options, stage, ends[k]));
   }
   in_step.run();
   for (const Iteration& one : iterations) one.check();
 }
 
-template <int Dim> Iteration Corrector<Dim>::Impl::combine(InStep<Dim>& in_step, const Beginning& from,
-                                                           const std::vector<internal::Term>& terms,
-                                                           const std::vector<End>& ends, End& end) const {
+template <int Dim> void Corrector<Dim>::Impl::combine(const Beginning& from, const std::vector<internal::Term>& terms,
+                                                      const std::vector<End>& ends, End& end) const {
   Correction<Dim>& result = end.correction;
   result.displacement = Points<Dim>::Zero(Dim, approximation.space.size());
+  Points<Dim> forces = Points<Dim>::Zero(Dim, nodes.count), of_start = forces;
   double off = 0.0;  // at most
   for (const auto& [k, factor] : terms) {
     const Correction<Dim>& term = ends[k].correction;
     add<Dim>(result.displacement, factor, term.displacement);
+    add<Dim>(forces, factor, ends[k].forces);
+    add<Dim>(of_start, factor, ends[k].off);
     off += std::abs(factor) * term.error * std::sqrt(std::max(0.0, ends[k].energy));
     result.iterations = std::max(result.iterations, term.iterations);
   }
   const Points<Dim> u = at_nodes(result.displacement), moved = from.start - u;
-  Points<Dim> forces, of_start;
-  co_await in_step.multiply(u, forces);
-  co_await in_step.multiply(moved, of_start);
   end.energy = dot<Dim>(u, forces) + condensation.work(u, u);
   const double start = dot<Dim>(moved, of_start) + condensation.work(moved, moved);
   const bool deformed = end.energy > no_energy * energy_one_by_one(u);
@@ -685,6 +685,8 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     g = Points<Dim>::Zero(Dim, u.cols());
   else
     co_await in_step.multiply(u, g);
+  Points<Dim> of_start;  // K start, if that is where iterations begin
+  if (start == u) of_start = g;
   residual();
   co_await in_step.solve(*level->space, r, z);
   result.taken.push_back(dot<Dim>(r, z));
@@ -704,7 +706,12 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   bool solved = false;  // exactly
   Points<Dim> answer;
   double answer_work = 0.0;  // u . K u of it
-  if (wanted == 0) answer = u, answer_work = dot<Dim>(u, g);
+  const auto take = [&] {
+    answer = u;
+    answer_work = dot<Dim>(u, g);
+    if (end.is_term) end.forces = g;
+  };
+  if (wanted == 0) take();
   double rz = 0.0;
   Points<Dim> rest;
   for (int k = 1; k <= last; ++k) {
@@ -733,12 +740,12 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
     add<Dim>(u, alpha, p);
     add<Dim>(g, alpha, q);
-    problem.supports.release(q);
     add<Dim>(r, -alpha, q);
+    problem.supports.release(r);
     recent.push_back(alpha * rz);
     taken.push_back(entering + recent.back());
     entering = 0.0;
-    if (k == wanted) answer = u, answer_work = dot<Dim>(u, g);
+    if (k == wanted) take();
     if (k <= wanted) result.iterations = k;
     const auto is_good = [&] {  // the iterate before this one
       return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale;
@@ -751,6 +758,10 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
         answer = u;
         add<Dim>(answer, -alpha, p);
         answer_work = work - 2.0 * alpha * dot<Dim>(p, g) + alpha * alpha * curvature;
+        if (end.is_term) {
+          end.forces = g;
+          add<Dim>(end.forces, -alpha, q);
+        }
         break;
       }
     }
@@ -776,7 +787,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   }
   const double beyond = recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
   const double work = dot<Dim>(u, g);
-  if (answer.size() == 0) answer = u, answer_work = work;
+  if (answer.size() == 0) take();
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
 
@@ -786,7 +797,11 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
   const Points<Dim> off = start - u;
-  co_await in_step.multiply(off, q);
+  if (of_start.size() > 0)
+    q = of_start - g;
+  else
+    co_await in_step.multiply(off, q);
+  if (end.is_term) end.off = q + g - end.forces;
   result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) + beyond);
   result.error = relative(after);
   result.strain_energy = 0.5 * (answer_work + condensation.work(answer, answer));
