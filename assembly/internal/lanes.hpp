@@ -21,9 +21,16 @@ template <class Number, int Dim, int lanes> struct NodeLanes {
   typename LanesOf<Number, lanes>::type of[Dim];
 
   static constexpr std::ptrdiff_t size = Dim * lanes;  ///< numbers
-  EFREE_INLINE void load(const Number* vector, Index node) { std::memcpy(of, vector + size * node, sizeof of); }
-  EFREE_INLINE void store(Number* vector, Index node) const { std::memcpy(vector + size * node, of, sizeof of); }
-  EFREE_INLINE void clear() { std::memset(of, 0, sizeof of); }
+  // Component by component, or they stay in memory.
+  EFREE_INLINE void load(const Number* vector, Index node) {
+    for (int p = 0; p < Dim; ++p) std::memcpy(&of[p], vector + size * node + lanes * p, sizeof of[p]);
+  }
+  EFREE_INLINE void store(Number* vector, Index node) const {
+    for (int p = 0; p < Dim; ++p) std::memcpy(vector + size * node + lanes * p, &of[p], sizeof of[p]);
+  }
+  EFREE_INLINE void clear() {
+    for (int p = 0; p < Dim; ++p) of[p] = typename LanesOf<Number, lanes>::type{};
+  }
   EFREE_INLINE void add(const NodeLanes& other) {
     for (int p = 0; p < Dim; ++p) of[p] += other.of[p];
   }
