@@ -150,7 +150,6 @@ template <int Dim> void Smoother<Dim>::apply_at_once(const BlockMatrix<Dim>& K, 
           to[lane] = lane < count ? static_cast<float>((*r[lane])(d, i) / scale_[i] / size[lane]) : 0.0f;
   });
   auto now = vectors(), next = vectors();
-  const auto step = vectors();
   const Range range(degree, largest_);
   double rho = range.half / range.middle, keep = 0.0, take = 1.0 / range.middle;
   for (int k = 0; k < degree; ++k) {
@@ -164,19 +163,18 @@ template <int Dim> void Smoother<Dim>::apply_at_once(const BlockMatrix<Dim>& K, 
     parallel_chunks(n, chunk, [&](Index begin, Index end) {
       const auto& rows = K.chunks[begin / chunk];
       const std::size_t of_chunk = std::size_t{Dim} * lanes * (end - begin);
-      const auto room = std::make_unique_for_overwrite<float[]>(3 * of_chunk);
+      const auto room = std::make_unique_for_overwrite<float[]>(2 * of_chunk);
+      if (k == 1) std::fill_n(next.get() + std::ptrdiff_t{Dim} * lanes * begin, of_chunk, 0.0f);
       smooth_rows(Dim, lanes,
                   {.rows = rows.with(begin, blocks_[begin / chunk].front().data()),
                    .inverse = inverse_diagonal_.front().data(),
                    .r = forces.get(),
                    .z = k == 0 ? nullptr : now.get(),
-                   .step = step.get(),
                    .next = next.get(),
                    .keep = static_cast<float>(keep),
                    .take = static_cast<float>(take),
-                   .rest = room.get(),
-                   .swept = room.get() + of_chunk,
-                   .ahead = room.get() + 2 * of_chunk});
+                   .swept = room.get(),
+                   .ahead = room.get() + of_chunk});
     });
     std::swap(now, next);
   }

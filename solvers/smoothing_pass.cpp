@@ -6,12 +6,12 @@
 namespace efree {
 namespace {
 
-/// swept = B rest.
+/// swept = B swept.
 template <int Dim, int lanes> EFREE_INLINE void sweep(const SmoothingPass& at) {
   NodeLanes<float, Dim, lanes> left, there, other;
   const BlockRows<float>& rows = at.rows;
   for (Index row = 0; row < rows.count; ++row) {
-    left.load(at.rest, row);
+    left.load(at.swept, row);
     for (Index k = rows.own[row]; k < rows.diagonal[row]; ++k) {
       other.load(at.swept, rows.columns[k] - rows.first);
       left.subtract(rows.block<Dim>(k), other);
@@ -38,22 +38,20 @@ template <int Dim, int lanes> EFREE_INLINE void smooth(const SmoothingPass& at) 
   constexpr std::ptrdiff_t size = NodeLanes<float, Dim, lanes>::size;
   const std::ptrdiff_t from = size * at.rows.first, count = size * at.rows.count;
   if (at.z) {
-    std::fill_n(at.rest, count, 0.0f);
-    add_product<Dim, lanes>(at.rows, at.z, at.rest);
-    for (std::ptrdiff_t i = 0; i < count; ++i) at.rest[i] = at.r[from + i] - at.rest[i];
+    std::fill_n(at.swept, count, 0.0f);
+    add_product<Dim, lanes>(at.rows, at.z, at.swept);
+    for (std::ptrdiff_t i = 0; i < count; ++i) at.swept[i] = at.r[from + i] - at.swept[i];
   } else {
-    std::copy_n(at.r + from, count, at.rest);
+    std::copy_n(at.r + from, count, at.swept);
   }
   sweep<Dim, lanes>(at);
-  float* const step = at.step + from;
   float* const next = at.next + from;
-  if (at.z)
-    for (std::ptrdiff_t i = 0; i < count; ++i) {
-      step[i] = at.keep * step[i] + at.take * at.swept[i];
-      next[i] = at.z[from + i] + step[i];
-    }
-  else
-    for (std::ptrdiff_t i = 0; i < count; ++i) next[i] = step[i] = at.take * at.swept[i];
+  if (at.z) {
+    const float* const z = at.z + from;
+    for (std::ptrdiff_t i = 0; i < count; ++i) next[i] = z[i] + (at.keep * (z[i] - next[i]) + at.take * at.swept[i]);
+  } else {
+    for (std::ptrdiff_t i = 0; i < count; ++i) next[i] = at.take * at.swept[i];
+  }
 }
 
 template <int Dim> EFREE_INLINE void smooth_lanes(int lanes, const SmoothingPass& pass) {

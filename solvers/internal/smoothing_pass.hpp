@@ -6,16 +6,16 @@
 
 namespace efree {
 
-/// One step of a polynomial in B K on a chunk of rows: step = keep * step + take * B (r - K z), next = z + step, B a
-/// symmetric Gauss-Seidel sweep within the chunk. Vectors in lanes, of node 0.
+/// One step of a polynomial in B K on a chunk of rows: z + keep * (z - next) + take * B (r - K z) takes the place of
+/// next, which was z a step before; B a symmetric Gauss-Seidel sweep within the chunk. Vectors in lanes, of node 0.
 struct SmoothingPass {
   BlockRows<float> rows;  ///< of K
   const float* inverse;   ///< of the diagonal blocks, by node
   const float* r;
-  const float* z;  ///< none: zero, and `step` is not read
-  float *step, *next;
+  const float* z;  ///< none: zero, as it was before
+  float* next;
   float keep, take;
-  float *rest, *swept, *ahead;  ///< room for the rows
+  float *swept, *ahead;  ///< room for the rows
 };
 
 constexpr int most_lanes = 16;
