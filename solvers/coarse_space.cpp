@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/coarse_space.hpp"
 
+#include "efree/assembly/internal/gather.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 
@@ -62,69 +63,128 @@ std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& pl
   return thin;
 }
 
+template <int Dim> struct CoarseSpace<Dim>::Functions {
+  ShapeTable<Dim> shape;
+  Points<Dim> places, nodes;
+  std::optional<Lift<Dim>> lift;
+  HeldNodes<Dim> held;
+  std::vector<Index> first{};  ///< by node: its motion; if it turns, the next is that
+  bool turning = false;        ///< whether one does
+  Ragged<Place> followers{};  ///< by point of the lift: the nodes that follow it, with its position among their parents
+
+  Functions(const BlockMatrix<Dim>& K, ShapeTable<Dim> table, Points<Dim> at, Points<Dim> of_nodes,
+            const std::vector<char>& turn, const std::function<Mat<Dim>(Index)>& free, std::optional<Lift<Dim>> lifted)
+      : shape(std::move(table)),
+        places(std::move(at)),
+        nodes(std::move(of_nodes)),
+        lift(std::move(lifted)),
+        held(K.size(), free) {
+    const Index n = shape.num_nodes();
+    first.assign(n + 1, 0);
+    for (Index I = 0; I < n; ++I) first[I + 1] = first[I] + (turn[I] ? 2 : 1);
+    turning = first.back() > n;
+    if (lift)
+      followers = places_of_nodes(static_cast<Index>(lift->points.cols()), K.size(), [&](Index node) {
+        return lift->parents[node] | std::views::transform(&Lift<Dim>::Parent::point);
+      });
+  }
+
+  const Points<Dim>& points() const { return lift ? lift->points : places; }
+  bool turns(Index I) const { return first[I + 1] - first[I] == 2; }
+  BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
+  SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
+
+  static typename RigidMap<Dim>::Entry entry(Index of, double share, const Vec<Dim>& arm) {
+    typename RigidMap<Dim>::Entry result{.of = of, .share = share, .arm = {}};
+    for (int d = 0; d < Dim; ++d) result.arm[d] = arm[d];
+    return result;
+  }
+  RigidMap<Dim> by_nodes() const {
+    RigidMap<Dim> map;
+    map.rows.items.reserve(shape.num_entries());
+    for (Index v = 0; v < shape.num_points(); ++v) {
+      const auto row = shape.row(v);
+      for (std::size_t k = 0; k < row.nodes.size(); ++k)
+        map.rows.items.push_back(entry(row.nodes[k], row.N[k], points().col(v) - nodes.col(row.nodes[k])));
+      map.rows.close_row();
+    }
+    return map;
+  }
+  RigidMap<Dim> by_points() const {
+    RigidMap<Dim> map;
+    map.rows.items.reserve(lift->parents.items.size());
+    for (Index node = 0; node < lift->parents.rows(); ++node) {
+      for (const auto& [point, share] : lift->parents[node])
+        map.rows.items.push_back(entry(point, share, places.col(node) - lift->points.col(point)));
+      map.rows.close_row();
+    }
+    return map;
+  }
+};
+
 template <int Dim>
 CoarseSpace<Dim>::CoarseSpace(const BlockMatrix<Dim>& K, ShapeTable<Dim> shape, Points<Dim> places, Points<Dim> nodes,
                               const std::vector<char>& turning, const std::function<Mat<Dim>(Index)>& free,
                               std::optional<Lift<Dim>> lift)
-    : shape_(std::move(shape)),
-      places_(std::move(places)),
-      nodes_(std::move(nodes)),
-      lift_(std::move(lift)),
-      held_(K.size(), free) {
-  const Index n = shape_.num_nodes();
-  first_.assign(n + 1, 0);
-  for (Index I = 0; I < n; ++I) first_[I + 1] = first_[I] + (turning[I] ? 2 : 1);
-  turning_ = first_.back() > n;
-  if (lift_)
-    followers_ = places_of_nodes(static_cast<Index>(lift_->points.cols()), K.size(), [&](Index node) {
-      return lift_->parents[node] | std::views::transform(&Lift<Dim>::Parent::point);
-    });
-  factor_ = std::make_unique<ScaledCholesky>(lift_ ? stiffness(lifted_stiffness(K)) : stiffness(K), Dim);
+    : CoarseSpace(Functions(K, std::move(shape), std::move(places), std::move(nodes), turning, free, std::move(lift)),
+                  K) {}
+
+template <int Dim> CoarseSpace<Dim>::CoarseSpace(Functions functions, const BlockMatrix<Dim>& K)
+    : held_(functions.held),
+      first_(functions.first),
+      turning_(functions.turning),
+      by_nodes_(functions.by_nodes()),
+      of_nodes_(by_nodes_.mirrored(functions.shape.num_nodes())) {
+  if (functions.lift) {
+    by_points_ = functions.by_points();
+    of_points_ = by_points_->mirrored(static_cast<Index>(functions.lift->points.cols()));
+  }
+  factor_ = std::make_unique<ScaledCholesky>(
+      functions.lift ? functions.stiffness(functions.lifted_stiffness(K)) : functions.stiffness(K), Dim);
 }
 
 /// The stiffness of the lift's points: of their translation, and, if nodes of the cloud turn, of their rotation next.
-template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::lifted_stiffness(const BlockMatrix<Dim>& K) const {
-  const Index motions = turning_ ? 2 : 1;
-  const auto arm = [&](Index node, Index point) -> Vec<Dim> { return places_.col(node) - lift_->points.col(point); };
-  return gather_rows<Dim>(
-      motions * static_cast<Index>(lift_->points.cols()), [&](Index f, Accumulator<Mat<Dim>>& sums) {
-        const Index point = f / motions;
-        sums[f];
-        for (const Place& place : followers_[point]) {
-          const Index node = place.row;
-          Mat<Dim> move = lift_->parents[node][place.position].share * Mat<Dim>::Identity();
-          if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
-          if (const Mat<Dim>* open = held_.at(node)) move = *open * move;
-          K.for_row(node, [&](Index other, const Mat<Dim>& block) {
-            Mat<Dim> force = move.transpose() * block;
-            if (const Mat<Dim>* open = held_.at(other)) force = force * *open;
-            for (const auto& [parent, share] : lift_->parents[other]) {
-              sums[motions * parent] += share * force;
-              if (turning_) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
-            }
-          });
+template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::Functions::lifted_stiffness(const BlockMatrix<Dim>& K) const {
+  const Index motions = turning ? 2 : 1;
+  const auto arm = [&](Index node, Index point) -> Vec<Dim> { return places.col(node) - lift->points.col(point); };
+  return gather_rows<Dim>(motions * static_cast<Index>(lift->points.cols()), [&](Index f, Accumulator<Mat<Dim>>& sums) {
+    const Index point = f / motions;
+    sums[f];
+    for (const Place& place : followers[point]) {
+      const Index node = place.row;
+      Mat<Dim> move = lift->parents[node][place.position].share * Mat<Dim>::Identity();
+      if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
+      if (const Mat<Dim>* open = held.at(node)) move = *open * move;
+      K.for_row(node, [&](Index other, const Mat<Dim>& block) {
+        Mat<Dim> force = move.transpose() * block;
+        if (const Mat<Dim>* open = held.at(other)) force = force * *open;
+        for (const auto& [parent, share] : lift->parents[other]) {
+          sums[motions * parent] += share * force;
+          if (turning) sums[2 * parent + 1].noalias() += share * force * rotations<Dim>(arm(other, parent));
         }
       });
+    }
+  });
 }
 
-template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix<Dim>& K) const {
-  std::vector<Index> node_of(first_.back());
-  for (Index I = 0; I < shape_.num_nodes(); ++I)
-    for (Index f = first_[I]; f < first_[I + 1]; ++f) node_of[f] = I;
-  const Index motions = lift_ && turning_ ? 2 : 1;  // that K has for each point of the table
-  const auto open_at = [&](Index v) { return lift_ ? nullptr : held_.at(v); };
-  SymmetricMatrix result = gather_blocks<Dim>(first_.back(), [&](Index f, Accumulator<Mat<Dim>>& sums) {
+template <int Dim> SymmetricMatrix CoarseSpace<Dim>::Functions::stiffness(const BlockMatrix<Dim>& K) const {
+  std::vector<Index> node_of(first.back());
+  for (Index I = 0; I < shape.num_nodes(); ++I)
+    for (Index f = first[I]; f < first[I + 1]; ++f) node_of[f] = I;
+  const Index motions = lift && turning ? 2 : 1;  // that K has for each point of the table
+  const auto open_at = [&](Index v) { return lift ? nullptr : held.at(v); };
+  SymmetricMatrix result = gather_blocks<Dim>(first.back(), [&](Index f, Accumulator<Mat<Dim>>& sums) {
     thread_local std::optional<Accumulator<Mat<Dim>>> scratch;  // K times the function
     if (!scratch || scratch->size() != K.size()) scratch.emplace(K.size());
     auto& forces = *scratch;
     forces.clear();
     const Index a = node_of[f];
-    const bool turned = f > first_[a];
+    const bool turned = f > first[a];
     const auto add = [&](Index v, const Mat<Dim>& move) {
       K.for_row(v, [&](Index w, const Mat<Dim>& block) { forces[w].noalias() += block.transpose() * move; });
     };
-    for (const auto& [v, k] : shape_.by_node()[a]) {
-      const double N = shape_.row(v).N[k];
+    for (const auto& [v, k] : shape.by_node()[a]) {
+      const double N = shape.row(v).N[k];
       const Mat<Dim>* open = open_at(v);
       if (!turned && !open) {
         K.for_row(motions * v, [&](Index w, const Mat<Dim>& block) { forces[w] += N * block.transpose(); });
@@ -132,7 +192,7 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
       }
       Mat<Dim> move = N * Mat<Dim>::Identity();
       if (turned && motions == 2) add(2 * v + 1, move);
-      if (turned) move = N * rotations<Dim>(points().col(v) - nodes_.col(a));
+      if (turned) move = N * rotations<Dim>(points().col(v) - nodes.col(a));
       if (open) move = *open * move;
       add(motions * v, move);
     }
@@ -141,15 +201,15 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
       const bool rotation = of % motions == 1;
       Mat<Dim> force = forces[of];
       if (const Mat<Dim>* open = open_at(w)) force = *open * force;
-      const auto row = shape_.row(w);
+      const auto row = shape.row(w);
       const auto from = std::ranges::lower_bound(row.nodes, a) - row.nodes.begin();
       for (std::size_t l = from; l < row.nodes.size(); ++l) {
         const Index b = row.nodes[l];
-        if (first_[b] >= f && !rotation) sums[first_[b]] += row.N[l] * force;
-        if (turns(b) && rotation) sums[first_[b] + 1] += row.N[l] * force;
+        if (first[b] >= f && !rotation) sums[first[b]] += row.N[l] * force;
+        if (turns(b) && rotation) sums[first[b] + 1] += row.N[l] * force;
         if (turns(b) && !rotation)
-          sums[first_[b] + 1].noalias() +=
-              row.N[l] * (rotations<Dim>(points().col(w) - nodes_.col(b)).transpose() * force);
+          sums[first[b] + 1].noalias() +=
+              row.N[l] * (rotations<Dim>(points().col(w) - nodes.col(b)).transpose() * force);
       }
     }
   });
@@ -159,7 +219,7 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
     double& pivot = result.coeffRef(i, i);
     if (!(pivot > 0.0))
       pivot = 1.0;
-    else if (const Index f = i / Dim; f > first_[node_of[f]])
+    else if (const Index f = i / Dim; f > first[node_of[f]])
       pivot *= 1.0 + 1e-10;
   }
   return result;
@@ -167,19 +227,14 @@ template <int Dim> SymmetricMatrix CoarseSpace<Dim>::stiffness(const BlockMatrix
 
 namespace {
 
-/// Several fields side by side: their columns at a node are next to each other; those that lack are zero.
-template <int Dim, int lanes> Points<Dim> packed(std::span<const Points<Dim>* const> fields) {
-  const Index count = static_cast<Index>(fields.front()->cols());
-  Points<Dim> all(Dim, lanes * count);
-  parallel_chunks(count, 4096, [&](Index begin, Index end) {
-    for (Index node = begin; node < end; ++node) {
-      auto there = all.template middleCols<lanes>(lanes * node);
-      for (int lane = 0; lane < lanes; ++lane)
-        if (lane < std::ssize(fields))
-          there.col(lane) = fields[lane]->col(node);
-        else
-          there.col(lane).setZero();
-    }
+/// Several fields in lanes; those that lack are zero.
+template <int Dim> Lanes packed(std::span<const Points<Dim>* const> fields, int lanes) {
+  const Index size = static_cast<Index>(fields.front()->size());
+  Lanes all(std::size_t{1} * lanes * size);
+  parallel_chunks(size, 4096 * Dim, [&](Index begin, Index end) {
+    double* to = all.data() + std::ptrdiff_t{lanes} * begin;
+    for (Index i = begin; i < end; ++i, to += lanes)
+      for (std::size_t lane = 0; lane < fields.size(); ++lane) to[lane] = fields[lane]->data()[i];
   });
   return all;
 }
@@ -192,111 +247,45 @@ std::vector<Points<Dim>> CoarseSpace<Dim>::solve(const std::vector<const Points<
   std::vector<Points<Dim>> displacements;
   for (std::size_t first = 0; first < forces.size(); first += most) {
     const auto some = std::span(forces).subspan(first, std::min(most, forces.size() - first));
-    if (some.size() == 1)
-      solve_in<1>(some, displacements);
-    else if (some.size() <= 4)
-      solve_in<4>(some, displacements);
-    else
-      solve_in<most>(some, displacements);
+    solve_in(some.size() == 1 ? 1 : some.size() <= 4 ? 4 : 8, some, displacements);
   }
   return displacements;
 }
 
-template <int Dim> template <int lanes> void CoarseSpace<Dim>::solve_in(std::span<const Points<Dim>* const> forces,
-                                                                        std::vector<Points<Dim>>& displacements) const {
-  const Index nodes = static_cast<Index>(forces.front()->cols());
-  const Points<Dim> own = lanes == 1 ? gathered<1>(*forces.front()) : gathered<lanes>(packed<Dim, lanes>(forces));
-  Matrix columns(Dim * first_.back(), std::ssize(forces));
-  for (Index f = 0; f < first_.back(); ++f)
-    columns.middleRows<Dim>(Dim * f) = own.middleCols(lanes * f, std::ssize(forces));
+template <int Dim> void CoarseSpace<Dim>::solve_in(int lanes, std::span<const Points<Dim>* const> forces,
+                                                   std::vector<Points<Dim>>& displacements) const {
+  const Index count = std::ssize(forces), n = std::ssize(first_) - 1;
+  LanesPair given{packed<Dim>(forces, lanes), {}};
+  if (of_points_) given = gather(*of_points_, lanes, given, turning_);
+  given = gather(of_nodes_, lanes, given, turning_);
+  // Numbers of a node in lanes, and those of its motion in columns.
+  const auto for_each_motion = [&](LanesPair& pair, const auto& visit) {
+    for (Index I = 0; I < n; ++I)
+      for (Index f = first_[I]; f < first_[I + 1]; ++f)
+        for (int d = 0; d < Dim; ++d)
+          visit((f > first_[I] ? pair.turns : pair.moves).data() + std::ptrdiff_t{lanes} * (Dim * I + d), Dim * f + d);
+  };
+  Matrix columns(Dim * first_.back(), count);
+  for_each_motion(given, [&](const double* from, Index row) {
+    for (Index lane = 0; lane < count; ++lane) columns(row, lane) = from[lane];
+  });
   const Matrix solution = factor_->solve_all(columns);
-  Points<Dim> moved = Points<Dim>::Zero(Dim, lanes * first_.back());
-  for (Index f = 0; f < first_.back(); ++f)
-    moved.middleCols(lanes * f, std::ssize(forces)) = solution.middleRows<Dim>(Dim * f);
-  Points<Dim> all = spread<lanes>(moved, nodes);
-  if constexpr (lanes == 1) {
-    held_.release(displacements.emplace_back(std::move(all)));
-  } else {
-    for (Index lane = 0; lane < std::ssize(forces); ++lane) {
-      Points<Dim>& z = displacements.emplace_back(Dim, nodes);
-      parallel_chunks(nodes, 4096, [&](Index begin, Index end) {
-        for (Index node = begin; node < end; ++node) z.col(node) = all.col(lanes * node + lane);
-      });
-      held_.release(z);
-    }
-  }
-}
-
-template <int Dim> template <int lanes> Points<Dim> CoarseSpace<Dim>::gathered(const Points<Dim>& r) const {
-  using Forces = Eigen::Matrix<double, Dim, lanes>;
-  const auto at = [](auto& fields, Index node) { return fields.template middleCols<lanes>(lanes * node); };
-  const Index count = static_cast<Index>(points().cols());
-  Points<Dim> lifted, moments;  // on the points of the lift
-  if (lift_) {
-    lifted.resize(Dim, lanes * count);
-    if (turning_) moments.resize(Dim, lanes * count);
-    parallel_for(count, [&](Index p) {
-      Forces force = Forces::Zero(), moment = Forces::Zero();
-      for (const Place& place : followers_[p]) {
-        const Forces part = lift_->parents[place.row][place.position].share * at(r, place.row);
-        force += part;
-        if (turning_)
-          moment.noalias() += rotations<Dim>(places_.col(place.row) - lift_->points.col(p)).transpose() * part;
-      }
-      at(lifted, p) = force;
-      if (turning_) at(moments, p) = moment;
+  const std::size_t size = std::size_t{Dim} * lanes * n;
+  LanesPair moved{Lanes(size), Lanes(turning_ ? size : 0)};
+  for_each_motion(moved, [&](double* to, Index row) {
+    for (Index lane = 0; lane < count; ++lane) to[lane] = solution(row, lane);
+  });
+  moved = follow(by_nodes_, lanes, moved, turning_ && by_points_);
+  if (by_points_) moved = follow(*by_points_, lanes, moved, false);
+  const Index nodes = static_cast<Index>(forces.front()->cols());
+  for (Index lane = 0; lane < count; ++lane) {
+    Points<Dim>& z = displacements.emplace_back(Dim, nodes);
+    parallel_chunks(nodes * Dim, 4096 * Dim, [&](Index begin, Index end) {
+      const double* from = moved.moves.data() + std::ptrdiff_t{lanes} * begin + lane;
+      for (Index i = begin; i < end; ++i, from += lanes) z.data()[i] = *from;
     });
+    held_.release(z);
   }
-  const Points<Dim>& given = lift_ ? lifted : r;
-  Points<Dim> forces(Dim, lanes * first_.back());
-  parallel_for(shape_.num_nodes(), [&](Index I) {
-    Forces force = Forces::Zero(), moment = Forces::Zero();
-    for (const auto& [v, k] : shape_.by_node()[I]) {
-      const double N = shape_.row(v).N[k];
-      const Forces part = N * at(given, v);
-      force += part;
-      if (!turns(I)) continue;
-      moment.noalias() += rotations<Dim>(points().col(v) - nodes_.col(I)).transpose() * part;
-      if (lift_) moment += N * at(moments, v);
-    }
-    at(forces, first_[I]) = force;
-    if (turns(I)) at(forces, first_[I] + 1) = moment;
-  });
-  return forces;
-}
-
-template <int Dim> template <int lanes>
-Points<Dim> CoarseSpace<Dim>::spread(const Points<Dim>& moved, Index nodes) const {
-  using Displacements = Eigen::Matrix<double, Dim, lanes>;
-  const auto at = [](auto& fields, Index node) { return fields.template middleCols<lanes>(lanes * node); };
-  const Index count = static_cast<Index>(points().cols());
-  Points<Dim> z(Dim, lanes * count), turned;
-  if (lift_ && turning_) turned.resize(Dim, lanes * count);
-  parallel_for(count, [&](Index v) {
-    const auto row = shape_.row(v);
-    Displacements sum = Displacements::Zero(), turn = Displacements::Zero();
-    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
-      const Index I = row.nodes[k];
-      sum += row.N[k] * at(moved, first_[I]);
-      if (!turns(I)) continue;
-      sum.noalias() += row.N[k] * (rotations<Dim>(points().col(v) - nodes_.col(I)) * at(moved, first_[I] + 1));
-      turn += row.N[k] * at(moved, first_[I] + 1);
-    }
-    at(z, v) = sum;
-    if (turned.size() > 0) at(turned, v) = turn;
-  });
-  if (!lift_) return z;
-  Points<Dim> followed(Dim, lanes * nodes);
-  parallel_for(nodes, [&](Index node) {
-    Displacements sum = Displacements::Zero();
-    for (const auto& [point, share] : lift_->parents[node]) {
-      sum += share * at(z, point);
-      if (turning_)
-        sum.noalias() += share * (rotations<Dim>(places_.col(node) - lift_->points.col(point)) * at(turned, point));
-    }
-    at(followed, node) = sum;
-  });
-  return followed;
 }
 
 template std::vector<char> thin_nodes<2>(const ShapeTable<2>&, const Points<2>&, Index, double);

@@ -34,6 +34,9 @@ template <class Number, int Dim, int lanes> struct NodeLanes {
   EFREE_INLINE void add(const NodeLanes& other) {
     for (int p = 0; p < Dim; ++p) of[p] += other.of[p];
   }
+  EFREE_INLINE void add(Number factor, const NodeLanes& other) {
+    for (int p = 0; p < Dim; ++p) of[p] += factor * other.of[p];
+  }
   /// Adds block . v, the block column after column.
   EFREE_INLINE void add(const Number* block, const NodeLanes& v) {
     for (int p = 0; p < Dim; ++p) {

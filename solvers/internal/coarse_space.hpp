@@ -3,10 +3,10 @@
 #pragma once
 
 #include "efree/assembly/internal/block_matrix.hpp"
-#include "efree/assembly/internal/gather.hpp"
 #include "efree/basis/shape_table.hpp"
 #include "efree/solvers/internal/coarse_solver.hpp"
 #include "efree/solvers/internal/held_nodes.hpp"
+#include "efree/solvers/internal/rigid_map.hpp"
 #include "efree/solvers/internal/scaled_cholesky.hpp"
 
 #include <functional>
@@ -43,25 +43,17 @@ template <int Dim> class CoarseSpace final : public CoarseSolver<Dim> {
   std::vector<Points<Dim>> solve(const std::vector<const Points<Dim>*>& forces) const override;
 
  private:
-  /// Solves for some forces side by side: in this many lanes, each with a column of its own at every node.
-  template <int lanes>
-  void solve_in(std::span<const Points<Dim>* const> forces, std::vector<Points<Dim>>& displacements) const;
-  /// Forces at the nodes of the elements as forces on the functions.
-  template <int lanes> Points<Dim> gathered(const Points<Dim>& r) const;
-  /// The displacement of the nodes of the elements by that of the functions.
-  template <int lanes> Points<Dim> spread(const Points<Dim>& moved, Index nodes) const;
-  BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
-  SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
-  const Points<Dim>& points() const { return lift_ ? lift_->points : places_; }
-  bool turns(Index I) const { return first_[I + 1] - first_[I] == 2; }
+  struct Functions;  ///< what it is made of
+  explicit CoarseSpace(Functions functions, const BlockMatrix<Dim>& K);
+  /// Solves for some forces side by side, in this many lanes.
+  void solve_in(int lanes, std::span<const Points<Dim>* const> forces, std::vector<Points<Dim>>& displacements) const;
 
-  ShapeTable<Dim> shape_;
-  Points<Dim> places_, nodes_;
-  std::optional<Lift<Dim>> lift_;
-  Ragged<Place> followers_;  ///< by point of the lift: the nodes that follow it, with its position among their parents
   HeldNodes<Dim> held_;
   std::vector<Index> first_;  ///< by node: its motion; if it turns, the next is that
   bool turning_;              ///< whether one does
+  /// What the functions move, by those of the nodes; and the nodes of K by the points of a lift.
+  RigidMap<Dim> by_nodes_, of_nodes_;  ///< and mirrored
+  std::optional<RigidMap<Dim>> by_points_, of_points_;
   std::unique_ptr<ScaledCholesky> factor_;
 };
 
