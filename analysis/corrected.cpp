@@ -3,7 +3,6 @@
 
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/memory.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -55,7 +54,6 @@ template <int Dim> Corrected<Dim> corrected(const Settings<Dim>& settings, const
   all.corrector = std::make_shared<const Corrector<Dim>>(functions, result.model, settings.supports, monitor);
   auto corrections = all.corrector->correct_all(starts, loads_of(settings, 0, starts.size()), options, monitor);
   if (!asks_for_errors(settings) && settings.cases.size() < 2) all.corrector.reset();
-  return_freed_memory();
   const auto elements = functions.space.degree() == 1 ? BasisKind::p1 : BasisKind::p2;
   all.elements =
       approximate<Dim>(*result.mesh, {.kind = elements,

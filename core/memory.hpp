@@ -25,12 +25,7 @@ void require_blas_memory();
 double peak_memory_mb();
 
 /// From now on memory that is freed stays with the process, for the next who asks: to get pages from the system anew
-/// takes a tenth of a run with many load cases and more. For programs, once; return_freed_memory gives it back all the
-/// same.
+/// takes a tenth of a run with many load cases and more. For programs, once.
 void keep_freed_memory();
-
-/// Gives memory that was freed back to the system, where the C library keeps it (glibc keeps what lies between blocks
-/// still in use).
-void return_freed_memory();
 
 }  // namespace efree
