@@ -187,12 +187,14 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
                       !body.shape.has_value(), integrates, material.finite_strain(), body.surface.has_value(),
                       body.mass_terms, fracture, plastic_strain, row_of(material, "temperature_rise"),
-                      release_factor<Dim>(shear, modulus), body.cells, num_nodes, num_points});
+                      row_of(material, "inverse_plastic_metric"), release_factor<Dim>(shear, modulus), body.cells,
+                      num_nodes, num_points});
     num_nodes += N;
     num_points += M;
     this->given.insert(this->given.end(), {N, M});
   }
-  bodies.push_back({{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, 0.0, {}, num_nodes, num_points});
+  bodies.push_back(
+      {{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, -1, 0.0, {}, num_nodes, num_points});
   x.resize(Dim, num_nodes);
   merged.assign(num_nodes, -1);
   x_rest.setZero(Dim, num_nodes);

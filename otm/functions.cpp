@@ -3,11 +3,13 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/materials/internal/principal.hpp"
 #include "efree/otm/internal/motion.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -52,6 +54,23 @@ constexpr double least_share = 0.6;
 
 /// Points whose functions a thread makes anew at once.
 constexpr Index points_at_once = 16;
+
+/// Puts the elastic stretch in the place of an F by which much has flown, and C_p^-1 - 1, given by its components, at
+/// what keeps J: an isotropic material has the same stress, by the same V_e^2 = F C_p^-1 F^T. That would be a small
+/// difference of numbers of the size of |F|^4: at stretches of e^8 along one axis and e^-8 along another nothing is
+/// left of it.
+void forget_flow(Eigen::Ref<Mat<3>> F, Eigen::Ref<Vec<6>> flow) {
+  constexpr double far = 30.0;
+  const double J = F.determinant();
+  if (!(J > 0.0) || F.squaredNorm() <= far * std::cbrt(J * J)) return;
+  const Mat<3> left = F * (Mat<3>::Identity() + internal::symmetric(flow)) * F.transpose();  // V_e^2
+  const Eigen::SelfAdjointEigenSolver<Mat<3>> axes(0.5 * (left + left.transpose()));
+  if (axes.info() != Eigen::Success || !(axes.eigenvalues()[0] > 0.0)) return;
+  const Mat<3> V = axes.operatorSqrt();
+  const double growth = std::cbrt(J / V.determinant());
+  F = growth * V;
+  flow << Vec<3>::Constant(1.0 / (growth * growth) - 1.0), Vec<3>::Zero();
+}
 
 /// How far nodes go before trees of them are built anew, over their least spacing.
 constexpr double skin = 0.1;
@@ -536,9 +555,12 @@ template <int Dim> void Motion<Dim>::renew() {
       chunk.at.col(pair.second) = chunk.at.col(pair.first);
       changes[k].rows[chunk.worn_place(pair.second)] = changes[k].rows[chunk.worn_place(pair.first)];
     }
+    const auto& body = bodies[chunk.body];
+    const Index metric = body.fracture.stretch > 0.0 ? -1 : body.plastic_metric;  // what breaks by stretches keeps them
     for (const Index p : chunk.worn) {
-      const Mat<3> made = chunk.since[p] * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
-      Eigen::Map<Mat<3>>(chunk.made.col(p).data()) = made;
+      Eigen::Map<Mat<3>> made(chunk.made.col(p).data());
+      made = Mat<3>(chunk.since[p] * made);
+      if (metric >= 0) forget_flow(made, chunk.now.history.col(p).template segment<6>(metric));
     }
   });
   // Masses and momenta of the nodes, in the order of the points.

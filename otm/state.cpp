@@ -115,7 +115,7 @@ concept IsBody = requires(T of) {
 };
 auto fields(IsBody auto& of) {
   auto& [material, tangent, compliance, shear, modulus, renewed, integrates, finite, has_surface, mass_terms, fracture,
-         plastic_strain, temperature, release, cells, first_node, first_point, outer] = of;
+         plastic_strain, temperature, plastic_metric, release, cells, first_node, first_point, outer] = of;
   return std::tie(cells, first_node, first_point);
 }
 template <class T>

@@ -56,6 +56,7 @@ template <int Dim> struct Motion {
     Index mass_terms;                      ///< 1: lumped masses
     OtmFracture fracture;
     Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
+    Index plastic_metric;               ///< first of the rows of C_p^-1 - 1; -1: none
     double release;                     ///< C of its energy release rates
     Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
     Index first_node, first_point;
