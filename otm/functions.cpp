@@ -72,19 +72,33 @@ void forget_flow(Eigen::Ref<Mat<3>> F, Eigen::Ref<Vec<6>> flow) {
   flow << Vec<3>::Constant(1.0 / (growth * growth) - 1.0), Vec<3>::Zero();
 }
 
+/// The rotation whose moment of momentum is that of first moments of velocities, on functions of that second moment.
+template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Dim>& moment) {
+  const Mat<Dim> skew = velocities - velocities.transpose();
+  if constexpr (Dim == 2) {
+    return skew / moment.trace();
+  } else {
+    const Mat<3> inertia = moment.trace() * Mat<3>::Identity() - moment;
+    const Vec<3> spin = inertia.ldlt().solve(Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
+    Mat<3> result;
+    result << 0.0, -spin[2], spin[1], spin[2], 0.0, -spin[0], -spin[1], spin[0], 0.0;
+    return result;
+  }
+}
+
 /// How far nodes go before trees of them are built anew, over their least spacing.
 constexpr double skin = 0.1;
 
 /// Width of functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
 
-/// Least stabilisation of points that see nodes of two bodies: those of both surfaces lie in one place, and points tell
-/// motions of the ones against the others by nothing else.
+/// Least stabilisation of points that see nodes of two bodies: those of both surfaces lie in one place, and points
+/// tell motions of the ones against the others by nothing else.
 constexpr double shared_stabilisation = 1.0;
 
-/// Stabilisation by pressure, over that by stiffness. Functions that are made anew do not integrate exactly: motions of
-/// the nodes between points may let all of these grow where the body does not. Pressure drives them, so that shocks
-/// come out slow and nodes clump; what resists has to grow with it. The more of it, the closer shocks are to
+/// Stabilisation by pressure, over that by stiffness. Functions that are made anew do not integrate exactly: motions
+/// of the nodes between points may let all of these grow where the body does not. Pressure drives them, so that
+/// shocks come out slow and nodes clump; what resists has to grow with it. The more of it, the closer shocks are to
 /// Hugoniot's, and the shorter steps under pressure (docs/evidence.md).
 constexpr double by_pressure = 70.0;
 
@@ -460,8 +474,28 @@ template <int Dim> void Motion<Dim>::hand_over(const OtmChunk<Dim>& chunk, const
         turn -= part * v.col(a) * d.transpose();
         moment += part * d * d.transpose();
       }
+    const Mat<Dim> turned = rotation_of<Dim>(turn, moment);
     // Where functions are narrow the inverse would keep fewer digits of the moment of momentum.
     turn = moment.ldlt().solve(turn.transpose()).transpose().eval();
+    // No more of what is no rotation than makes no energy: on narrow functions it would be many times what there was.
+    // Over half the mass, against the mean velocity.
+    double before = 0.0, after = 0.0, mixed = 0.0, stretched = 0.0;
+    for (const auto& [p, row] : rows) {
+      for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e)
+        before += chunk.mass[p] / m * chunk.entries[e].N * (v.col(chunk.nodes[chunk.local[e]]) - mean).squaredNorm();
+      for (const auto& [a, entry] : *row) {
+        const double part = chunk.mass[p] * entry.N / m;
+        const Vec<Dim> d = x.col(a) - at, speed = v.col(a) + shift + turned * d - mean, stretch = (turn - turned) * d;
+        after += part * speed.squaredNorm();
+        mixed += part * speed.dot(stretch);
+        stretched += part * stretch.squaredNorm();
+      }
+    }
+    if (after + 2.0 * mixed + stretched > before && stretched > 0.0) {
+      const double root = mixed * mixed - stretched * (after - before);
+      const double share = (std::sqrt(std::max(0.0, root)) - mixed) / stretched;
+      turn = turned + std::min(1.0, share) * (turn - turned);
+    }
   }
   for (const auto& [p, row] : rows)
     for (const auto& [a, entry] : *row) {

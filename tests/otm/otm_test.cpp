@@ -469,11 +469,12 @@ TEST(Otm, RefusesWhatMakesNoSense) {
   EXPECT_THROW(otm.add_wall({.normal = {1.0, 1.0}}), InputError);
 }
 
+/// Functions that stay what they are cannot follow.
 TEST(Otm, RunsThatTearAPointInsideOutStopThereAndSayWhere) {
-  OtmBody<2> body = otm_body(block<2>(1.0, 0.3), soft(), 1.0);
+  OtmBody<2> body = otm_body(approximate(block<2>(1.0, 0.1), {.spacing = 0.3, .support = otm_support}), soft(), 1.0);
   Otm<2> otm({body});
   for (Index a = 0; a < otm.num_nodes(); ++a)
-    if (body.nodes(0, a) > 0.99) otm.prescribe(a, 0, -50.0);
+    if (body.nodes(0, a) > 0.7) otm.prescribe(a, 0, -50.0);
   EXPECT_THAT([&] { otm.run(1.0); }, ThrowsMessage<NumericalError>(HasSubstr("at time")));
 }
 
