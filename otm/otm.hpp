@@ -219,7 +219,7 @@ template <int Dim> class Otm {
   Points<Dim> velocities() const;    ///< Dim x N, half a step ago
   const Vector& masses() const;      ///< N, lumped
   Points<Dim> points() const;        ///< Dim x M, where they are
-  Tensors deformation() const;       ///< 9 x M, F
+  Tensors deformation() const;       ///< 9 x M, F; of metals that have flown far, since they forgot how (theory.md)
   Tensors cauchy_stress() const;     ///< 9 x M
   Matrix history(Index body) const;  ///< of the material x points of the body
   OtmBalance<Dim> balance() const;
