@@ -94,28 +94,21 @@ template <int Dim> struct CoarseSpace<Dim>::Functions {
   BlockMatrix<Dim> lifted_stiffness(const BlockMatrix<Dim>& K) const;
   SymmetricMatrix stiffness(const BlockMatrix<Dim>& K) const;
 
-  static typename RigidMap<Dim>::Entry entry(Index of, double share, const Vec<Dim>& arm) {
-    typename RigidMap<Dim>::Entry result{.of = of, .share = share, .arm = {}};
-    for (int d = 0; d < Dim; ++d) result.arm[d] = arm[d];
-    return result;
-  }
   RigidMap<Dim> by_nodes() const {
-    RigidMap<Dim> map;
+    RigidMap<Dim> map{.rows = {}, .places = points(), .others = nodes};
     map.rows.items.reserve(shape.num_entries());
     for (Index v = 0; v < shape.num_points(); ++v) {
       const auto row = shape.row(v);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k)
-        map.rows.items.push_back(entry(row.nodes[k], row.N[k], points().col(v) - nodes.col(row.nodes[k])));
+      for (std::size_t k = 0; k < row.nodes.size(); ++k) map.rows.items.push_back({row.nodes[k], row.N[k]});
       map.rows.close_row();
     }
     return map;
   }
   RigidMap<Dim> by_points() const {
-    RigidMap<Dim> map;
+    RigidMap<Dim> map{.rows = {}, .places = places, .others = lift->points};
     map.rows.items.reserve(lift->parents.items.size());
     for (Index node = 0; node < lift->parents.rows(); ++node) {
-      for (const auto& [point, share] : lift->parents[node])
-        map.rows.items.push_back(entry(point, share, places.col(node) - lift->points.col(point)));
+      for (const auto& [point, share] : lift->parents[node]) map.rows.items.push_back({point, share});
       map.rows.close_row();
     }
     return map;
@@ -134,10 +127,10 @@ template <int Dim> CoarseSpace<Dim>::CoarseSpace(Functions functions, const Bloc
       first_(functions.first),
       turning_(functions.turning),
       by_nodes_(functions.by_nodes()),
-      of_nodes_(by_nodes_.mirrored(functions.shape.num_nodes())) {
+      of_nodes_(by_nodes_.mirrored()) {
   if (functions.lift) {
     by_points_ = functions.by_points();
-    of_points_ = by_points_->mirrored(static_cast<Index>(functions.lift->points.cols()));
+    of_points_ = by_points_->mirrored();
   }
   factor_ = std::make_unique<ScaledCholesky>(
       functions.lift ? functions.stiffness(functions.lifted_stiffness(K)) : functions.stiffness(K), Dim);

@@ -13,6 +13,7 @@ template <int Dim> struct RigidPass {
   Index begin, end;
   const Index* offsets;
   const typename RigidMap<Dim>::Entry* entries;
+  const double *places, *others;
   const double *moves, *turns;
   double *to_moves, *to_turns;
 };
@@ -40,6 +41,14 @@ template <int lanes> EFREE_INLINE void add_moment(const double* arm, const NodeL
   add_turned<lanes>(arm, force, -factor, sum);
 }
 
+/// From one place to another.
+template <int Dim> struct Arm {
+  double of[Dim];
+  EFREE_INLINE Arm(const double* from, Index i, const double* to, Index j) {
+    for (int d = 0; d < Dim; ++d) of[d] = to[Dim * std::ptrdiff_t{j} + d] - from[Dim * std::ptrdiff_t{i} + d];
+  }
+};
+
 template <int Dim, int lanes> EFREE_INLINE void follow_rows(const RigidPass<Dim>& at) {
   NodeLanes<double, Dim, lanes> move, turn, other;
   for (Index row = at.begin; row < at.end; ++row) {
@@ -51,7 +60,7 @@ template <int Dim, int lanes> EFREE_INLINE void follow_rows(const RigidPass<Dim>
       move.add(entry.share, other);
       if (!at.turns) continue;
       other.load(at.turns, entry.of);
-      add_turned<lanes>(entry.arm, other, entry.share, move);
+      add_turned<lanes>(Arm<Dim>(at.others, entry.of, at.places, row).of, other, entry.share, move);
       turn.add(entry.share, other);
     }
     move.store(at.to_moves, row);
@@ -69,7 +78,7 @@ template <int Dim, int lanes> EFREE_INLINE void gather_rows(const RigidPass<Dim>
       other.load(at.moves, entry.of);
       force.add(entry.share, other);
       if (!at.to_turns) continue;
-      add_moment<lanes>(entry.arm, other, entry.share, moment);
+      add_moment<lanes>(Arm<Dim>(at.places, row, at.others, entry.of).of, other, entry.share, moment);
       if (!at.turns) continue;
       other.load(at.turns, entry.of);
       moment.add(entry.share, other);
@@ -106,6 +115,8 @@ LanesPair passed(const RigidMap<Dim>& map, int lanes, bool gathers, const LanesP
                               .end = end,
                               .offsets = map.rows.offsets.data(),
                               .entries = map.rows.items.data(),
+                              .places = map.places.data(),
+                              .others = map.others.data(),
                               .moves = from.moves.data(),
                               .turns = from.turns.empty() ? nullptr : from.turns.data(),
                               .to_moves = to.moves.data(),
@@ -120,20 +131,18 @@ LanesPair passed(const RigidMap<Dim>& map, int lanes, bool gathers, const LanesP
 
 }  // namespace
 
-template <int Dim> RigidMap<Dim> RigidMap<Dim>::mirrored(Index others) const {
+template <int Dim> RigidMap<Dim> RigidMap<Dim>::mirrored() const {
   RigidMap result;
+  result.places = others;
+  result.others = places;
   auto& [offsets, items] = result.rows;
-  offsets.assign(others + 1, 0);
+  offsets.assign(others.cols() + 1, 0);
   for (const Entry& entry : rows.items) ++offsets[entry.of + 1];
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
   items.resize(rows.items.size());
   std::vector<Index> next(offsets.begin(), offsets.end() - 1);
   for (Index row = 0; row < rows.rows(); ++row)
-    for (const Entry& entry : rows[row]) {
-      Entry& to = items[next[entry.of]++];
-      to = entry;
-      to.of = row;
-    }
+    for (const Entry& entry : rows[row]) items[next[entry.of]++] = {row, entry.share};
   return result;
 }
 

@@ -9,17 +9,17 @@
 
 namespace efree {
 
-/// Row by row: which others a place moves with, by what share of their motion, and where it is from them.
+/// Row by row: which others a place moves with, and by what share of their motion.
 template <int Dim> struct RigidMap {
   struct Entry {
     Index of;
     double share;
-    double arm[Dim];
   };
   Ragged<Entry> rows;
+  Points<Dim> places, others;  ///< of the rows, and where the others are
 
   /// By other, in ascending order of row: the entries that name it, of the row.
-  RigidMap mirrored(Index others) const;
+  RigidMap mirrored() const;
 };
 
 /// Vectors in `lanes` lanes (1, 4 or 8; see NodeLanes). In the plane rotations are the first component.
@@ -30,7 +30,8 @@ struct LanesPair {
   Lanes moves, turns;
 };
 
-/// By row: the sum of share * (moves + turns x arm), and, if `turning`, of share * turns.
+/// By row: the sum of share * (moves + turns x arm), arm from the other to the row's place, and, if `turning`, of share
+/// * turns.
 template <int Dim> LanesPair follow(const RigidMap<Dim>& map, int lanes, const LanesPair& others, bool turning);
 /// Its adjoint, by row of the mirrored map: the sum of share * forces, and, if `turning`, of share * (arm x forces +
 /// moments).
