@@ -114,14 +114,14 @@ template <int Dim> void check_strains(const Materials<Dim>& materials, const Fin
   if (2.0 * answer.solution.strain_energy >= rounding * kept) return;
   result.warnings.push_back(fmt::format(
       "{}the body moves as a whole, by up to {:.3g}: strains and stresses are so small beside that they may "
-      "be rounding; leave what moves all of it out of what is prescribed",
+      "be rounding; leave what moves all of it out of what is prescribed, or stiffen what holds it",
       of, std::sqrt(u.colwise().squaredNorm().maxCoeff())));
 }
 
 /// Refuses answers whose corrections rounding has ended: what these leave beyond their tolerance.
 template <int Dim> void check_free_work(const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
   constexpr double rounding = 0.01;
-  const double bearable = rounding + (answer.estimates ? answer.estimates->cloud : 0.0);
+  const double error = answer.estimates ? answer.estimates->cloud : 0.0, bearable = rounding + error * error;
   const double work = std::abs(answer.balance.free_work);
   if (work <= bearable || !result.refusal.empty()) return;
   result.refusal = fmt::format(

@@ -23,12 +23,11 @@ std::vector<CorrectedAnswer<Dim>> answers_of(const Result<Dim>& result, const Ap
     answers[k].correction = std::move(corrections[k]);
     answers[k].solution = std::move(solutions[k]);
     answers[k].fields = recover_fields(elements, answers[k].solution, fits);
-    // Relative to the energy of strains: u . K u is rounding where supports move the body much further than strain it.
+    // u . K u is rounding where supports move the body much further than they strain it.
     Correction<Dim>& correction = answers[k].correction;
-    const double ratio = correction.strain_energy / answers[k].solution.strain_energy;
-    if (ratio > 0.0 && std::isfinite(ratio)) {
-      correction.error *= std::sqrt(ratio);
-      correction.start_error *= std::sqrt(ratio);
+    if (const double twice = 2.0 * answers[k].solution.strain_energy; correction.whole > 0.0 && twice > 0.0) {
+      correction.error *= std::sqrt(correction.whole / twice);
+      correction.start_error *= std::sqrt(correction.whole / twice);
     }
     fields.push_back(&answers[k].fields);
   }

@@ -416,7 +416,6 @@ template <int Dim> struct Corrector<Dim>::Impl {
   /// Where they end.
   struct End {
     Correction<Dim> correction;
-    double energy = 0.0;   ///< twice that of the best answer there is
     bool is_term = false;  ///< of a sum, which needs
     Points<Dim> forces;    ///< K times the answer
     Points<Dim> off;       ///< and times what `start` is off it
@@ -612,16 +611,16 @@ template <int Dim> void Corrector<Dim>::Impl::combine(const Beginning& from, con
     add<Dim>(result.displacement, factor, term.displacement);
     add<Dim>(forces, factor, ends[k].forces);
     add<Dim>(of_start, factor, ends[k].off);
-    off += std::abs(factor) * term.error * std::sqrt(std::max(0.0, ends[k].energy));
+    off += std::abs(factor) * term.error * std::sqrt(std::max(0.0, term.whole));
     result.iterations = std::max(result.iterations, term.iterations);
   }
   const Points<Dim> u = at_nodes(result.displacement), moved = from.start - u;
-  end.energy = dot<Dim>(u, forces) + condensation.work(u, u);
+  result.whole = dot<Dim>(u, forces) + condensation.work(u, u) - 2.0 * energy_held_weakly(result.displacement);
   const double start = dot<Dim>(moved, of_start) + condensation.work(moved, moved);
-  const bool deformed = end.energy > no_energy * energy_one_by_one(u);
-  result.error = deformed ? off / std::sqrt(end.energy) : std::numeric_limits<double>::infinity();
-  result.start_error = deformed ? std::sqrt(std::max(0.0, start) / end.energy) : 0.0;
-  result.strain_energy = 0.5 * end.energy - energy_held_weakly(result.displacement);
+  const bool deformed = result.whole > no_energy * energy_one_by_one(u);
+  result.error = deformed ? off / std::sqrt(result.whole) : std::numeric_limits<double>::infinity();
+  result.start_error = deformed ? std::sqrt(std::max(0.0, start) / result.whole) : 0.0;
+  result.strain_energy = 0.5 * result.whole;
 }
 
 template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Beginning& from,
@@ -697,6 +696,12 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   double scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
   residual();
 
+  // Of u . K u what is not in springs, or else holds the boundary weakly.
+  const auto strained = [&](double work, const Points<Dim>& of) {
+    if (problem.weak.matrix.size() == 0) return work;
+    return work - 2.0 * energy_held_weakly(with_all(of)(Eigen::all, problem.nodes.at));
+  };
+
   // The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
   const int least = problem.approximation.averaged ? least_iterations_averaged : least_iterations;
@@ -752,7 +757,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     };
     if (open && std::ssize(recent) >= least && is_good()) {
       const double work = dot<Dim>(u, g);
-      scale = std::max(work, no_energy * one_by_one);  // what is prescribed makes it fall on the way
+      scale = std::max(strained(work, u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
       if (is_good()) {
         result.iterations = k - delay;
         answer = u;
@@ -793,7 +798,8 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
 
   u = with_all(std::move(u));
   answer = with_all(std::move(answer));
-  const double best_energy = end.energy = work + condensation.work(u, u);
+  const double best_energy = result.whole =
+      work + condensation.work(u, u) - 2.0 * energy_held_weakly(u(Eigen::all, problem.nodes.at));
   const bool deformed = best_energy > no_energy * one_by_one;
   const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
   const Points<Dim> off = start - u;

@@ -21,7 +21,8 @@ struct CorrectionOptions {
 /// energy norm, against the solution of the finite element problem.
 template <int Dim> struct Correction {
   Points<Dim> displacement;    ///< Dim x space.size(), at the fine degrees of freedom
-  double strain_energy = 0.0;  ///< of the finite elements [force * length]
+  double strain_energy = 0.0;  ///< of the finite elements [force * length], from u . K u
+  double whole = 0.0;          ///< square of what errors are relative to: twice the strain energy of the best answer
   int iterations = 0;          ///< that led to `displacement`
   double start_error = 0.0;    ///< of the displacement it started from
   double error = 0.0;          ///< of `displacement`, estimated

@@ -206,11 +206,11 @@ Vector stiffness_alone(const SymmetricMatrix& K, const std::vector<Index>& node_
 /// balance move. Looked for where the energy is so little of what nodes would have that moved alone (`alone`: their
 /// stiffness) that rounding these may be much of it: bodies that are very slender, or hardly held, or very soft beside
 /// stiff. Pivots do not tell: of a beam that is eliminated from its free end all are alike. Bodies that supports move
-/// as a whole have hardly any energy, and are answers.
-template <int Dim> void require_solved(const Cholesky& factor, const Vector& alone,
+/// as a whole have no energy but that of rounding, and are answers.
+template <int Dim> void require_solved(const Cholesky& factor, const Vector& alone, const Equilibrium<Dim>& unloaded,
                                        const std::vector<Equilibrium<Dim>>& equations, const std::vector<State>& states,
                                        const std::vector<Solution<Dim>>& solutions) {
-  constexpr double suspicious = 1e-3 * 0x1p53, as_a_whole = 1e-10 * 0x1p106, bearable = 0.01;
+  constexpr double suspicious = 1e-3 * 0x1p53, as_a_whole = 1e-6 * 0x1p106, bearable = 0.01, nothing_else = 0.7;
   for (std::size_t k = 0; k < solutions.size(); ++k) {
     const double twice = 2.0 * solutions[k].strain_energy;
     const double one_by_one = solutions[k].coefficients.colwise().squaredNorm().dot(alone);
@@ -219,12 +219,12 @@ template <int Dim> void require_solved(const Cholesky& factor, const Vector& alo
     const bool moved = !begun.u.isZero(0.0) || !equations[k].weak_prescribed().isZero(0.0);
     if (moved && one_by_one > as_a_whole * twice) continue;
     const Vector left = equations[k].residual(states[k]);
-    Matrix forces(left.size(), moved ? 1 : 2);  // and those of the loads, springs' energy included
-    forces.col(0) = left;
-    if (!moved) forces.col(1) = equations[k].residual(begun);
+    Matrix forces(left.size(), 2);  // and those of the loads, springs' energy included
+    forces << left, equations[k].residual(begun) - unloaded.residual(begun);
     const Matrix moves = factor.solve(forces);
-    const double whole = moved ? twice : std::max(twice, forces.col(1).dot(moves.col(1)));
+    const double whole = std::max(twice, forces.col(1).dot(moves.col(1)));
     const double error = std::sqrt(std::max(0.0, forces.col(0).dot(moves.col(0))) / whole);
+    if (moved && error > nothing_else) continue;
     if (whole > 0.0 && !(error < bearable))
       throw NumericalError(fmt::format(
           "the equations are so ill-conditioned that rounding leaves an error of {:.1g} % in the energy norm: the body "
@@ -312,7 +312,7 @@ std::vector<Solution<Dim>> ElasticSolver<Dim>::solve_all(const std::vector<Loads
   auto solutions =
       derived(approximation, impl_->equations.materials(), impl_->equations.stiffness_terms(), std::move(coefficients));
   require_stable(approximation, solutions);
-  require_solved(impl_->factor, impl_->alone, equations, states, solutions);
+  require_solved(impl_->factor, impl_->alone, impl_->equations, equations, states, solutions);
   return solutions;
 }
 
