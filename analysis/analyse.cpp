@@ -95,27 +95,39 @@ template <int Dim> void check_balance(const Balance<Dim>& balance, const std::st
     result.refusal = what;
 }
 
-/// Says so if strains are so small beside the displacements that they may be rounding: of a body that is moved as a
-/// whole, far beyond what it is strained.
-template <int Dim> void check_strains(const Materials<Dim>& materials, const FineSpace<Dim>& space,
-                                      const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
-  constexpr double rounding = 4e-24;  // of squares, times that of what differences of displacements keep
+/// What cells would have of energy if one of their nodes moved alone by the roots of furthest(cell).
+template <int Dim, class Furthest>
+double energy_alone(const Materials<Dim>& materials, const FineSpace<Dim>& space, const Furthest& furthest) {
   const FineMesh<Dim>& mesh = space.mesh();
-  const Points<Dim>& u = answer.fields.displacement;
-  double kept = 0.0;
+  double sum = 0.0;
   Stiffness<Dim> room;
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const Vec<Dim> x = mesh.centroid(c);
-    double furthest = 0.0;
-    for (const Index dof : space.cell(c)) furthest = std::max(furthest, u.col(dof).squaredNorm());
-    kept += mesh.volume(c) * space.measure(x) * materials.stiffness(mesh.region(c), x, room).C(0, 0) *
-            mesh.hat_gradients(c).squaredNorm() * furthest;
+    sum += mesh.volume(c) * space.measure(x) * materials.stiffness(mesh.region(c), x, room).C(0, 0) *
+           mesh.hat_gradients(c).squaredNorm() * furthest(c);
   }
-  if (2.0 * answer.solution.strain_energy >= rounding * kept) return;
+  return sum;
+}
+
+/// Says so if strains are so small beside the displacements that they may be rounding: of a body that is moved as a
+/// whole, far beyond what it is strained. `most`: energy_alone of moves by 1.
+template <int Dim> void check_strains(const Materials<Dim>& materials, const FineSpace<Dim>& space, double most,
+                                      const Answer<Dim>& answer, const std::string& of, Result<Dim>& result) {
+  constexpr double rounding = 4e-24;  // of squares, times that of what differences of displacements keep
+  const Points<Dim>& u = answer.fields.displacement;
+  const double twice = 2.0 * answer.solution.strain_energy, furthest = u.colwise().squaredNorm().maxCoeff();
+  const auto in_cell = [&](Index c) {
+    double there = 0.0;
+    for (const Index dof : space.cell(c)) there = std::max(there, u.col(dof).squaredNorm());
+    return there;
+  };
+  if (furthest == 0.0 || twice >= rounding * most * furthest ||
+      twice >= rounding * energy_alone(materials, space, in_cell))
+    return;
   result.warnings.push_back(fmt::format(
       "{}the body moves as a whole, by up to {:.3g}: strains and stresses are so small beside that they may "
       "be rounding; leave what moves all of it out of what is prescribed, or stiffen what holds it",
-      of, std::sqrt(u.colwise().squaredNorm().maxCoeff())));
+      of, std::sqrt(furthest)));
 }
 
 /// Refuses answers whose corrections rounding has ended: what these leave beyond their tolerance.
@@ -212,6 +224,8 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     for (const Answer<Dim>* answer : answers) solutions.push_back(&answer->solution);
     of_elements = ElementReactions<Dim>(basis, result.model, settings.supports)(loads, solutions);
   }
+  const bool by_strains = result.history.empty() && !result.cells;
+  const double most = by_strains ? energy_alone(materials, basis.space, [](Index) { return 1.0; }) : 0.0;
   for (std::size_t k = 0; k < answers.size(); ++k) {
     Answer<Dim>& answer = *answers[k];
     const std::string of = k == 0 ? "" : fmt::format("case \"{}\": ", settings.cases[k].name);
@@ -224,8 +238,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     answer.balance = balance_of(materials, result, answer, loads[k], of_elements.empty() ? nullptr : &of_elements[k]);
     check_balance(answer.balance, of, result);
     check_free_work(answer, of, result);
-    if (result.history.empty() && !result.cells && answer.fields.displacement.cwiseAbs().maxCoeff() > 0.0)
-      check_strains(materials, basis.space, answer, of, result);
+    if (by_strains) check_strains(materials, basis.space, most, answer, of, result);
   }
   if (settings.has_exact())
     located(settings, settings.where,
