@@ -11,6 +11,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -72,14 +73,16 @@ void forget_flow(Eigen::Ref<Mat<3>> F, Eigen::Ref<Vec<6>> flow) {
   flow << Vec<3>::Constant(1.0 / (growth * growth) - 1.0), Vec<3>::Zero();
 }
 
-/// The rotation whose moment of momentum is that of first moments of velocities, on functions of that second moment.
+/// The rotation whose moment of momentum is that of first moments of velocities, on functions of that second moment; as
+/// far as there is one (none about nodes that are in one place, nor about a line of them).
 template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Dim>& moment) {
   const Mat<Dim> skew = velocities - velocities.transpose();
+  if (!(moment.trace() > 0.0)) return Mat<Dim>::Zero();
   if constexpr (Dim == 2) {
     return skew / moment.trace();
   } else {
     const Mat<3> inertia = moment.trace() * Mat<3>::Identity() - moment;
-    const Vec<3> spin = inertia.ldlt().solve(Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
+    const Vec<3> spin = inertia.completeOrthogonalDecomposition().solve(Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
     Mat<3> result;
     result << 0.0, -spin[2], spin[1], spin[2], 0.0, -spin[0], -spin[1], spin[0], 0.0;
     return result;
