@@ -639,6 +639,12 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   // Linear elements do not hold the cloud's answer and are nearer than it: begun with what is held alone all iterates
   // are in the spaces they are the best of, so that their energy is off by the square of their error.
   if (first.is_of_elements) supports.keep_held(u);
+  // Where nothing pulls nothing moves, whatever rounding there is in the start.
+  if (supports.held(u).isZero(0.0)) {
+    Points<Dim> pulls = f;
+    supports.release(pulls);
+    if (pulls.isZero(0.0)) u.setZero();
+  }
   // g = K u goes along with u, r = f - g on what is free.
   Points<Dim> g, r, z, q, p;
   const auto residual = [&] {

@@ -2,6 +2,7 @@
 /// Images of noise from image to corrected answer.
 #include "efree/bench/noise.hpp"
 #include "efree/core/error.hpp"
+#include "efree/tests/io/workspace.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,6 +35,19 @@ TEST(Noise, BodiesThatNobodyPullsHaveNoEnergy) {
   EXPECT_EQ(result.estimates->total(), 0.0);
   EXPECT_EQ(result.refusal, "");
   EXPECT_THAT(result.warnings, ::testing::ElementsAre(::testing::HasSubstr("the body moves as a whole")));
+}
+
+TEST(Noise, WhereOnlyWhatIsHeldIsPulledNothingMoves) {
+  const test::Workspace work(
+      "[geometry]\nshape = \"box\"\nparameters = { width = 1, depth = 1, height = 1 }\nmesh_size = 0.2\n"
+      "[cloud]\nspacing = 0.5\n[material]\nE = 1\nnu = 0.3\n"
+      "[[boundary]]\non = { box = [[-9, -9, -9], [9, 9, 9]] }\ndisplacement = [0, 0, 0]\n"
+      "[[boundary]]\non = \"top\"\ntraction = [0, 0, 1]\n");
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto result = test::json(work / "out/result.json");
+  EXPECT_EQ(result["extremes"]["displacement"]["value"], 0.0);
+  EXPECT_EQ(result["corrections"], 0);
 }
 
 TEST(Noise, ImagesWithNothingWhereTheyAreHeldAreRefused) {
