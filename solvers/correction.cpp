@@ -593,7 +593,7 @@ void Corrector<Dim>::Impl::iterate(const std::vector<Beginning>& from, const std
   InStep<Dim> in_step(K, smoother);
   std::vector<Iteration> iterations;
   for (const std::size_t k : numbers) {
-    ends[k] = {.correction = {}, .is_term = ends[k].is_term, .forces = {}, .off = {}};
+    ends[k].correction = {};
     iterations.push_back(iterate(in_step, from[k], options, stage, ends[k]));
   }
   in_step.run();
