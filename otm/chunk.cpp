@@ -24,7 +24,6 @@ template <class T> void gather(std::vector<T>& values, const std::vector<Index>&
 }  // namespace
 
 template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
-  const auto n = static_cast<Index>(from.size());
   std::vector<Index> first(size() + 1);  // of the points that were so far, how many there are now
   for (const Index p : from) ++first[p + 1];
   for (Index p = 0; p < size(); ++p) first[p + 1] += first[p];
@@ -52,7 +51,6 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
   gather(made, from);
   gather(since, from);
   gather(at, from);
-  gather(from_origin, from);
   for (Vector* values :
        {&volume, &mass, &count, &width, &growth, &dilatation, &shock, &modulus, &stiffening, &penalty, &damage, &reach})
     gather(*values, from);
@@ -67,7 +65,6 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
       for (Index q = first[p]; q < first[p + 1]; ++q) result.push_back(q);
     *points = std::move(result);
   }
-  columns.resize(16 * static_cast<std::size_t>(n));
 }
 
 template struct OtmChunk<2>;

@@ -252,7 +252,6 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.volume.resize(n);
       chunk.mass.resize(n);
       chunk.at.resize(Dim, n);
-      chunk.from_origin.setZero(Dim, n);
       for (Index p = 0; p < n; ++p) {
         const Index of = order[begin + p];
         X.col(p).template head<Dim>() = body.points.col(of);
@@ -284,7 +283,6 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       chunk.stiffening.setOnes(n);
       chunk.penalty.setZero(n);
       chunk.damage.setZero(n);
-      chunk.columns.resize(16 * n);
       chunk.offsets.assign(n + 1, 0);
       chunks.push_back(std::move(chunk));
       begin = end;

@@ -170,7 +170,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
 template <int Dim>
 bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
   const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
-  place(chunk, p);
+  place_anew(chunk, p);
   row.clear();
   bool is_lost = false;
   for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
@@ -416,7 +416,7 @@ template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, Change& change) 
       const std::size_t place_of_it = chunk.worn_place(with);
       if (place_of_it == chunk.worn.size() || chunk.worn[place_of_it] != with) {
         // It wears with them.
-        place(chunk, with);
+        place_anew(chunk, with);
         change.unseen += unseen(chunk, with, 0.5 * last_step);
         Change of_it = make_functions(chunk, std::span(&with, 1), false);
         chunk.wear(with);
@@ -548,7 +548,7 @@ template <int Dim> void Motion<Dim>::renew() {
       place(chunk, p);
       if (joins(bodies[chunk.body]) && !chunk.is_eroded(p) && !chunk.is_crushed(p)) {
         const Mat<3> then = chunk.now.gradient(p) * Eigen::Map<const Mat<3>>(chunk.made.col(p).data()).inverse();
-        if (would_crush(chunk.since[p], then)) {
+        if (would_crush(chunk.since[p].determinant() / then.determinant())) {
           hold(chunk, p, then);
           continue;
         }

@@ -9,6 +9,12 @@ namespace {
 EFREE_INLINE void columns_of(const Mat<3>& M, Four* column) {
   for (int j = 0; j < 3; ++j) column[j] = Four{M.data()[3 * j], M.data()[3 * j + 1], M.data()[3 * j + 2], 0.0};
 }
+/// What of these is none of the fourth row.
+EFREE_INLINE void put_columns(const Four* column, double* to) {
+  store(to, column[0]);
+  store(to + 3, column[1]);
+  for (int i = 0; i < 3; ++i) to[6 + i] = column[2][i];
+}
 EFREE_INLINE void cross(const Four& a, const Four& b, Four& result) {
   result = Four{a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0};
 }
@@ -21,11 +27,12 @@ EFREE_INLINE double cofactors_of(const Four* M, Four* cofactor) {
 }
 
 template <int Dim> EFREE_INLINE void tractions(Index points, const double* volume, const Mat<3>* since,
-                                               const Mat<3>* moved, const Mat<Dim>* moment, const Vec<Dim>* at,
-                                               const double* penalty, double* columns) {
+                                               const Mat<3>* moved, const Mat<Dim>* moment, const double* penalty,
+                                               double* columns) {
   for (Index p = 0; p < points; ++p) {
-    Four tau[3], S[3], cofactor[3], result[4] = {};
+    Four tau[3], at, S[3], cofactor[3], result[4] = {};
     for (int j = 0; j < 3; ++j) load(tau[j], columns + 16 * p + 4 * j);
+    load(at, columns + 16 * p + 12);
     columns_of(since[p], S);
     const double factor = -volume[p] / cofactors_of(S, cofactor);
     for (int j = 0; j < 3; ++j)
@@ -33,7 +40,7 @@ template <int Dim> EFREE_INLINE void tractions(Index points, const double* volum
     columns_of(moved[p], S);
     for (int j = 0; j < Dim; ++j)
       for (int k = 0; k < Dim; ++k) result[j] += penalty[p] * moment[p].data()[k + Dim * j] * S[k];
-    for (int i = 0; i < Dim; ++i) result[3][i] = penalty[p] * at[p].data()[i];
+    result[3] = penalty[p] * at;
     if constexpr (Dim == 2) {
       for (int j = 0; j < 2; ++j) result[j][2] = 0.0;
       result[2] = Four{result[2][2], 0.0, 0.0, 0.0};  // along the hoop
@@ -44,21 +51,36 @@ template <int Dim> EFREE_INLINE void tractions(Index points, const double* volum
 
 }  // namespace
 
-EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, const Mat<3>* since, const double* made, double* columns) {
+EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, const double* volume, const double* made,
+                                           Mat<3>* since, double* F, double* columns) {
   for (Index p = 0; p < points; ++p) {
-    const double *S = since[p].data(), *m = made + 9 * p;
-    double *F = columns + 16 * p, square = 0.0;  // of S^T S - I
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) F[i + 4 * j] = S[i] * m[3 * j] + S[i + 3] * m[3 * j + 1] + S[i + 6] * m[3 * j + 2];
-    for (int j = 0; j < 3; ++j)
-      for (int k = 0; k <= j; ++k) {
-        const double product = S[3 * j] * S[3 * k] + S[3 * j + 1] * S[3 * k + 1] + S[3 * j + 2] * S[3 * k + 2];
-        const double entry = j == k ? product - 1.0 : product;
-        square += (j == k ? 1.0 : 2.0) * entry * entry;
-      }
-    F[3] =
-        F[0] * (F[5] * F[10] - F[9] * F[6]) + F[4] * (F[9] * F[2] - F[1] * F[10]) + F[8] * (F[1] * F[6] - F[5] * F[2]);
-    F[7] = 0.5 * __builtin_sqrt(square);
+    if (volume[p] == 0.0) continue;
+    double* column = columns + 16 * p;
+    Four row[3], then[3], S[3], now[3], B[3], cofactor[3], square = {};
+    for (int i = 0; i < 3; ++i) load(row[i], column + 4 * i);
+    if (plane == OtmPlane::none) {
+      for (int j = 0; j < 3; ++j) S[j] = Four{row[0][j], row[1][j], row[2][j], 0.0};
+    } else {
+      for (int j = 0; j < 2; ++j) S[j] = Four{row[0][j], row[1][j], 0.0, 0.0};
+      S[2] = Four{0.0, 0.0, plane == OtmPlane::axisymmetric ? row[0][2] : 1.0, 0.0};
+    }
+    columns_of(since[p], then);
+    const double det_then = cofactors_of(then, cofactor), det_now = cofactors_of(S, cofactor);
+    const double* m = made + 9 * p;
+    for (int j = 0; j < 3; ++j) now[j] = S[0] * m[3 * j] + S[1] * m[3 * j + 1] + S[2] * m[3 * j + 2];
+    // S S^T - I, which is as large as S^T S - I.
+    for (int j = 0; j < 3; ++j) {
+      B[j] = S[0] * S[0][j] + S[1] * S[1][j] + S[2] * S[2][j];
+      B[j][j] -= 1.0;
+      square += B[j] * B[j];
+    }
+    const double J = cofactors_of(now, cofactor);
+    put_columns(S, since[p].data());
+    if (J > 0.0) put_columns(now, F + 9 * p);
+    put_columns(then, column);
+    column[9] = J;
+    column[10] = 0.5 * __builtin_sqrt(square[0] + square[1] + square[2]);
+    column[11] = det_now / det_then;
   }
 }
 
@@ -105,25 +127,25 @@ EFREE_FOR_EACH_MACHINE void otm_stiffness(Index points, const double* tangent, c
 }
 
 EFREE_FOR_EACH_MACHINE void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved,
-                                          const Mat<2>* moment, const Vec<2>* at, const double* penalty,
-                                          double* columns) {
-  tractions<2>(points, volume, since, moved, moment, at, penalty, columns);
+                                          const Mat<2>* moment, const double* penalty, double* columns) {
+  tractions<2>(points, volume, since, moved, moment, penalty, columns);
 }
 EFREE_FOR_EACH_MACHINE void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved,
-                                          const Mat<3>* moment, const Vec<3>* at, const double* penalty,
-                                          double* columns) {
-  tractions<3>(points, volume, since, moved, moment, at, penalty, columns);
+                                          const Mat<3>* moment, const double* penalty, double* columns) {
+  tractions<3>(points, volume, since, moved, moment, penalty, columns);
 }
 
 EFREE_FOR_EACH_MACHINE void otm_deform(Index points, const Index* offsets, const std::uint16_t* local,
-                                       const OtmEntry* entries, const double* x, double* rows) {
+                                       const OtmEntry* entries, const double* x, double* columns) {
   static_assert(sizeof(OtmEntry) == sizeof(Four));
+  constexpr Index ahead = 192;  // entries: machines fetch ahead by themselves, but to the end of a page
   for (Index p = 0; p < points; ++p) {
     Four sums[6] = {};
     const Index end = offsets[p + 1];
     Index e = offsets[p];
     // Two nodes at a time: sums that wait for each other are slow.
     for (; e + 1 < end; e += 2) {
+      __builtin_prefetch(entries + e + ahead);
       Four a, b;
       load(a, entries[e].dN);
       load(b, entries[e + 1].dN);
@@ -139,7 +161,9 @@ EFREE_FOR_EACH_MACHINE void otm_deform(Index points, const Index* offsets, const
       const double* xa = x + 4 * local[e];
       for (int i = 0; i < 3; ++i) sums[i] += xa[i] * a;
     }
-    for (int i = 0; i < 3; ++i) store(rows + 16 * p + 4 * i, sums[i] + sums[3 + i]);
+    double* rows = columns + 16 * p;
+    for (int i = 0; i < 3; ++i) store(rows + 4 * i, sums[i] + sums[3 + i]);
+    store(rows + 12, Four{rows[3], rows[7], rows[11], 0.0});
   }
 }
 

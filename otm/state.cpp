@@ -48,9 +48,9 @@ template <int Dim> auto fields(OtmPair<Dim>& of) {
   return std::tie(first, second, way, pairing);
 }
 template <int Dim> auto fields(OtmChunk<Dim>& of) {
-  auto& [body, number, offsets, local, entries, nodes, x, force, origin, now, response, made, since, at, from_origin,
-         volume, mass, metric, moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty,
-         damage, reach, unions, worn, stiffened, crushed, pairs, damping, squeeze, lost, columns, seconds] = of;
+  auto& [body, number, offsets, local, entries, nodes, x, force, origin, now, response, made, since, at, volume, mass,
+         metric, moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
+         unions, worn, stiffened, crushed, pairs, damping, squeeze, lost, seconds] = of;
   return std::tie(body, number, offsets, local, entries, nodes, now, response, made, since, at, volume, mass, metric,
                   moment, lambda, count, width, growth, dilatation, shock, modulus, stiffening, penalty, damage, reach,
                   unions, worn, stiffened, crushed, pairs, damping, squeeze, seconds);
@@ -169,8 +169,6 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   for (auto& chunk : of.chunks) {
     chunk.x.assign(4 * chunk.nodes.size(), 0.0);
     chunk.force.assign(4 * chunk.nodes.size(), 0.0);
-    chunk.columns.resize(16 * static_cast<std::size_t>(chunk.size()));
-    chunk.from_origin.resize(Dim, chunk.size());
   }
   for (auto& body : of.bodies) body.outer.clear();
   of.find_places();

@@ -51,14 +51,23 @@ template <int Dim> void Motion<Dim>::deform(OtmChunk<Dim>& chunk, const Points<D
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) chunk.x[4 * l + i] = of(i, chunk.nodes[l]) - chunk.origin[i];
   otm_deform(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-             chunk.columns.data());
+             chunk.columns());
 }
 
-/// Where a point is and how it is deformed, after `deform` by where the nodes are.
+/// Where a point is and how it is deformed, right after `deform` by where the nodes are.
 template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p) const {
-  const double* rows = chunk.columns.data() + 16 * p;
-  for (int i = 0; i < Dim; ++i) chunk.from_origin(i, p) = rows[4 * i + 3];
-  chunk.at.col(p) = chunk.origin + chunk.from_origin.col(p);
+  place(chunk, p, chunk.columns() + 16 * p);
+}
+
+/// Likewise, and the thread may have worked on other chunks since.
+template <int Dim> void Motion<Dim>::place_anew(OtmChunk<Dim>& chunk, Index p) const {
+  double rows[16];
+  otm_deform(1, chunk.offsets.data() + p, chunk.local.data(), chunk.entries.data(), chunk.x.data(), rows);
+  place(chunk, p, rows);
+}
+
+template <int Dim> void Motion<Dim>::place(OtmChunk<Dim>& chunk, Index p, const double* rows) const {
+  chunk.at.col(p) = chunk.origin + Eigen::Map<const Vec<Dim>>(rows + 12);
   if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) chunk.since[p] = gradient(rows, 1.0);
 }
 
@@ -109,53 +118,63 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const Index n = chunk.size();
   auto start = Clock::now();
   deform(chunk, x);
+  double* columns = chunk.columns();
   Tensors& F = chunk.now.F;
   chunk.now.dt = dt;
   chunk.worn.clear();
   const bool shared = chunk.shares_dilatation();
   double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
-  thread_local std::vector<Mat<3>> before;
-  if (viscous_shocks) before = chunk.since;
   const bool holds = joins(body) && dt > 0.0;
   double shrunk = 1.0;
+  const OtmPlane plane = Dim == 3 ? OtmPlane::none : axisymmetric() ? OtmPlane::axisymmetric : OtmPlane::strain;
+  otm_kinematics(n, plane, chunk.volume.data(), chunk.made.data(), chunk.since.data(), F.data(), columns);
   for (Index p = 0; p < n; ++p) {
-    const Mat<3> then = chunk.since[p];
-    place(chunk, p);
-    if (holds && would_crush(chunk.since[p], then))
-      hold(chunk, p, then);
-    else if (const double now = chunk.since[p].determinant(); now > 0.0)
-      shrunk = std::max(shrunk, then.determinant() / now);
-  }
-  otm_kinematics(n, chunk.since.data(), chunk.made.data(), chunk.columns.data());
-  for (Index p = 0; p < n; ++p) {
+    const double* column = columns + 16 * p;
+    chunk.at.col(p) = chunk.origin + Eigen::Map<const Vec<Dim>>(column + 12);
     if (chunk.is_eroded(p)) continue;
-    const double* column = chunk.columns.data() + 16 * p;
-    // In no time nothing moves, not even by rounding: what flows asks how fast.
-    Mat<3> now = Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
-    if (dt > 0.0) now = Eigen::Map<const Mat<3>, 0, Eigen::OuterStride<4>>(column);
-    const double J = dt > 0.0 ? column[3] : now.determinant();
+    double J = column[9], wear = column[10];  // turning is no wear
+    const double shrinks = column[11];
+    const bool was_crushed = !chunk.crushed.empty() && chunk.is_crushed(p);
+    if (was_crushed || (holds && would_crush(shrinks))) {
+      const Mat<3> then = Eigen::Map<const Mat<3>>(column);
+      if (was_crushed)
+        chunk.since[p] = then;
+      else
+        hold(chunk, p, then);
+      const Mat<3> now = then * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+      Eigen::Map<Mat<3>>(F.col(p).data()) = now;
+      J = now.determinant();
+      wear = 0.5 * (then.transpose() * then - Mat<3>::Identity()).norm();
+    } else if (shrinks > 0.0) {
+      shrunk = std::max(shrunk, 1.0 / shrinks);
+    }
     if (J <= 0.0 && body.fracture.on()) {
       // It breaks at the end of the step, and until then is as it was.
       chunk.damage[p] = 1.0;
       chunk.growth[p] = chunk.now.gradient(p).determinant();
       continue;
     }
-    Eigen::Map<Mat<3>>(F.col(p).data()) = now;
     if (!(J > 0.0))
       throw NumericalError(fmt::format(
           "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
           fmt::join(chunk.at.col(p), ", "), J));
-    if (!body.finite && (now - Mat<3>::Identity()).norm() > small_strains)
-      throw NumericalError(
-          fmt::format("at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material "
-                      "is for small "
-                      "strains: take one for finite strains",
-                      time, fmt::join(chunk.at.col(p), ", "), (now - Mat<3>::Identity()).norm()));
+    if (!body.finite) {
+      const double strain = (chunk.now.gradient(p) - Mat<3>::Identity()).norm();
+      if (strain > small_strains)
+        throw NumericalError(fmt::format(
+            "at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material is for "
+            "small strains: take one for finite strains",
+            time, fmt::join(chunk.at.col(p), ", "), strain));
+    }
     chunk.growth[p] = J;
-    const double wear = column[7];  // turning is none
     worst = std::max(worst, wear);
     if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
+  }
+  if (dt == 0.0) {
+    // In no time nothing moves, not even by rounding: what flows asks how fast.
+    F = chunk.made;
+    for (Index p = 0; p < n; ++p) chunk.growth[p] = chunk.now.gradient(p).determinant();
   }
   if (dt > 0.0) chunk.squeeze = std::max(chunk.squeeze, std::log(shrunk) / dt);
   // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
@@ -190,7 +209,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   chunk.damping *= kept_damping;
   if (viscous_shocks) {
     for (Index p = 0; p < n; ++p)
-      if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) shock(chunk, p, before[p], dt);
+      if (!chunk.is_eroded(p) && !chunk.is_crushed(p)) shock(chunk, p, Eigen::Map<const Mat<3>>(columns + 16 * p), dt);
     viscous[number] += chunk.now.heat.dot(chunk.volume);
   }
   chunk.seconds.kinematics += lap(start);
@@ -210,9 +229,9 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
 
 /// Forces of the stresses that points have.
 template <int Dim> void Motion<Dim>::press(OtmChunk<Dim>& chunk) const {
-  otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns.data());
-  for (const Index p : chunk.crushed) std::fill_n(chunk.columns.begin() + 16 * p, 12, 0.0);
-  push(chunk, chunk.since, chunk.from_origin);
+  otm_kirchhoff(chunk.size(), chunk.response.P.data(), chunk.now.F.data(), chunk.shock.data(), chunk.columns());
+  for (const Index p : chunk.crushed) std::fill_n(chunk.columns() + 16 * p, 12, 0.0);
+  push(chunk, chunk.since);
 }
 
 /// Adds weights to the forces.
@@ -289,13 +308,13 @@ template <int Dim> Mat<3> Motion<Dim>::gradient(const double* rows, double acros
 
 /// Forces of Kirchhoff stresses, which are the columns of each point, and of motions that points do not see. Points of
 /// a union share the work of its dilatation (growth: each one's J over the union's).
-template <int Dim>
-void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const {
+template <int Dim> void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since) const {
+  double* columns = chunk.columns();
   if (chunk.shares_dilatation())
     for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
       const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
       const auto trace = [&](Index p) {
-        const double* tau = chunk.columns.data() + 16 * p;
+        const double* tau = columns + 16 * p;
         return tau[0] + tau[5] + tau[10];
       };
       double volume = 0.0, pressure = 0.0;
@@ -306,16 +325,16 @@ void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, c
       if (!(volume > 0.0)) continue;
       for (Index p = begin; p < end; ++p) {
         const double shift = pressure / volume * chunk.growth[p] - trace(p) / 3.0;
-        for (const int d : {0, 5, 10}) chunk.columns[16 * p + d] += shift;
+        for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
       }
     }
   otm_tractions(chunk.size(), chunk.volume.data(), chunk.since.data(), since.data(), chunk.moment.data(),
-                reinterpret_cast<const Vec<Dim>*>(at.data()), chunk.penalty.data(), chunk.columns.data());
+                chunk.penalty.data(), columns);
   if (Dim == 2 && !axisymmetric())
-    for (Index p = 0; p < chunk.size(); ++p) chunk.columns[16 * p + 8] = 0.0;
+    for (Index p = 0; p < chunk.size(); ++p) columns[16 * p + 8] = 0.0;
   std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
-  otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(),
-           chunk.columns.data(), chunk.penalty.data(), axisymmetric(), chunk.force.data());
+  otm_push(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), chunk.x.data(), columns,
+           chunk.penalty.data(), axisymmetric(), chunk.force.data());
 }
 
 /// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one
@@ -369,22 +388,17 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
       OtmChunk<Dim>& chunk = chunks[c];
       const BodyOf& body = bodies[chunk.body];
       deform(chunk, shaken);
+      double* columns = chunk.columns();
       const bool shared = chunk.shares_dilatation();
       thread_local std::vector<Mat<3>> since;
-      thread_local Points<Dim> at;
       since.resize(chunk.size());
-      at.resize(Dim, chunk.size());
-      for (Index p = 0; p < chunk.size(); ++p) {
-        const double* rows = chunk.columns.data() + 16 * p;
-        since[p] = gradient(rows, 0.0);
-        for (int i = 0; i < Dim; ++i) at(i, p) = rows[4 * i + 3];
-      }
-      otm_rates(chunk.size(), since.data(), chunk.since.data(), chunk.columns.data());
+      for (Index p = 0; p < chunk.size(); ++p) since[p] = gradient(columns + 16 * p, 0.0);
+      otm_rates(chunk.size(), since.data(), chunk.since.data(), columns);
       if (shared)
         for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
           double volume = 0.0, dilatation = 0.0;
           const auto trace = [&](Index p) {
-            const double* H = chunk.columns.data() + 16 * p;
+            const double* H = columns + 16 * p;
             return H[0] + H[5] + H[10];
           };
           for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
@@ -394,11 +408,11 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
           if (!(volume > 0.0)) continue;
           for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
             const double shift = (dilatation / volume - trace(p)) / 3.0;
-            for (const int d : {0, 5, 10}) chunk.columns[16 * p + d] += shift;
+            for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
           }
         }
-      otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), chunk.columns.data());
-      push(chunk, since, at);
+      otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), columns);
+      push(chunk, since);
     });
     collect(nodal_impulses);
     nodal_impulses *= -1.0;

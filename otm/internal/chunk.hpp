@@ -75,7 +75,6 @@ template <int Dim> struct OtmChunk {
   Tensors made;                     ///< F when the functions were made
   std::vector<Mat<3>> since;        ///< F since then
   Points<Dim> at;                   ///< where they are
-  Points<Dim> from_origin;          ///< likewise
   Vector volume, mass;              ///< in the reference configuration; the volume of eroded points is 0
   std::vector<Mat<Dim>> metric;     ///< that the functions were made with
   std::vector<Mat<Dim>> moment;     ///< J of them
@@ -98,7 +97,6 @@ template <int Dim> struct OtmChunk {
   double damping = 0.0;             ///< viscous pressure over that of sound, at the most
   double squeeze = 0.0;             ///< rate of compression, at the most
   double lost = 0.0;                ///< work in this step that nothing has stored, of crushed points
-  std::vector<double> columns;      ///< sixteen numbers a point: what kernels hand over
   OtmTimes seconds;                 ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
@@ -115,16 +113,29 @@ template <int Dim> struct OtmChunk {
   }
   /// Points go on as those of `from`, ascending, of which some may be left out and some may be there twice.
   void take(const std::vector<Index>& from);
+  /// Sixteen numbers a point, what kernels hand over: of this thread, for whatever chunk it works on, so that they stay
+  /// near it.
+  double* columns() const {
+    thread_local std::vector<double> room;
+    room.resize(std::max(room.size(), 16 * static_cast<std::size_t>(size())));
+    return room.data();
+  }
   /// Whether there are unions of more than one point.
   bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };
 
-/// Sums over the nodes of every point of each component of x_a (three rows of four numbers) times dN_a and N_a.
+/// What kernels hand over for a point are four columns of four numbers. Here: sums over the nodes of every point of
+/// each component of x_a (three rows of four numbers) times dN_a and N_a, and in the fourth column those times N_a,
+/// where the point is.
 void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
-                const double* x, double* rows);
-/// What kernels below write for a point are three columns of four numbers (in the first twelve of sixteen).
-/// F = since made, in the fourth row J and the norm of Green's strain of `since`.
-void otm_kinematics(Index points, const Mat<3>* since, const double* made, double* columns);
+                const double* x, double* columns);
+/// What is none of a plane's: nothing, one across it, or that around the axis.
+enum class OtmPlane { none, strain, axisymmetric };
+/// From those rows, of points that have a volume: `since`, and F = since made where J is positive. In their place go
+/// the nine numbers of `since` before, J, the norm of Green's strain of `since`, and its determinant over that before.
+void otm_kinematics(Index points, OtmPlane plane, const double* volume, const double* made, Mat<3>* since, double* F,
+                    double* columns);
+/// Those below write the first three columns.
 /// Kirchhoff stresses P F^T, less a pressure.
 void otm_kirchhoff(Index points, const double* P, const double* F, const double* shock, double* columns);
 /// moved since^-1.
@@ -132,11 +143,12 @@ void otm_rates(Index points, const Mat<3>* moved, const Mat<3>* since, double* c
 /// A factor for each point times a tangent, nine columns of three times three numbers and a zero, times what stands
 /// there.
 void otm_stiffness(Index points, const double* tangent, const double* factor, double* columns);
-/// From Kirchhoff stresses what otm_push takes: -volume tau since^-T + penalty moved moment, and penalty at.
+/// From Kirchhoff stresses and places what otm_push takes: -volume tau since^-T + penalty moved moment, and penalty
+/// times place.
 void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<2>* moment,
-                   const Vec<2>* at, const double* penalty, double* columns);
+                   const double* penalty, double* columns);
 void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<3>* moment,
-                   const Vec<3>* at, const double* penalty, double* columns);
+                   const double* penalty, double* columns);
 /// force_a += columns dN_a + N_a (fourth column - penalty x_a) over all points; force is zero before. Forces of a point
 /// sum up to nothing beyond rounding, but those along the radius around an axis.
 void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,

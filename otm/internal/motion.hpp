@@ -140,11 +140,13 @@ template <int Dim> struct Motion {
   void integrate_exactly();
   void deform(OtmChunk<Dim>& chunk, const Points<Dim>& of) const;
   void place(OtmChunk<Dim>& chunk, Index p) const;
+  void place_anew(OtmChunk<Dim>& chunk, Index p) const;
+  void place(OtmChunk<Dim>& chunk, Index p, const double* rows) const;
   void hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
   void collect(Points<Dim>& forces) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* rows, double across) const;
-  void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since, const Points<Dim>& at) const;
+  void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since) const;
   void sweep(double dt);
   void sweep(Index number, double dt);
   void press(OtmChunk<Dim>& chunk) const;
@@ -189,10 +191,8 @@ template <int Dim> struct Motion {
     return body.renewed && !body.fracture.on() && options.functions == OtmFunctions::lme;
   }
   /// Whether a step from one F to another turns a point inside out, or nearly so.
-  static bool would_crush(const Mat<3>& now, const Mat<3>& then) {
-    constexpr double least_size = 0.3;  // volume, over that a step ago
-    return !(now.determinant() > least_size * then.determinant());
-  }
+  /// by its volume over that before.
+  static bool would_crush(double shrinks) { return !(shrinks > 0.3); }
   void find_stars();
   void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
   void find_balls();
