@@ -373,6 +373,8 @@ template <int Dim> void Motion<Dim>::find_points() {
 }
 
 template <int Dim> void Motion<Dim>::find_places() {
+  all_chunks.resize(chunks.size());
+  std::iota(all_chunks.begin(), all_chunks.end(), 0);
   node_offsets.assign(x.cols() + 1, 0);
   for (const auto& chunk : chunks)
     for (const Index a : chunk.nodes) ++node_offsets[a + 1];
@@ -662,25 +664,36 @@ template <int Dim> void Motion<Dim>::renew() {
   find_places();
   follow_others();
   times.functions += lap(start);
-  // Stiffer functions may be stiffer than any before: the iteration is told where to look.
+  // Stiffer functions may be stiffer than any before, and nodes that lost others around them, or got them, light: there
+  // the iteration is told to look.
+  bool stiffened = false, changed = std::exchange(changed_nodes, false);
+  for (const Index c : worn_chunks) {
+    stiffened = stiffened || !chunks[c].stiffened.empty();
+    changed = changed || !chunks[c].pairs.empty();
+  }
+  Points<Dim> shape;
+  std::vector<char> where;
+  if (stiffened || changed) {
+    shape = shaken;
+    where.assign(x.cols(), 0);
+  }
   const double size = 0.1 / std::sqrt(mass.sum());
-  bool stiffened = false;
   for (const Index c : worn_chunks) {
     OtmChunk<Dim>& chunk = chunks[c];
     for (const Index p : chunk.stiffened)
       for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) {
         const Index a = chunk.nodes[chunk.local[e]];
-        for (int i = 0; i < Dim; ++i) shaken(i, a) += (e + a + i) % 2 == 0 ? size : -size;
+        where[a] = 1;
+        for (int i = 0; i < Dim; ++i) shape(i, a) += (e + a + i) % 2 == 0 ? size : -size;
       }
-    stiffened = stiffened || !chunk.stiffened.empty();
-    changed_nodes = changed_nodes || !chunk.pairs.empty();
+    if (changed)
+      for (const Index p : chunk.worn)
+        for (Index e = chunk.offsets[p]; e < chunk.offsets[p + 1]; ++e) where[chunk.nodes[chunk.local[e]]] = 1;
     chunk.stiffened.clear();
     chunk.worn.clear();
     chunk.pairs.clear();
   }
-  // Nodes that lost others around them, or got them, may have become light.
-  const bool changed = std::exchange(changed_nodes, false);
-  if (stiffened || changed) shake(changed ? 10 : 3);
+  if (stiffened || changed) shake_near(where, std::move(shape), changed ? 20 : 6);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.

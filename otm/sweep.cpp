@@ -93,15 +93,16 @@ template <int Dim> void Motion<Dim>::sweep(double dt) {
   counts.updates += static_cast<std::int64_t>(place_of_point.size());
 }
 
-/// What the chunks say of each node, summed in their order.
-template <int Dim> void Motion<Dim>::collect(Points<Dim>& forces) const {
+/// What the chunks say of each node, or of each of these, summed in their order; nothing of others.
+template <int Dim> void Motion<Dim>::collect(Points<Dim>& forces, const std::vector<char>& of) const {
   forces.resize(Dim, x.cols());
   parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
-    for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
-      const auto [c, l] = node_places[k];
-      for (int i = 0; i < Dim; ++i) sum[i] += chunks[c].force[4 * l + i];
-    }
+    if (of.empty() || of[a] != 0)
+      for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
+        const auto [c, l] = node_places[k];
+        for (int i = 0; i < Dim; ++i) sum[i] += chunks[c].force[4 * l + i];
+      }
     forces.col(a) = sum;
   });
 }
@@ -189,14 +190,16 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
       const auto volume = chunk.volume.segment(begin, size);
       if (!(volume.sum() > 0.0)) continue;
       const double mean = volume.dot(chunk.growth.segment(begin, size)) / volume.sum();
+      for (Index p = begin; p < begin + size; ++p)
+        if (!chunk.is_eroded(p)) chunk.growth[p] /= mean;
+    }
+    otm_share(n, chunk.growth.data(), chunk.volume.data(), F.data());
+    for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+      const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
       bool parts = false;
-      for (Index p = begin; p < begin + size; ++p) {
-        if (chunk.is_eroded(p)) continue;
-        chunk.growth[p] /= mean;
-        F.col(p) /= std::cbrt(chunk.growth[p]);
-        parts = parts || chunk.growth[p] < least_growth || chunk.is_crushed(p);
-      }
-      for (Index p = begin; p < begin + size && parts; ++p) {
+      for (Index p = begin; p < end; ++p)
+        parts = parts || (!chunk.is_eroded(p) && (chunk.growth[p] < least_growth || chunk.is_crushed(p)));
+      for (Index p = begin; p < end && parts; ++p) {
         if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
         if (p > begin) parted.push_back(p);
       }
@@ -374,20 +377,19 @@ template <int Dim> void Motion<Dim>::stiffen() {
   times.stability += lap(begin);
 }
 
-/// Power iteration for the highest frequency of the bodies as they are now, were they elastic: the stable step is 2
-/// over it.
-template <int Dim> void Motion<Dim>::shake(Index repeats) {
-  auto begin = Clock::now();
+/// The square of the highest frequency of the bodies as they are now, were they elastic and nothing but these chunks
+/// stiff, by power iteration from this shape on, which is the fastest then: a lower bound. moving: nodes that these
+/// see; empty: all.
+template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, Index iterations,
+                                                          std::span<const Index> in, const std::vector<char>& moving) {
   double omega2 = 0.0;
-  const double size = mixed_in / std::sqrt(mass.sum());
-  parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
-    for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
-  });
-  for (Index k = 0; k < repeats; ++k) {
-    parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
-      OtmChunk<Dim>& chunk = chunks[c];
+  if (in.size() < chunks.size())
+    for (auto& chunk : chunks) std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
+  for (Index k = 0; k < iterations; ++k) {
+    parallel_chunks(static_cast<Index>(in.size()), 1, [&](Index c, Index) {
+      OtmChunk<Dim>& chunk = chunks[in[c]];
       const BodyOf& body = bodies[chunk.body];
-      deform(chunk, shaken);
+      deform(chunk, shape);
       double* columns = chunk.columns();
       const bool shared = chunk.shares_dilatation();
       thread_local std::vector<Mat<3>> since;
@@ -414,25 +416,57 @@ template <int Dim> void Motion<Dim>::shake(Index repeats) {
       otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), columns);
       push(chunk, since);
     });
-    collect(nodal_impulses);
+    collect(nodal_impulses, moving);
     nodal_impulses *= -1.0;
-    resist(shaken, nodal_impulses);
+    resist(shape, nodal_impulses);
     for (const auto& [node, axis, velocity] : prescribed) nodal_impulses(axis, node) = 0.0;
     Points<Dim>& next = nodal_changes;
     find_velocities(nodal_impulses, next);
     double norm2 = 0.0, before2 = 0.0;
     for (Index a = 0; a < mass.size(); ++a) {
-      before2 += mass[a] * shaken.col(a).squaredNorm();
+      before2 += mass[a] * shape.col(a).squaredNorm();
       norm2 += mass[a] * next.col(a).squaredNorm();
     }
     omega2 = std::sqrt(norm2 / before2);
-    shaken = next / std::sqrt(norm2);
+    shape = next / std::sqrt(norm2);
   }
+  return omega2;
+}
+
+/// Looks for the longest stable step, 2 over the highest frequency, from the shape on that was the fastest.
+template <int Dim> void Motion<Dim>::shake(Index iterations) {
+  auto begin = Clock::now();
+  const double size = mixed_in / std::sqrt(mass.sum());
+  parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
+    for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
+  });
+  const double longest = options.courant * 2.0 / std::sqrt(highest_frequency2(shaken, iterations, all_chunks, {}));
   // Steps change no more than they have to: energy swings with their length. They grow slowly, as a shape that has lost
   // what made it fast takes a while to find what is fastest now.
-  const double found = options.courant * 2.0 / std::sqrt(omega2);
-  if (found < stable || found > 1.25 * stable)
-    stable = counts.steps > 0 ? std::min(0.98 * found, growth_of_steps * stable) : 0.98 * found;
+  if (longest < stable || longest > 1.25 * stable)
+    stable = counts.steps > 0 ? std::min(0.98 * longest, growth_of_steps * stable) : 0.98 * longest;
+  times.stability += lap(begin);
+}
+
+/// Looks, from this shape on, whether something near these nodes has become as fast as what is the fastest, where it is
+/// to be looked for from then on.
+template <int Dim> void Motion<Dim>::shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index iterations) {
+  auto begin = Clock::now();
+  std::vector<Index> in;
+  std::vector<char> moving(x.cols(), 0);
+  for (const Index c : all_chunks) {
+    const std::vector<Index>& seen = chunks[c].nodes;
+    if (std::none_of(seen.begin(), seen.end(), [&](Index a) { return nodes[a] != 0; })) continue;
+    in.push_back(c);
+    for (const Index a : seen) moving[a] = 1;
+  }
+  for (Index a = 0; a < x.cols(); ++a)
+    if (moving[a] == 0) shape.col(a).setZero();
+  if (const double omega2 = highest_frequency2(shape, iterations, in, moving); omega2 > 0.0) {
+    const double longest = options.courant * 2.0 / std::sqrt(omega2);
+    if (longest < 1.5 * stable) shaken += shape;
+    if (longest < stable) stable = 0.98 * longest;
+  }
   times.stability += lap(begin);
 }
 

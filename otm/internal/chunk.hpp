@@ -135,6 +135,8 @@ enum class OtmPlane { none, strain, axisymmetric };
 /// the nine numbers of `since` before, J, the norm of Green's strain of `since`, and its determinant over that before.
 void otm_kinematics(Index points, OtmPlane plane, const double* volume, const double* made, Mat<3>* since, double* F,
                     double* columns);
+/// F over the cube root of its growth, of points that have a volume.
+void otm_share(Index points, const double* growth, const double* volume, double* F);
 /// Those below write the first three columns.
 /// Kirchhoff stresses P F^T, less a pressure.
 void otm_kirchhoff(Index points, const double* P, const double* F, const double* shock, double* columns);

@@ -79,6 +79,7 @@ template <int Dim> struct Motion {
   Points<Dim> was;          ///< v a step ago
   Vector mass;
   std::vector<OtmChunk<Dim>> chunks;
+  std::vector<Index> all_chunks;                        ///< their numbers
   std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
   // By node: where its forces are.
   std::vector<Index> node_offsets;
@@ -143,7 +144,7 @@ template <int Dim> struct Motion {
   void place_anew(OtmChunk<Dim>& chunk, Index p) const;
   void place(OtmChunk<Dim>& chunk, Index p, const double* rows) const;
   void hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
-  void collect(Points<Dim>& forces) const;
+  void collect(Points<Dim>& forces, const std::vector<char>& of = {}) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* rows, double across) const;
   void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since) const;
@@ -205,7 +206,10 @@ template <int Dim> struct Motion {
   double longest_way() const;
   void move(double kick, double dt);
   void stiffen();
-  void shake(Index repeats);
+  double highest_frequency2(Points<Dim>& shape, Index iterations, std::span<const Index> in,
+                            const std::vector<char>& moving);
+  void shake(Index iterations);
+  void shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index iterations);
   /// Of a point's viscous pressure.
   struct Viscosity {
     double length;   ///< spacing of nodes along the fastest compression
