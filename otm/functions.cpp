@@ -166,9 +166,10 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
 
 /// The functions that a point has, as they are where it and the nodes are now. What a node had that has become one with
 /// another is the other's: the point moves to the mean of them, and gradients are those of maximum entropy to these
-/// weights, N_a J^-1 (x_a - x). False if the nodes that are left do not span space.
-template <int Dim>
-bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const {
+/// weights, N_a J^-1 (x_a - x); else the point is one of `kept`. False if the nodes that are left do not span space.
+template <int Dim> bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p,
+                                                    std::vector<std::pair<Index, OtmEntry>>& row,
+                                                    std::vector<Index>& kept) const {
   const Mat<Dim> since = chunk.since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
   place_anew(chunk, p);
   row.clear();
@@ -195,6 +196,8 @@ bool Motion<Dim>::keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std:
       row.push_back({a, entry_of<Dim>(N, N * slopes * (x.col(a) - at), axisymmetric() ? N / at[0] : 0.0)});
     chunk.at.col(p) = at;
     moment = spread;
+  } else {
+    kept.push_back(p);
   }
   chunk.penalty[p] *= moment.inverse().trace() / chunk.moment[p].inverse().trace();
   chunk.moment[p] = moment;
@@ -260,7 +263,7 @@ template <int Dim> typename Motion<Dim>::Change Motion<Dim>::make_functions(OtmC
       continue;
     }
     if (!find_functions(chunk, p, first, chunk.metric[p], chunk.lambda[p], functions, used, result.counted)) {
-      if (first || !keep_functions(chunk, p, row)) {
+      if (first || !keep_functions(chunk, p, row, result.kept)) {
         row.clear();
         result.lost.push_back(p);
         continue;
@@ -389,6 +392,7 @@ template <int Dim> void Motion<Dim>::find_places() {
 template <int Dim> void Motion<Dim>::Change::add(Change&& more) {
   std::ranges::move(more.rows, std::back_inserter(rows));
   lost.insert(lost.end(), more.lost.begin(), more.lost.end());
+  kept.insert(kept.end(), more.kept.begin(), more.kept.end());
   stiffened.insert(stiffened.end(), more.stiffened.begin(), more.stiffened.end());
   counted.iterations += more.counted.iterations;
   counted.widened += more.counted.widened;
@@ -593,6 +597,7 @@ template <int Dim> void Motion<Dim>::renew() {
       if (!pair.fuses()) continue;
       chunk.at.col(pair.second) = chunk.at.col(pair.first);
       changes[k].rows[chunk.worn_place(pair.second)] = changes[k].rows[chunk.worn_place(pair.first)];
+      std::erase(changes[k].kept, pair.second);
     }
     const auto& body = bodies[chunk.body];
     const Index metric = body.fracture.stretch > 0.0 ? -1 : body.plastic_metric;  // what breaks by stretches keeps them
@@ -644,6 +649,8 @@ template <int Dim> void Motion<Dim>::renew() {
     OtmChunk<Dim>& chunk = chunks[worn_chunks[k]];
     put_rows(chunk, chunk.worn, changes[k].rows);
     for (const Index p : chunk.worn) chunk.since[p].setIdentity();
+    // What points do not see of their nodes' motion stays with the functions they keep.
+    for (const Index p : changes[k].kept) chunk.lost -= unseen(chunk, p, 0.5 * last_step);
     // By new functions points may be squeezed faster than by those they had.
     for (const auto& row : changes[k].rows) {
       Mat<Dim> rate = Mat<Dim>::Zero();

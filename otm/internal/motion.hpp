@@ -112,12 +112,14 @@ template <int Dim> struct Motion {
   bool find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
                       LmeFunctions<Dim>& functions, std::vector<Index>& used, OtmCounts& counted) const;
   void make_particles(OtmChunk<Dim>& chunk, std::span<const Index> which, Rows& rows) const;
-  bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row) const;
+  bool keep_functions(OtmChunk<Dim>& chunk, Index p, std::vector<std::pair<Index, OtmEntry>>& row,
+                      std::vector<Index>& kept) const;
   std::string has_no_functions(const OtmChunk<Dim>& chunk, Index p) const;
   /// Of points of a chunk.
   struct Change {
     Rows rows;                     ///< their functions from now on
     std::vector<Index> lost;       ///< those that have none, nor any to keep, or are crushed: rows are empty
+    std::vector<Index> kept;       ///< those that go on with the functions they had, and what they do not see
     std::vector<Index> stiffened;  ///< those whose functions are stiffer than they were
     OtmCounts counted;
     double unseen = 0.0;  ///< energy of the motions that they do not see
