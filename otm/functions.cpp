@@ -423,7 +423,7 @@ template <int Dim> void Motion<Dim>::join(OtmChunk<Dim>& chunk, Change& change) 
       if (place_of_it == chunk.worn.size() || chunk.worn[place_of_it] != with) {
         // It wears with them.
         place_anew(chunk, with);
-        change.unseen += unseen(chunk, with, 0.5 * last_step);
+        if (!hold_crushed(chunk, with)) change.unseen += unseen(chunk, with, 0.5 * last_step);
         Change of_it = make_functions(chunk, std::span(&with, 1), false);
         chunk.wear(with);
         const bool has_some = of_it.lost.empty();
@@ -552,15 +552,8 @@ template <int Dim> void Motion<Dim>::renew() {
     deform(chunk, x);
     for (const Index p : chunk.worn) {
       place(chunk, p);
-      if (joins(bodies[chunk.body]) && !chunk.is_eroded(p) && !chunk.is_crushed(p)) {
-        const Mat<3> then = chunk.now.gradient(p) * Eigen::Map<const Mat<3>>(chunk.made.col(p).data()).inverse();
-        if (would_crush(chunk.since[p].determinant() / then.determinant())) {
-          hold(chunk, p, then);
-          continue;
-        }
-      }
       // Velocities are those of half a step ago: so is all energy that is lost here.
-      changes[k].unseen += unseen(chunk, p, 0.5 * last_step);
+      if (!hold_crushed(chunk, p)) changes[k].unseen += unseen(chunk, p, 0.5 * last_step);
     }
     for (const auto& pair : chunk.pairs) {
       const auto& [p, q, way, pairing] = pair;

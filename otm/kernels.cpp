@@ -51,8 +51,8 @@ template <int Dim> EFREE_INLINE void tractions(Index points, const double* volum
 
 }  // namespace
 
-EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, const double* volume, const double* made,
-                                           Mat<3>* since, double* F, double* columns) {
+EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, double least, const double* volume,
+                                           const double* made, Mat<3>* since, double* F, double* columns) {
   for (Index p = 0; p < points; ++p) {
     if (volume[p] == 0.0) continue;
     double* column = columns + 16 * p;
@@ -76,7 +76,7 @@ EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, const d
     }
     const double J = cofactors_of(now, cofactor);
     put_columns(S, since[p].data());
-    if (J > 0.0) put_columns(now, F + 9 * p);
+    if (J > 0.0 && det_now > least * det_then) put_columns(now, F + 9 * p);
     put_columns(then, column);
     column[9] = J;
     column[10] = 0.5 * __builtin_sqrt(square[0] + square[1] + square[2]);

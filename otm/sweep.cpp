@@ -85,6 +85,16 @@ template <int Dim> void Motion<Dim>::hold(OtmChunk<Dim>& chunk, Index p, const M
   chunk.crushed.insert(std::ranges::lower_bound(chunk.crushed, p), p);
 }
 
+/// Holds a point that has been placed and that the step would turn inside out before its functions are renewed; whether
+/// it would.
+template <int Dim> bool Motion<Dim>::hold_crushed(OtmChunk<Dim>& chunk, Index p) const {
+  if (!joins(bodies[chunk.body]) || chunk.is_eroded(p) || chunk.is_crushed(p)) return false;
+  const Mat<3> then = chunk.now.gradient(p) * Eigen::Map<const Mat<3>>(chunk.made.col(p).data()).inverse();
+  if (!would_crush(chunk.since[p].determinant() / then.determinant())) return false;
+  hold(chunk, p, then);
+  return true;
+}
+
 /// Deformations, stresses and forces where the nodes are now.
 template <int Dim> void Motion<Dim>::sweep(double dt) {
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) { sweep(c, dt); });
@@ -129,7 +139,8 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   const bool holds = joins(body) && dt > 0.0;
   double shrunk = 1.0;
   const OtmPlane plane = Dim == 3 ? OtmPlane::none : axisymmetric() ? OtmPlane::axisymmetric : OtmPlane::strain;
-  otm_kinematics(n, plane, chunk.volume.data(), chunk.made.data(), chunk.since.data(), F.data(), columns);
+  otm_kinematics(n, plane, holds ? least_left : 0.0, chunk.volume.data(), chunk.made.data(), chunk.since.data(),
+                 F.data(), columns);
   for (Index p = 0; p < n; ++p) {
     const double* column = columns + 16 * p;
     chunk.at.col(p) = chunk.origin + Eigen::Map<const Vec<Dim>>(column + 12);

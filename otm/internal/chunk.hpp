@@ -131,10 +131,11 @@ void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, 
                 const double* x, double* columns);
 /// What is none of a plane's: nothing, one across it, or that around the axis.
 enum class OtmPlane { none, strain, axisymmetric };
-/// From those rows, of points that have a volume: `since`, and F = since made where J is positive. In their place go
-/// the nine numbers of `since` before, J, the norm of Green's strain of `since`, and its determinant over that before.
-void otm_kinematics(Index points, OtmPlane plane, const double* volume, const double* made, Mat<3>* since, double* F,
-                    double* columns);
+/// From those rows, of points that have a volume: `since`, and F = since made where J is positive and more than that
+/// is left of the volume a step ago; else F stays. In their place go the nine numbers of `since` before, J, the norm of
+/// Green's strain of `since`, and its determinant over that before.
+void otm_kinematics(Index points, OtmPlane plane, double least, const double* volume, const double* made, Mat<3>* since,
+                    double* F, double* columns);
 /// F over the cube root of its growth, of points that have a volume.
 void otm_share(Index points, const double* growth, const double* volume, double* F);
 /// Those below write the first three columns.

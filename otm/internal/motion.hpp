@@ -146,6 +146,7 @@ template <int Dim> struct Motion {
   void place_anew(OtmChunk<Dim>& chunk, Index p) const;
   void place(OtmChunk<Dim>& chunk, Index p, const double* rows) const;
   void hold(OtmChunk<Dim>& chunk, Index p, const Mat<3>& before) const;
+  bool hold_crushed(OtmChunk<Dim>& chunk, Index p) const;
   void collect(Points<Dim>& forces, const std::vector<char>& of = {}) const;
   Points<Dim> collected() const;
   Mat<3> gradient(const double* rows, double across) const;
@@ -193,9 +194,9 @@ template <int Dim> struct Motion {
   bool joins(const BodyOf& body) const {
     return body.renewed && !body.fracture.on() && options.functions == OtmFunctions::lme;
   }
-  /// Whether a step from one F to another turns a point inside out, or nearly so.
-  /// by its volume over that before.
-  static bool would_crush(double shrinks) { return !(shrinks > 0.3); }
+  static constexpr double least_left = 0.3;  ///< of a point's volume by a step that does not crush it
+  /// Whether a step turns a point inside out, or nearly so, by its volume over that before.
+  static bool would_crush(double shrinks) { return !(shrinks > least_left); }
   void find_stars();
   void keep_connected(Index body, Index point, std::vector<Index>& nodes) const;
   void find_balls();
