@@ -9,7 +9,7 @@ namespace {
 EFREE_INLINE void columns_of(const Mat<3>& M, Four* column) {
   for (int j = 0; j < 3; ++j) column[j] = Four{M.data()[3 * j], M.data()[3 * j + 1], M.data()[3 * j + 2], 0.0};
 }
-/// What of these is none of the fourth row.
+/// A 3 x 3 matrix of the first three rows of these columns.
 EFREE_INLINE void put_columns(const Four* column, double* to) {
   store(to, column[0]);
   store(to + 3, column[1]);

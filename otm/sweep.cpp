@@ -147,7 +147,7 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
     if (chunk.is_eroded(p)) continue;
     double J = column[9], wear = column[10];  // turning is no wear
     const double shrinks = column[11];
-    const bool was_crushed = !chunk.crushed.empty() && chunk.is_crushed(p);
+    const bool was_crushed = chunk.is_crushed(p);
     if (was_crushed || (holds && would_crush(shrinks))) {
       const Mat<3> then = Eigen::Map<const Mat<3>>(column);
       if (was_crushed)

@@ -96,8 +96,8 @@ template <int Dim> struct OtmChunk {
   std::vector<OtmPair<Dim>> pairs;  ///< of worn points; none that moves or fuses is in two
   double damping = 0.0;             ///< viscous pressure over that of sound, at the most
   double squeeze = 0.0;             ///< rate of compression, at the most
-  double lost = 0.0;                ///< work in this step that nothing has stored, of crushed points
-  OtmTimes seconds;                 ///< kinematics, materials, forces
+  double lost = 0.0;  ///< in this step: work of crushed points that nothing has stored, less what points keep unseen
+  OtmTimes seconds;   ///< kinematics, materials, forces
 
   Index size() const { return now.size(); }
   bool is_eroded(Index p) const { return volume[p] == 0.0; }
@@ -129,7 +129,7 @@ template <int Dim> struct OtmChunk {
 /// where the point is.
 void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
                 const double* x, double* columns);
-/// What is none of a plane's: nothing, one across it, or that around the axis.
+/// What stands across the plane in a gradient: there is no plane, one, or the sum around the axis.
 enum class OtmPlane { none, strain, axisymmetric };
 /// From those rows, of points that have a volume: `since`, and F = since made where J is positive and more than that
 /// is left of the volume a step ago; else F stays. In their place go the nine numbers of `since` before, J, the norm of
