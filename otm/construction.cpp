@@ -321,7 +321,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       shaken(i, a) = static_cast<double>(random >> 11) * 0x1p-53 - 0.5;
     }
   stiffen();
-  shake(100);
+  shake(40);
   first_stable = stable;
 }
 

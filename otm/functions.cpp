@@ -693,7 +693,7 @@ template <int Dim> void Motion<Dim>::renew() {
     chunk.worn.clear();
     chunk.pairs.clear();
   }
-  if (stiffened || changed) shake_near(where, std::move(shape), changed ? 20 : 6);
+  if (stiffened || changed) shake_near(where, std::move(shape), changed ? 8 : 5);
 }
 
 /// Nodes that no point sees any more have no mass but rounding: they go on as shadows of the nearest.

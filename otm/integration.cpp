@@ -89,43 +89,30 @@ template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
   return result;
 }
 
-/// Least changes of a point's weights that multipliers on those sums (`chunk.x`) ask for, such that weights go on to
-/// sum up to one and to have their mean at the point, to first order. Returns their second moments. What changes cost
-/// is the same at all points, however large: fine parts of a mesh are no less well off than coarse ones.
-template <int Dim> Mat<Dim> Motion<Dim>::change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse,
-                                                        WeightChanges& changes) const {
-  const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
-  const std::uint16_t* local = chunk.local.data() + begin;
-  const OtmEntry* entries = chunk.entries.data() + begin;
-  const Vec<Dim> at = chunk.at.col(p);
-  changes.offset.resize(count);
-  changes.weight.resize(count);
-  const auto multiplier = [&](Index k) { return Eigen::Map<const Vec<Dim>>(chunk.x.data() + 4 * local[k]); };
-  const auto slope = [&](Index k) { return Eigen::Map<const Vec<Dim>>(entries[k].dN); };
-  Mat<Dim> gradient = Mat<Dim>::Zero();
-  for (Index k = 0; k < count; ++k) {
-    gradient += multiplier(k) * slope(k).transpose();
-    changes.offset[k] = x.col(chunk.nodes[local[k]]) - at;
+/// Changes of weights in a chunk that multipliers ask for. What changes cost is the same at all points, however large:
+/// fine parts of a mesh are no less well off than coarse ones.
+template <int Dim>
+void Motion<Dim>::find_changes(OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const {
+  const Index n = chunk.size();
+  found.x.assign(chunk.x.size(), 0.0);
+  found.at.assign(4 * n, 0.0);
+  found.inverse.assign(n, Mat<3>::Zero());
+  found.moment.resize(n);
+  found.weight.resize(chunk.entries.size());
+  for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
+    for (int i = 0; i < Dim; ++i) {
+      found.x[4 * l + i] = x(i, chunk.nodes[l]);
+      chunk.x[4 * l + i] = multipliers(i, chunk.nodes[l]);
+    }
+  if (axisymmetric())
+    for (std::size_t l = 0; l < chunk.nodes.size(); ++l) chunk.x[4 * l + 2] = chunk.x[4 * l];
+  for (Index p = 0; p < n; ++p) {
+    for (int i = 0; i < Dim; ++i) found.at[4 * p + i] = chunk.at(i, p);
+    found.inverse[p].template topLeftCorner<Dim, Dim>() = chunk.moment[p].inverse();
   }
-  double zeroth = 0.0;
-  Vec<Dim> first = Vec<Dim>::Zero();
-  for (Index k = 0; k < count; ++k) {
-    const Vec<Dim>& d = changes.offset[k];
-    double change = slope(k).dot(multiplier(k) - gradient * d);
-    if (axisymmetric()) change += entries[k].dN[2] * multiplier(k)[0];
-    change *= chunk.volume[p];
-    changes.weight[k] = change;
-    zeroth += change;
-    first += change * d;
-  }
-  const Vec<Dim> tilt = inverse * first;
-  Mat<Dim> second = Mat<Dim>::Zero();
-  for (Index k = 0; k < count; ++k) {
-    const Vec<Dim>& d = changes.offset[k];
-    changes.weight[k] -= entries[k].N * (zeroth + d.dot(tilt));
-    second += changes.weight[k] * d * d.transpose();
-  }
-  return second;
+  otm_weight_changes(n, chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), found.x.data(), found.at.data(),
+                     found.inverse.data(), chunk.volume.data(), axisymmetric(), chunk.x.data(), found.weight.data(),
+                     found.moment.data());
 }
 
 /// What changes that multipliers ask for change of the sums, to first order.
@@ -134,21 +121,11 @@ template <int Dim> Points<Dim> Motion<Dim>::integrated_changes(const Points<Dim>
     OtmChunk<Dim>& chunk = chunks[c];
     std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
     if (!bodies[chunk.body].integrates) return;
-    for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
-      Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
-    thread_local WeightChanges changes;
-    for (Index p = 0; p < chunk.size(); ++p) {
-      const Mat<Dim> inverse = chunk.moment[p].inverse();
-      const Mat<Dim> turn = inverse * change_weights(chunk, p, inverse, changes);
-      const Index begin = chunk.offsets[p];
-      for (Index e = begin; e < chunk.offsets[p + 1]; ++e) {
-        const double change = changes.weight[e - begin];
-        Vec<Dim> sum =
-            inverse * (change * changes.offset[e - begin]) - turn * Eigen::Map<const Vec<Dim>>(chunk.entries[e].dN);
-        if (axisymmetric()) sum[0] += change / chunk.at(0, p);
-        Eigen::Map<Vec<Dim>>(chunk.force.data() + 4 * chunk.local[e]) += chunk.volume[p] * sum;
-      }
-    }
+    thread_local WeightChanges found;
+    find_changes(chunk, multipliers, found);
+    otm_gradient_changes(chunk.size(), chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), found.x.data(),
+                         found.at.data(), found.inverse.data(), chunk.volume.data(), axisymmetric(),
+                         found.weight.data(), found.moment.data(), chunk.force.data());
   });
   return collected();
 }
@@ -158,29 +135,31 @@ template <int Dim> void Motion<Dim>::change_weights(const Points<Dim>& multiplie
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     OtmChunk<Dim>& chunk = chunks[c];
     if (!bodies[chunk.body].integrates) return;
-    for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
-      Eigen::Map<Vec<Dim>>(chunk.x.data() + 4 * l) = multipliers.col(chunk.nodes[l]);
-    thread_local WeightChanges changes;
+    thread_local WeightChanges found;
+    find_changes(chunk, multipliers, found);
+    std::vector<Vec<Dim>> offset;
+    std::vector<double> weight;
     for (Index p = 0; p < chunk.size(); ++p) {
-      const Mat<Dim> before = chunk.moment[p].inverse();
-      change_weights(chunk, p, before, changes);
       const Index begin = chunk.offsets[p], count = chunk.offsets[p + 1] - begin;
       OtmEntry* entries = chunk.entries.data() + begin;
+      offset.resize(count);
+      weight.resize(count);
       for (Index k = 0; k < count; ++k) {
-        const double share = entries[k].N > 0.0 ? changes.weight[k] / entries[k].N : 0.0;
-        changes.weight[k] = entries[k].N * std::exp(std::clamp(share, -largest_change, largest_change));
+        const double share = entries[k].N > 0.0 ? found.weight[begin + k] / entries[k].N : 0.0;
+        weight[k] = entries[k].N * std::exp(std::clamp(share, -largest_change, largest_change));
+        offset[k] = x.col(chunk.nodes[chunk.local[begin + k]]) - chunk.at.col(p);
       }
       Mat<Dim> moment;
-      if (!centre<Dim>(changes.offset, changes.weight, moment)) continue;
-      chunk.moment[p] = moment;
+      if (!centre<Dim>(offset, weight, moment)) continue;
       const Mat<Dim> inverse = moment.inverse();
       for (Index k = 0; k < count; ++k) {
-        entries[k].N = changes.weight[k];
-        Eigen::Map<Vec<Dim>>(entries[k].dN) = entries[k].N * (inverse * changes.offset[k]);
+        entries[k].N = weight[k];
+        Eigen::Map<Vec<Dim>>(entries[k].dN) = entries[k].N * (inverse * offset[k]);
         if (axisymmetric()) entries[k].dN[2] = entries[k].N / chunk.at(0, p);
       }
       otm_complete<Dim>(count, [&](std::size_t k) -> OtmEntry& { return entries[k]; });
-      chunk.penalty[p] *= inverse.trace() / before.trace();
+      chunk.penalty[p] *= inverse.trace() / chunk.moment[p].inverse().trace();
+      chunk.moment[p] = moment;
       chunk.width[p] = smallest_width<Dim>(moment);
     }
   });

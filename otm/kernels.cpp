@@ -222,4 +222,71 @@ EFREE_FOR_EACH_MACHINE void otm_push(Index points, const Index* offsets, const s
   }
 }
 
+EFREE_FOR_EACH_MACHINE void otm_weight_changes(Index points, const Index* offsets, const std::uint16_t* local,
+                                               const OtmEntry* entries, const double* x, const double* at,
+                                               const Mat<3>* inverse, const double* volume, bool around_axis,
+                                               const double* multipliers, double* changes, Mat<3>* moment) {
+  for (Index p = 0; p < points; ++p) {
+    Four place, column[3], gradient[3] = {}, first = {}, second[3] = {};
+    load(place, at + 4 * p);
+    columns_of(inverse[p], column);
+    const Index begin = offsets[p], end = offsets[p + 1];
+    for (Index e = begin; e < end; ++e) {
+      Four of;
+      load(of, multipliers + 4 * local[e]);
+      for (int j = 0; j < 3; ++j) gradient[j] += entries[e].dN[j] * of;
+    }
+    if (around_axis)
+      for (Four& by : gradient) by[2] = 0.0;
+    double zeroth = 0.0;
+    for (Index e = begin; e < end; ++e) {
+      Four of, d;
+      load(of, multipliers + 4 * local[e]);
+      load(d, x + 4 * local[e]);
+      d -= place;
+      of -= d[0] * gradient[0] + d[1] * gradient[1] + d[2] * gradient[2];
+      const double* dN = entries[e].dN;
+      changes[e] = volume[p] * (dN[0] * of[0] + dN[1] * of[1] + dN[2] * of[2]);
+      zeroth += changes[e];
+      first += changes[e] * d;
+    }
+    const Four tilt = first[0] * column[0] + first[1] * column[1] + first[2] * column[2];
+    for (Index e = begin; e < end; ++e) {
+      Four d;
+      load(d, x + 4 * local[e]);
+      d -= place;
+      changes[e] -= entries[e].N * (zeroth + d[0] * tilt[0] + d[1] * tilt[1] + d[2] * tilt[2]);
+      const Four more = changes[e] * d;
+      for (int j = 0; j < 3; ++j) second[j] += d[j] * more;
+    }
+    put_columns(second, moment[p].data());
+  }
+}
+
+EFREE_FOR_EACH_MACHINE void otm_gradient_changes(Index points, const Index* offsets, const std::uint16_t* local,
+                                                 const OtmEntry* entries, const double* x, const double* at,
+                                                 const Mat<3>* inverse, const double* volume, bool around_axis,
+                                                 const double* changes, const Mat<3>* moment, double* sums) {
+  for (Index p = 0; p < points; ++p) {
+    Four place, column[3], of[3], turn[3];
+    load(place, at + 4 * p);
+    columns_of(inverse[p], column);
+    columns_of(moment[p], of);
+    for (int j = 0; j < 3; ++j)
+      turn[j] = volume[p] * (of[j][0] * column[0] + of[j][1] * column[1] + of[j][2] * column[2]);
+    for (Four& by : column) by *= volume[p];
+    for (Index e = offsets[p]; e < offsets[p + 1]; ++e) {
+      Four d, sum;
+      load(d, x + 4 * local[e]);
+      d = changes[e] * (d - place);
+      const double* dN = entries[e].dN;
+      load(sum, sums + 4 * local[e]);
+      sum += (d[0] * column[0] + d[1] * column[1] + d[2] * column[2]) -
+             (dN[0] * turn[0] + dN[1] * turn[1] + dN[2] * turn[2]);
+      if (around_axis) sum[0] += volume[p] * changes[e] / place[0];
+      store(sums + 4 * local[e], sum);
+    }
+  }
+}
+
 }  // namespace efree::internal

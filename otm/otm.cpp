@@ -163,7 +163,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
     of.find_free();
     of.find_momenta();
     // What is left of that shape where nodes are held is slow: the bound would be too long until it is found anew.
-    of.shake(100);
+    of.shake(40);
     if (of.counts.steps == 0) of.first_stable = of.stable;
   }
   if (!of.watch.begun) of.watch.look(balance());
@@ -214,7 +214,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
           "or finer bodies may help",
           of.time, 100.0 * error, 100.0 * of.options.imbalance));
   }
-  if (of.counts.steps % 4 == 0) of.shake(1);
+  if (of.is_time_to_look()) of.shake(1);
   return dt;
 }
 

@@ -80,7 +80,7 @@ struct OtmOptions {
   /// over the spacing at the start, with no other node near; cells and points around them become two. 0: never.
   double injection = 0.0;
   OtmMomentum momentum = OtmMomentum::affine;
-  double courant = 0.5;  ///< of the step that is stable by the highest frequency that power iteration finds
+  double courant = 0.5;  ///< of the step that is stable by the highest frequency that is found
   /// Of what stiffness motions of the nodes get that their points do not see, by the shear modulus over the square of
   /// the functions' width (Weissenfels & Wriggers 2018). Under pressure they get more (docs/theory.md).
   double stabilisation = 0.1;

@@ -131,9 +131,10 @@ template <int Dim> auto fields(Motion<Dim>& of) {
   return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.mass, of.chunks, of.tools, of.prescribed,
                   of.acceleration, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
-                  of.weight_work, of.dissipated, of.viscous, of.stored, of.shaken, of.watch, of.counts, of.times,
-                  of.merged, of.body_of_node, of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met,
-                  of.touches, of.passed, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
+                  of.weight_work, of.dissipated, of.viscous, of.stored, of.shaken, of.next_look, of.looks_apart,
+                  of.longest_seen, of.renewals_seen, of.watch, of.counts, of.times, of.merged, of.body_of_node,
+                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met, of.touches, of.passed,
+                  of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal

@@ -24,6 +24,12 @@ constexpr double small_strains = 0.05;
 constexpr double mixed_in = 0.05;
 /// By how much steps grow at the most, each time.
 constexpr double growth_of_steps = 1.05;
+/// Steps change when longer ones than this many times are stable.
+constexpr double worth_it = 1.25, worth_it_in_calm = 1.03;
+/// Steps from one look to the next, and by how much the longest stable step changes in them where the next may be twice
+/// as far.
+constexpr Index least_apart = 4, most_apart = 32;
+constexpr double calm = 0.005;
 
 /// What steps know of damping from one to the next: where points get smaller is known when they have, and as these come
 /// and go energy would feel steps that jump. They grow no faster by it than otherwise.
@@ -385,83 +391,132 @@ template <int Dim> void Motion<Dim>::stiffen() {
       if (std::isfinite(modulus) && modulus > 0.0) chunk.modulus[p] = modulus;
     }
   });
+  next_look = counts.steps;
   times.stability += lap(begin);
 }
 
-/// The square of the highest frequency of the bodies as they are now, were they elastic and nothing but these chunks
-/// stiff, by power iteration from this shape on, which is the fastest then: a lower bound. moving: nodes that these
-/// see; empty: all.
-template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, Index iterations,
-                                                          std::span<const Index> in, const std::vector<char>& moving) {
-  double omega2 = 0.0;
+/// Elastic forces against this shape, were the bodies elastic as they are now and nothing but these chunks stiff; none
+/// along what is prescribed. moving: nodes that these see; empty: all.
+template <int Dim> void Motion<Dim>::stiffness_times(const Points<Dim>& shape, std::span<const Index> in,
+                                                     const std::vector<char>& moving, Points<Dim>& result) {
+  parallel_chunks(static_cast<Index>(in.size()), 1, [&](Index c, Index) {
+    OtmChunk<Dim>& chunk = chunks[in[c]];
+    const BodyOf& body = bodies[chunk.body];
+    deform(chunk, shape);
+    double* columns = chunk.columns();
+    const bool shared = chunk.shares_dilatation();
+    thread_local std::vector<Mat<3>> since;
+    since.resize(chunk.size());
+    for (Index p = 0; p < chunk.size(); ++p) since[p] = gradient(columns + 16 * p, 0.0);
+    otm_rates(chunk.size(), since.data(), chunk.since.data(), columns);
+    if (shared)
+      for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+        double volume = 0.0, dilatation = 0.0;
+        const auto trace = [&](Index p) {
+          const double* H = columns + 16 * p;
+          return H[0] + H[5] + H[10];
+        };
+        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+          volume += chunk.volume[p];
+          dilatation += chunk.volume[p] * chunk.growth[p] * trace(p);
+        }
+        if (!(volume > 0.0)) continue;
+        for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
+          const double shift = (dilatation / volume - trace(p)) / 3.0;
+          for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
+        }
+      }
+    otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), columns);
+    push(chunk, since);
+  });
+  collect(result, moving);
+  result *= -1.0;
+  resist(shape, result);
+  for (const auto& [node, axis, velocity] : prescribed) result(axis, node) = 0.0;
+}
+
+/// The square of the highest frequency of the bodies, were they elastic as they are now and nothing but these chunks
+/// stiff: a lower bound, by a step of power iteration and then Lanczos's method (Lanczos 1950), whose shapes are
+/// orthogonal by mass, from this shape on, which is the fastest known then. No more products with the stiffness than
+/// `most` are made, and none once the bound has converged.
+template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, Index most, std::span<const Index> in,
+                                                          const std::vector<char>& moving) {
+  constexpr double converged = 1e-3;  // what is left of the eigenvalue equation; of the eigenvalue about its square
   if (in.size() < chunks.size())
     for (auto& chunk : chunks) std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
-  for (Index k = 0; k < iterations; ++k) {
-    parallel_chunks(static_cast<Index>(in.size()), 1, [&](Index c, Index) {
-      OtmChunk<Dim>& chunk = chunks[in[c]];
-      const BodyOf& body = bodies[chunk.body];
-      deform(chunk, shape);
-      double* columns = chunk.columns();
-      const bool shared = chunk.shares_dilatation();
-      thread_local std::vector<Mat<3>> since;
-      since.resize(chunk.size());
-      for (Index p = 0; p < chunk.size(); ++p) since[p] = gradient(columns + 16 * p, 0.0);
-      otm_rates(chunk.size(), since.data(), chunk.since.data(), columns);
-      if (shared)
-        for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
-          double volume = 0.0, dilatation = 0.0;
-          const auto trace = [&](Index p) {
-            const double* H = columns + 16 * p;
-            return H[0] + H[5] + H[10];
-          };
-          for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
-            volume += chunk.volume[p];
-            dilatation += chunk.volume[p] * chunk.growth[p] * trace(p);
-          }
-          if (!(volume > 0.0)) continue;
-          for (Index p = chunk.unions[u]; p < chunk.unions[u + 1]; ++p) {
-            const double shift = (dilatation / volume - trace(p)) / 3.0;
-            for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
-          }
-        }
-      otm_stiffness(chunk.size(), body.tangent.data(), chunk.stiffening.data(), columns);
-      push(chunk, since);
-    });
-    collect(nodal_impulses, moving);
-    nodal_impulses *= -1.0;
-    resist(shape, nodal_impulses);
-    for (const auto& [node, axis, velocity] : prescribed) nodal_impulses(axis, node) = 0.0;
-    Points<Dim>& next = nodal_changes;
-    find_velocities(nodal_impulses, next);
-    double norm2 = 0.0, before2 = 0.0;
-    for (Index a = 0; a < mass.size(); ++a) {
-      before2 += mass[a] * shape.col(a).squaredNorm();
-      norm2 += mass[a] * next.col(a).squaredNorm();
-    }
-    omega2 = std::sqrt(norm2 / before2);
-    shape = next / std::sqrt(norm2);
+  for (const auto& [node, axis, velocity] : prescribed) shape(axis, node) = 0.0;
+  Points<Dim>&impulse = nodal_impulses, &next = nodal_changes;
+  stiffness_times(shape, in, moving, impulse);
+  find_velocities(impulse, next);
+  const double work = impulse.cwiseProduct(shape).sum();
+  double norm2 = impulse.cwiseProduct(next).sum(), omega2 = work > 0.0 ? norm2 / work : 0.0;
+  if (most == 1 || !(norm2 > 0.0)) {
+    shape = norm2 > 0.0 ? next / std::sqrt(norm2) : next;
+    return omega2;
   }
+  std::vector<Points<Dim>>& shapes = krylov_shapes;
+  shapes.resize(std::max(shapes.size(), static_cast<std::size_t>(most)));
+  Vector diagonal(most - 1), beside(most - 1);
+  Eigen::SelfAdjointEigenSolver<Matrix> tridiagonal;
+  Points<Dim>&last = krylov_impulses[0], &before = krylov_impulses[1];
+  for (Index k = 0; k < most - 1; ++k) {
+    const double norm = std::sqrt(norm2);
+    shapes[k] = next / norm;
+    before.swap(last);
+    last = impulse / norm;
+    stiffness_times(shapes[k], in, moving, impulse);
+    diagonal[k] = impulse.cwiseProduct(shapes[k]).sum();
+    impulse -= diagonal[k] * last;
+    if (k > 0) impulse -= beside[k - 1] * before;
+    find_velocities(impulse, next);
+    norm2 = std::max(0.0, impulse.cwiseProduct(next).sum());
+    beside[k] = std::sqrt(norm2);
+    const bool is_all = beside[k] < 1e-10 * diagonal[k];  // no other shape has a part in this one
+    if (!is_all && k + 2 < most && k % 8 != 7) continue;
+    tridiagonal.computeFromTridiagonal(diagonal.head(k + 1), beside.head(k));
+    const double left = beside[k] * std::abs(tridiagonal.eigenvectors()(k, k));
+    omega2 = std::max(omega2, std::hypot(tridiagonal.eigenvalues()[k], left));
+    if (is_all || left < converged * omega2) break;
+  }
+  // As power iteration of three times as many products would leave it: what is nearly as fast stays in it, and is found
+  // soon where it becomes faster.
+  const Vector& values = tridiagonal.eigenvalues();
+  const Matrix& vectors = tridiagonal.eigenvectors();
+  const Index found = static_cast<Index>(values.size());
+  const Vector damped = (values / values[found - 1]).array().max(0.0).pow(3.0 * most);
+  const Vector share = (vectors * damped.cwiseProduct(vectors.row(0).transpose())).normalized();
+  shape = share[0] * shapes[0];
+  for (Index k = 1; k < found; ++k) shape += share[k] * shapes[k];
   return omega2;
 }
 
-/// Looks for the longest stable step, 2 over the highest frequency, from the shape on that was the fastest.
-template <int Dim> void Motion<Dim>::shake(Index iterations) {
+/// Looks for the longest stable step, 2 over the highest frequency, from the shape on that was the fastest; and again
+/// soon, unless little has changed since the last time.
+template <int Dim> void Motion<Dim>::shake(Index most) {
   auto begin = Clock::now();
   const double size = mixed_in / std::sqrt(mass.sum());
   parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
     for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
   });
-  const double longest = options.courant * 2.0 / std::sqrt(highest_frequency2(shaken, iterations, all_chunks, {}));
+  const double omega2 = highest_frequency2(shaken, most, all_chunks, {});
+  next_look = counts.steps + least_apart;
+  times.stability += lap(begin);
+  if (!(omega2 > 0.0)) return;  // all nodes are led
+  const double longest = options.courant * 2.0 / std::sqrt(omega2);
   // Steps change no more than they have to: energy swings with their length. They grow slowly, as a shape that has lost
   // what made it fast takes a while to find what is fastest now.
-  if (longest < stable || longest > 1.25 * stable)
-    stable = counts.steps > 0 ? std::min(0.98 * longest, growth_of_steps * stable) : 0.98 * longest;
-  times.stability += lap(begin);
+  const bool changes = longest < stable || longest > (looks_apart == most_apart ? worth_it_in_calm : worth_it) * stable;
+  if (changes) stable = counts.steps > 0 ? std::min(0.98 * longest, growth_of_steps * stable) : 0.98 * longest;
+  const bool is_calm = !changes && std::abs(longest - longest_seen) < calm * longest;
+  looks_apart = is_calm ? std::min(2 * looks_apart, most_apart) : least_apart;
+  next_look = counts.steps + looks_apart;
+  longest_seen = longest;
+  renewals_seen = counts.renewals;
 }
 
 /// Looks, from this shape on, whether something near these nodes has become as fast as what is the fastest, where it is
 /// to be looked for from then on.
-template <int Dim> void Motion<Dim>::shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index iterations) {
+template <int Dim> void Motion<Dim>::shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index most) {
   auto begin = Clock::now();
   std::vector<Index> in;
   std::vector<char> moving(x.cols(), 0);
@@ -473,7 +528,7 @@ template <int Dim> void Motion<Dim>::shake_near(const std::vector<char>& nodes, 
   }
   for (Index a = 0; a < x.cols(); ++a)
     if (moving[a] == 0) shape.col(a).setZero();
-  if (const double omega2 = highest_frequency2(shape, iterations, in, moving); omega2 > 0.0) {
+  if (const double omega2 = highest_frequency2(shape, most, in, moving); omega2 > 0.0) {
     const double longest = options.courant * 2.0 / std::sqrt(omega2);
     if (longest < 1.5 * stable) shaken += shape;
     if (longest < stable) stable = 0.98 * longest;

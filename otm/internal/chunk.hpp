@@ -156,5 +156,16 @@ void otm_tractions(Index points, const double* volume, const Mat<3>* since, cons
 /// sum up to nothing beyond rounding, but those along the radius around an axis.
 void otm_push(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries, const double* x,
               const double* columns, const double* penalty, bool around_axis, double* force);
+/// Least changes of the weights of every point that multipliers on sums over points of volumes times gradients ask for,
+/// such that weights go on to sum up to one and to have their mean at the point, to first order; and their second
+/// moments. Nodes, their multipliers and points have four numbers each, those in the plane a zero along z; but around
+/// an axis multipliers have there what they have along the radius. inverse: of second moments of the weights.
+void otm_weight_changes(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
+                        const double* x, const double* at, const Mat<3>* inverse, const double* volume,
+                        bool around_axis, const double* multipliers, double* changes, Mat<3>* moment);
+/// Adds what these do to those sums, to first order.
+void otm_gradient_changes(Index points, const Index* offsets, const std::uint16_t* local, const OtmEntry* entries,
+                          const double* x, const double* at, const Mat<3>* inverse, const double* volume,
+                          bool around_axis, const double* changes, const Mat<3>* moment, double* sums);
 
 }  // namespace efree::internal

@@ -95,12 +95,17 @@ template <int Dim> struct Motion {
   Vector spacing;                                       ///< by node, at the start
   double time = 0.0, last_step = 0.0, stable = 0.0, first_stable = 0.0;
   double contact_loss = 0.0, renewal_loss = 0.0, fracture_loss = 0.0, prescribed_work = 0.0, weight_work = 0.0;
-  Vector dissipated;   ///< by chunk, so far
-  Vector viscous;      ///< likewise
-  Vector stored;       ///< by chunk
-  Points<Dim> shaken;  ///< the shape of the fastest vibration, as far as it is known
+  Vector dissipated;                     ///< by chunk, so far
+  Vector viscous;                        ///< likewise
+  Vector stored;                         ///< by chunk
+  Points<Dim> shaken;                    ///< the shape of the fastest vibration, as far as it is known
+  Index next_look = 0, looks_apart = 0;  ///< steps: when it is looked for again
+  double longest_seen = 0.0;             ///< stable step, the last time
+  std::int64_t renewals_seen = 0;        ///< of all points until then
   /// Room that steps do not have to allocate.
   Points<Dim> nodal_impulses, nodal_changes, rubbed;
+  std::vector<Points<Dim>> krylov_shapes;
+  std::array<Points<Dim>, 2> krylov_impulses;
   mutable Points<Dim> seen_by_mass;
   EnergyWatch watch;  ///< of energy, when it was last looked at
   OtmCounts counts;
@@ -132,12 +137,13 @@ template <int Dim> struct Motion {
   void find_places();
   // Gradients that integrate exactly.
   Points<Dim> integration_error();
-  /// Of the nodes of a point.
+  /// Of a chunk, as otm_weight_changes takes and gives them.
   struct WeightChanges {
-    std::vector<Vec<Dim>> offset;  ///< from the point
-    std::vector<double> weight;    ///< by how much it changes
+    std::vector<double> x, at;
+    std::vector<Mat<3>> inverse, moment;
+    std::vector<double> weight;  ///< by how much they change
   };
-  Mat<Dim> change_weights(const OtmChunk<Dim>& chunk, Index p, const Mat<Dim>& inverse, WeightChanges& changes) const;
+  void find_changes(OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const;
   Points<Dim> integrated_changes(const Points<Dim>& multipliers);
   void change_weights(const Points<Dim>& multipliers);
   void integrate_exactly();
@@ -209,10 +215,14 @@ template <int Dim> struct Motion {
   double longest_way() const;
   void move(double kick, double dt);
   void stiffen();
-  double highest_frequency2(Points<Dim>& shape, Index iterations, std::span<const Index> in,
-                            const std::vector<char>& moving);
-  void shake(Index iterations);
-  void shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index iterations);
+  void stiffness_times(const Points<Dim>& shape, std::span<const Index> in, const std::vector<char>& moving,
+                       Points<Dim>& result);
+  double highest_frequency2(Points<Dim>& shape, Index most, std::span<const Index> in, const std::vector<char>& moving);
+  void shake(Index most);
+  void shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index most);
+  bool is_time_to_look() const {
+    return counts.steps % 4 == 0 && (counts.steps >= next_look || counts.renewals != renewals_seen || !touches.empty());
+  }
   /// Of a point's viscous pressure.
   struct Viscosity {
     double length;   ///< spacing of nodes along the fastest compression

@@ -50,7 +50,7 @@ TEST(TaylorBar, AtThreeTimesTheSpeedNodesBecomeOneAndTheEnergyIsAccounted) {
 
 TEST(TaylorBar, AQuarterBetweenPlanesOfSymmetryEndsAsTheMeridianSectionDoes) {
   auto section = TaylorBar::bar<2>(TaylorBar::mesh<2>(0.9e-3), 227.0, {});
-  auto quarter = TaylorBar::bar<3>(TaylorBar::quarter(0.8e-3), 227.0, {}, true, TaylorBar::copper(), true);
+  auto quarter = TaylorBar::bar<3>(TaylorBar::quarter(0.75e-3), 227.0, {}, true, TaylorBar::copper(), true);
   const auto before = quarter.balance();
   section.run(80e-6);
   quarter.run(80e-6);
