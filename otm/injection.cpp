@@ -7,12 +7,22 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 #include <tuple>
 #include <utility>
 
 namespace efree::internal {
 namespace {
+
+/// Volume of a cell, over that of a regular one whose edges are the spacing, below which it is not split: where a body
+/// has become that much thinner than its spacing nodes would come in and become one over and over.
+constexpr double least_split = 0.1;
+
+/// Volume of a regular simplex with edges of one.
+template <int Dim> double regular_volume() {
+  return Dim == 2 ? std::sqrt(3.0) / 4.0 : std::sqrt(2.0) / 12.0;
+}
 
 /// The points of `twice`, ascending, become two each: both as they were, functions and all, but of half the volume.
 template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& twice) {
@@ -124,8 +134,9 @@ template <int Dim> const std::vector<std::pair<Index, Index>>& Motion<Dim>::oute
 }
 
 /// Edges of a body's cells that are to be split, of no cell two: the longest first, of those longer than
-/// OtmOptions::injection times the spacing that have no other node near their middle; on the surface no other of it,
-/// and nearer, as points between the surface and nodes inside have nothing else to hold on to.
+/// OtmOptions::injection times the spacing, of cells that are not too thin, that have no other node near their middle;
+/// on the surface no other of it, and nearer, as points between the surface and nodes inside have nothing else to hold
+/// on to.
 template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlong_edges(Index of_body) {
   const BodyOf& body = bodies[of_body];
   const Index begin = body.first_node;
@@ -133,6 +144,13 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     return 0.5 * options.injection * (spacing[begin + a] + spacing[begin + b]);
   };
   const auto length = [&](Index a, Index b) { return (x.col(begin + a) - x.col(begin + b)).norm(); };
+  const auto is_thin = [&](Index c) {
+    const auto [in, p] = place_of_point[body.first_point + c];
+    double edge = 0.0;
+    for (const Index corner : body.cells.col(c)) edge += spacing[begin + corner] / (Dim + 1);
+    const double around_axis = axisymmetric() ? 2.0 * std::numbers::pi * chunks[in].at(0, p) : 1.0;
+    return chunks[in].volume[p] < least_split * regular_volume<Dim>() * std::pow(edge, Dim) * around_axis;
+  };
   std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
   for (Eigen::Index c = 0; c < body.cells.cols(); ++c) {
     const auto [in, p] = place_of_point[body.first_point + c];
@@ -159,7 +177,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   for (const auto& [minus_length, edge] : order) {
     const auto& [a, b] = edge;
     const std::vector<Index>& cells = around[edge];
-    if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0; })) continue;
+    if (std::any_of(cells.begin(), cells.end(), [&](Index c) { return is_split[c] != 0 || is_thin(c); })) continue;
     const Vec<Dim> middle = 0.5 * (x.col(begin + a) + x.col(begin + b));
     const bool is_outer = std::binary_search(outer.begin(), outer.end(), edge);
     const double room = (is_outer ? 0.25 : 0.5) * most(a, b);

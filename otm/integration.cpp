@@ -92,9 +92,10 @@ template <int Dim> Points<Dim> Motion<Dim>::integration_error() {
 /// Changes of weights in a chunk that multipliers ask for. What changes cost is the same at all points, however large:
 /// fine parts of a mesh are no less well off than coarse ones.
 template <int Dim>
-void Motion<Dim>::find_changes(OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const {
+void Motion<Dim>::find_changes(const OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const {
   const Index n = chunk.size();
   found.x.assign(chunk.x.size(), 0.0);
+  found.multipliers.assign(chunk.x.size(), 0.0);
   found.at.assign(4 * n, 0.0);
   found.inverse.assign(n, Mat<3>::Zero());
   found.moment.resize(n);
@@ -102,17 +103,17 @@ void Motion<Dim>::find_changes(OtmChunk<Dim>& chunk, const Points<Dim>& multipli
   for (std::size_t l = 0; l < chunk.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) {
       found.x[4 * l + i] = x(i, chunk.nodes[l]);
-      chunk.x[4 * l + i] = multipliers(i, chunk.nodes[l]);
+      found.multipliers[4 * l + i] = multipliers(i, chunk.nodes[l]);
     }
   if (axisymmetric())
-    for (std::size_t l = 0; l < chunk.nodes.size(); ++l) chunk.x[4 * l + 2] = chunk.x[4 * l];
+    for (std::size_t l = 0; l < chunk.nodes.size(); ++l) found.multipliers[4 * l + 2] = found.multipliers[4 * l];
   for (Index p = 0; p < n; ++p) {
     for (int i = 0; i < Dim; ++i) found.at[4 * p + i] = chunk.at(i, p);
     found.inverse[p].template topLeftCorner<Dim, Dim>() = chunk.moment[p].inverse();
   }
   otm_weight_changes(n, chunk.offsets.data(), chunk.local.data(), chunk.entries.data(), found.x.data(), found.at.data(),
-                     found.inverse.data(), chunk.volume.data(), axisymmetric(), chunk.x.data(), found.weight.data(),
-                     found.moment.data());
+                     found.inverse.data(), chunk.volume.data(), axisymmetric(), found.multipliers.data(),
+                     found.weight.data(), found.moment.data());
 }
 
 /// What changes that multipliers ask for change of the sums, to first order.

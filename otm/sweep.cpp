@@ -441,7 +441,8 @@ template <int Dim> void Motion<Dim>::stiffness_times(const Points<Dim>& shape, s
 /// `most` are made, and none once the bound has converged.
 template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, Index most, std::span<const Index> in,
                                                           const std::vector<char>& moving) {
-  constexpr double converged = 1e-3;  // what is left of the eigenvalue equation; of the eigenvalue about its square
+  constexpr std::size_t most_kept = 8;  // shapes, as room for the next time
+  constexpr double converged = 1e-3;    // what is left of the eigenvalue equation; of the eigenvalue about its square
   if (in.size() < chunks.size())
     for (auto& chunk : chunks) std::fill(chunk.force.begin(), chunk.force.end(), 0.0);
   for (const auto& [node, axis, velocity] : prescribed) shape(axis, node) = 0.0;
@@ -450,6 +451,8 @@ template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, In
   find_velocities(impulse, next);
   const double work = impulse.cwiseProduct(shape).sum();
   double norm2 = impulse.cwiseProduct(next).sum(), omega2 = work > 0.0 ? norm2 / work : 0.0;
+  if (!std::isfinite(norm2))
+    throw NumericalError(fmt::format("at time {:.6g} stiffnesses are no numbers any more", time));
   if (most == 1 || !(norm2 > 0.0)) {
     shape = norm2 > 0.0 ? next / std::sqrt(norm2) : next;
     return omega2;
@@ -487,6 +490,7 @@ template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, In
   const Vector share = (vectors * damped.cwiseProduct(vectors.row(0).transpose())).normalized();
   shape = share[0] * shapes[0];
   for (Index k = 1; k < found; ++k) shape += share[k] * shapes[k];
+  shapes.resize(std::min(shapes.size(), most_kept));
   return omega2;
 }
 
@@ -499,19 +503,21 @@ template <int Dim> void Motion<Dim>::shake(Index most) {
     for (int i = 0; i < Dim; ++i) shaken(i, a) += is_heads(a, i, counts.steps) ? size : -size;
   });
   const double omega2 = highest_frequency2(shaken, most, all_chunks, {});
-  next_look = counts.steps + least_apart;
-  times.stability += lap(begin);
-  if (!(omega2 > 0.0)) return;  // all nodes are led
-  const double longest = options.courant * 2.0 / std::sqrt(omega2);
   // Steps change no more than they have to: energy swings with their length. They grow slowly, as a shape that has lost
   // what made it fast takes a while to find what is fastest now.
-  const bool changes = longest < stable || longest > (looks_apart == most_apart ? worth_it_in_calm : worth_it) * stable;
-  if (changes) stable = counts.steps > 0 ? std::min(0.98 * longest, growth_of_steps * stable) : 0.98 * longest;
-  const bool is_calm = !changes && std::abs(longest - longest_seen) < calm * longest;
+  bool is_calm = touches.empty() && counts.renewals == renewals_seen;
+  const double needed = looks_apart == most_apart && is_calm ? worth_it_in_calm : worth_it;
+  if (omega2 > 0.0) {  // else all nodes are led
+    const double longest = options.courant * 2.0 / std::sqrt(omega2);
+    const bool changes = longest < stable || longest > needed * stable;
+    if (changes) stable = counts.steps > 0 ? std::min(0.98 * longest, growth_of_steps * stable) : 0.98 * longest;
+    is_calm = is_calm && !changes && std::abs(longest - longest_seen) < calm * longest;
+    longest_seen = longest;
+  }
   looks_apart = is_calm ? std::min(2 * looks_apart, most_apart) : least_apart;
   next_look = counts.steps + looks_apart;
-  longest_seen = longest;
   renewals_seen = counts.renewals;
+  times.stability += lap(begin);
 }
 
 /// Looks, from this shape on, whether something near these nodes has become as fast as what is the fastest, where it is

@@ -139,11 +139,11 @@ template <int Dim> struct Motion {
   Points<Dim> integration_error();
   /// Of a chunk, as otm_weight_changes takes and gives them.
   struct WeightChanges {
-    std::vector<double> x, at;
+    std::vector<double> x, at, multipliers;
     std::vector<Mat<3>> inverse, moment;
     std::vector<double> weight;  ///< by how much they change
   };
-  void find_changes(OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const;
+  void find_changes(const OtmChunk<Dim>& chunk, const Points<Dim>& multipliers, WeightChanges& found) const;
   Points<Dim> integrated_changes(const Points<Dim>& multipliers);
   void change_weights(const Points<Dim>& multipliers);
   void integrate_exactly();
