@@ -15,14 +15,10 @@
 namespace efree::internal {
 namespace {
 
-/// Volume of a cell, over that of a regular one whose edges are the spacing, below which it is not split: where a body
-/// has become that much thinner than its spacing nodes would come in and become one over and over.
+/// Area of a triangle, over that of a regular one whose edges are the spacing, below which it is not split: where a
+/// body has become that much thinner than its spacing nodes would come in and become one over and over. Tetrahedra are
+/// slivers from the start, and say nothing of it.
 constexpr double least_split = 0.1;
-
-/// Volume of a regular simplex with edges of one.
-template <int Dim> double regular_volume() {
-  return Dim == 2 ? std::sqrt(3.0) / 4.0 : std::sqrt(2.0) / 12.0;
-}
 
 /// The points of `twice`, ascending, become two each: both as they were, functions and all, but of half the volume.
 template <int Dim> void halve(OtmChunk<Dim>& chunk, const std::vector<Index>& twice) {
@@ -145,11 +141,12 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
   };
   const auto length = [&](Index a, Index b) { return (x.col(begin + a) - x.col(begin + b)).norm(); };
   const auto is_thin = [&](Index c) {
+    if (Dim == 3) return false;
     const auto [in, p] = place_of_point[body.first_point + c];
     double edge = 0.0;
     for (const Index corner : body.cells.col(c)) edge += spacing[begin + corner] / (Dim + 1);
     const double around_axis = axisymmetric() ? 2.0 * std::numbers::pi * chunks[in].at(0, p) : 1.0;
-    return chunks[in].volume[p] < least_split * regular_volume<Dim>() * std::pow(edge, Dim) * around_axis;
+    return chunks[in].volume[p] < least_split * std::sqrt(3.0) / 4.0 * edge * edge * around_axis;
   };
   std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
   for (Eigen::Index c = 0; c < body.cells.cols(); ++c) {
