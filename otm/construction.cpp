@@ -229,8 +229,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     }
     const auto ball_as_large = [&](const OtmChunk<Dim>& chunk, Index p) {
       if (Dim == 3) return std::cbrt(0.75 / std::numbers::pi * chunk.volume[p]);
-      const double around = axisymmetric() ? 2.0 * std::numbers::pi * chunk.at(0, p) : 1.0;
-      return std::sqrt(chunk.volume[p] / (around * std::numbers::pi));
+      return std::sqrt(chunk.volume[p] / (across(chunk.at(0, p)) * std::numbers::pi));
     };
     std::iota(order.begin(), order.end(), 0);
     std::sort(order.begin(), order.end(), [&](Index p, Index q) {

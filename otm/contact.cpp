@@ -14,7 +14,6 @@
 #include <iterator>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <set>
 #include <utility>
 
@@ -80,7 +79,7 @@ template <int Dim> void Motion<Dim>::find_surface() {
       if (count > 1 || on_axis) continue;
       outer.push_back(facet);
       nodes.insert(facet.begin(), facet.end());
-      const double around = axisymmetric() ? 2.0 * std::numbers::pi * corner.row(0).mean() : 1.0;
+      const double around = across(corner.row(0).mean());
       for (const Index a : facet) surface_area[a] += around * area_of<Dim>(corner).norm() / Dim;
     }
     surface.facets.resize(Dim, static_cast<Eigen::Index>(outer.size()));

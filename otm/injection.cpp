@@ -7,7 +7,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -145,8 +144,7 @@ template <int Dim> std::vector<typename Motion<Dim>::Split> Motion<Dim>::overlon
     const auto [in, p] = place_of_point[body.first_point + c];
     double edge = 0.0;
     for (const Index corner : body.cells.col(c)) edge += spacing[begin + corner] / (Dim + 1);
-    const double around_axis = axisymmetric() ? 2.0 * std::numbers::pi * chunks[in].at(0, p) : 1.0;
-    return chunks[in].volume[p] < least_split * std::sqrt(3.0) / 4.0 * edge * edge * around_axis;
+    return chunks[in].volume[p] < least_split * std::sqrt(3.0) / 4.0 * edge * edge * across(chunks[in].at(0, p));
   };
   std::map<std::pair<Index, Index>, std::vector<Index>> around;  // by edge, cells
   for (Eigen::Index c = 0; c < body.cells.cols(); ++c) {

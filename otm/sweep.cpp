@@ -26,9 +26,9 @@ constexpr double mixed_in = 0.05;
 constexpr double growth_of_steps = 1.05;
 /// Steps change when longer ones than this many times are stable.
 constexpr double worth_it = 1.25, worth_it_in_calm = 1.03;
-/// Steps from one look to the next, and by how much the longest stable step changes in them where the next may be twice
-/// as far.
-constexpr Index least_apart = 4, most_apart = 32;
+/// Steps from one look to the next, at the most, and by how much the longest stable step changes in them where the next
+/// may be twice as far.
+constexpr Index most_apart = 32;
 constexpr double calm = 0.005;
 
 /// What steps know of damping from one to the next: where points get smaller is known when they have, and as these come
@@ -450,7 +450,8 @@ template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, In
   stiffness_times(shape, in, moving, impulse);
   find_velocities(impulse, next);
   const double work = impulse.cwiseProduct(shape).sum();
-  double norm2 = impulse.cwiseProduct(next).sum(), omega2 = work > 0.0 ? norm2 / work : 0.0;
+  const double norm2 = impulse.cwiseProduct(next).sum();
+  double omega2 = work > 0.0 ? norm2 / work : 0.0;
   if (!std::isfinite(norm2))
     throw NumericalError(fmt::format("at time {:.6g} stiffnesses are no numbers any more", time));
   if (most == 1 || !(norm2 > 0.0)) {
@@ -463,7 +464,7 @@ template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, In
   Eigen::SelfAdjointEigenSolver<Matrix> tridiagonal;
   Points<Dim>&last = krylov_impulses[0], &before = krylov_impulses[1];
   for (Index k = 0; k < most - 1; ++k) {
-    const double norm = std::sqrt(norm2);
+    const double norm = k > 0 ? beside[k - 1] : std::sqrt(norm2);
     shapes[k] = next / norm;
     before.swap(last);
     last = impulse / norm;
@@ -472,8 +473,7 @@ template <int Dim> double Motion<Dim>::highest_frequency2(Points<Dim>& shape, In
     impulse -= diagonal[k] * last;
     if (k > 0) impulse -= beside[k - 1] * before;
     find_velocities(impulse, next);
-    norm2 = std::max(0.0, impulse.cwiseProduct(next).sum());
-    beside[k] = std::sqrt(norm2);
+    beside[k] = std::sqrt(std::max(0.0, impulse.cwiseProduct(next).sum()));
     const bool is_all = beside[k] < 1e-10 * diagonal[k];  // no other shape has a part in this one
     if (!is_all && k + 2 < most && k % 8 != 7) continue;
     tridiagonal.computeFromTridiagonal(diagonal.head(k + 1), beside.head(k));

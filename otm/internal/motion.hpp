@@ -12,6 +12,7 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <set>
 #include <span>
 #include <string>
@@ -112,6 +113,8 @@ template <int Dim> struct Motion {
   OtmTimes times;
 
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
+  /// Length of what lies across the plane at a radius: of the turn around the axis, or one.
+  double across(double radius) const { return axisymmetric() ? 2.0 * std::numbers::pi * radius : 1.0; }
 
   Motion(std::vector<OtmBody<Dim>> given, const OtmOptions& options_given);
   bool find_functions(const OtmChunk<Dim>& chunk, Index p, bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
@@ -220,8 +223,10 @@ template <int Dim> struct Motion {
   double highest_frequency2(Points<Dim>& shape, Index most, std::span<const Index> in, const std::vector<char>& moving);
   void shake(Index most);
   void shake_near(const std::vector<char>& nodes, Points<Dim> shape, Index most);
+  static constexpr Index least_apart = 4;  ///< steps from one look to the next
   bool is_time_to_look() const {
-    return counts.steps % 4 == 0 && (counts.steps >= next_look || counts.renewals != renewals_seen || !touches.empty());
+    return counts.steps % least_apart == 0 &&
+           (counts.steps >= next_look || counts.renewals != renewals_seen || !touches.empty());
   }
   /// Of a point's viscous pressure.
   struct Viscosity {
