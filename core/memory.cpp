@@ -11,8 +11,10 @@
 #include <malloc.h>
 #endif
 #include <algorithm>
+#include <cstdint>
 #include <fstream>
 #include <limits>
+#include <set>
 #include <sstream>
 #include <string>
 
@@ -110,6 +112,18 @@ void keep_freed_memory() {
   mallopt(M_MMAP_THRESHOLD, 1 << 30);
   mallopt(M_TRIM_THRESHOLD, (1 << 30) + ((1 << 30) - 1));
 #endif
+}
+
+void move_to_large_pages(std::span<const std::span<const std::byte>> tables) {
+  constexpr std::uintptr_t page = std::uintptr_t{2} << 20U;
+  constexpr int collapse = 25;  // MADV_COLLAPSE, of which older headers do not know
+  std::set<std::uintptr_t> pages;
+  for (const auto& table : tables) {
+    const auto begin = reinterpret_cast<std::uintptr_t>(table.data());
+    for (std::uintptr_t at = begin / page * page; at < begin + table.size(); at += page) pages.insert(at);
+  }
+  // Where there are none, or part of a page is not ours, all stays as it is.
+  for (const std::uintptr_t at : pages) madvise(reinterpret_cast<void*>(at), page, collapse);
 }
 
 double peak_memory_mb() {

@@ -29,7 +29,7 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
   for (Index p = 0; p < size(); ++p) first[p + 1] += first[p];
   std::vector<Index> new_offsets{0};
   std::vector<std::uint16_t> new_local;
-  std::vector<OtmEntry> new_entries;
+  OtmTable<OtmEntry> new_entries;
   for (const Index p : from) {
     new_local.insert(new_local.end(), local.begin() + offsets[p], local.begin() + offsets[p + 1]);
     new_entries.insert(new_entries.end(), entries.begin() + offsets[p], entries.begin() + offsets[p + 1]);
@@ -65,6 +65,17 @@ template <int Dim> void OtmChunk<Dim>::take(const std::vector<Index>& from) {
       for (Index q = first[p]; q < first[p + 1]; ++q) result.push_back(q);
     *points = std::move(result);
   }
+}
+
+template <int Dim> void OtmChunk<Dim>::add_tables(std::vector<std::span<const std::byte>>& tables) const {
+  const auto add = [&](const auto& of) { tables.push_back(std::as_bytes(std::span(of.data(), of.size()))); };
+  add(entries);
+  add(local);
+  for (const Tensors* of : {&now.F, &response.P, &made}) add(*of);
+  for (const Matrix* of : {&now.history, &response.history}) add(*of);
+  add(since);
+  add(metric);
+  add(moment);
 }
 
 template struct OtmChunk<2>;

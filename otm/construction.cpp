@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Bodies as they are given become chunks of points.
 #include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/otm/internal/motion.hpp"
 
@@ -319,6 +320,9 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       random ^= random << 13, random ^= random >> 7, random ^= random << 17;
       shaken(i, a) = static_cast<double>(random >> 11) * 0x1p-53 - 0.5;
     }
+  std::vector<std::span<const std::byte>> tables;
+  for (const OtmChunk<Dim>& chunk : chunks) chunk.add_tables(tables);
+  move_to_large_pages(tables);
   stiffen();
   shake(40);
   first_stable = stable;

@@ -328,7 +328,7 @@ template <int Dim> void Motion<Dim>::put_rows(OtmChunk<Dim>& chunk, const std::v
   thread_local std::vector<Index> number;
   thread_local std::vector<Index> nodes, offsets;
   thread_local std::vector<std::uint16_t> local;
-  thread_local std::vector<OtmEntry> entries;
+  thread_local OtmTable<OtmEntry> entries;
   number.resize(std::max(number.size(), static_cast<std::size_t>(x.cols())), -1);
   nodes.clear();
   offsets.assign(1, 0);
@@ -383,10 +383,14 @@ template <int Dim> void Motion<Dim>::find_places() {
     for (const Index a : chunk.nodes) ++node_offsets[a + 1];
   std::partial_sum(node_offsets.begin(), node_offsets.end(), node_offsets.begin());
   node_places.resize(node_offsets.back());
+  node_forces.resize(node_places.size());
   std::vector<Index> next(node_offsets.begin(), node_offsets.end() - 1);
   for (std::size_t c = 0; c < chunks.size(); ++c)
-    for (std::size_t l = 0; l < chunks[c].nodes.size(); ++l)
-      node_places[next[chunks[c].nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
+    for (std::size_t l = 0; l < chunks[c].nodes.size(); ++l) {
+      const Index place = next[chunks[c].nodes[l]]++;
+      node_places[place] = {static_cast<Index>(c), static_cast<Index>(l)};
+      node_forces[place] = chunks[c].force.data() + 4 * l;
+    }
 }
 
 template <int Dim> void Motion<Dim>::Change::add(Change&& more) {

@@ -115,10 +115,7 @@ template <int Dim> void Motion<Dim>::collect(Points<Dim>& forces, const std::vec
   parallel_for(static_cast<Index>(x.cols()), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
     if (of.empty() || of[a] != 0)
-      for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) {
-        const auto [c, l] = node_places[k];
-        for (int i = 0; i < Dim; ++i) sum[i] += chunks[c].force[4 * l + i];
-      }
+      for (Index k = node_offsets[a]; k < node_offsets[a + 1]; ++k) sum += Eigen::Map<const Vec<Dim>>(node_forces[k]);
     forces.col(a) = sum;
   });
 }

@@ -39,7 +39,7 @@ class Packer {
   template <class T, std::size_t N> void operator()(std::array<T, N>& values) {
     for (T& value : values) (*this)(value);
   }
-  template <class T> void operator()(std::vector<T>& values) {
+  template <class T, class A> void operator()(std::vector<T, A>& values) {
     if constexpr (is_plain<T>) return list(values.data(), values.size());
     count(values.size());
     for (T& value : values) (*this)(value);
@@ -117,7 +117,7 @@ class Unpacker {
   template <class T, std::size_t N> void operator()(std::array<T, N>& values) {
     for (T& value : values) (*this)(value);
   }
-  template <class T> void operator()(std::vector<T>& values) {
+  template <class T, class A> void operator()(std::vector<T, A>& values) {
     values.resize(count(is_plain<T> ? sizeof(T) : 1));
     if constexpr (is_plain<T>) return take(values.data(), values.size());
     for (T& value : values) (*this)(value);

@@ -4,14 +4,19 @@
 
 #include "efree/otm/otm.hpp"
 
+#include <boost/align/aligned_allocator.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
 namespace efree::internal {
+
+/// What kernels read or write four numbers at a time, none of which lie in two lines of the cache.
+template <class T> using OtmTable = std::vector<T, boost::alignment::aligned_allocator<T, 64>>;
 
 /// A node in a point's row: the gradient of its function in the configuration where the functions were made, and the
 /// function. In the plane the third component is the function over the radius (axisymmetric), or zero.
@@ -64,9 +69,9 @@ template <int Dim> struct OtmChunk {
   // Functions. Row p: entries offsets[p] .. offsets[p + 1], of the nodes that `local` numbers.
   std::vector<Index> offsets{0};
   std::vector<std::uint16_t> local;
-  std::vector<OtmEntry> entries;
+  OtmTable<OtmEntry> entries;
   std::vector<Index> nodes;            ///< by local number
-  std::vector<double> x, force;        ///< four numbers for each of these; x: from `origin` on
+  OtmTable<double> x, force;           ///< four numbers for each of these; x: from `origin` on
   Vec<Dim> origin = Vec<Dim>::Zero();  ///< near them, so that no place is a small difference of large numbers
 
   // Points.
@@ -116,10 +121,12 @@ template <int Dim> struct OtmChunk {
   /// Sixteen numbers a point, what kernels hand over: of this thread, for whatever chunk it works on, so that they stay
   /// near it.
   double* columns() const {
-    thread_local std::vector<double> room;
+    thread_local OtmTable<double> room;
     room.resize(std::max(room.size(), 16 * static_cast<std::size_t>(size())));
     return room.data();
   }
+  /// The largest of what there is of the points.
+  void add_tables(std::vector<std::span<const std::byte>>& tables) const;
   /// Whether there are unions of more than one point.
   bool shares_dilatation() const { return static_cast<Index>(unions.size()) != size() + 1; }
 };

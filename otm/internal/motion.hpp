@@ -82,9 +82,10 @@ template <int Dim> struct Motion {
   std::vector<OtmChunk<Dim>> chunks;
   std::vector<Index> all_chunks;                        ///< their numbers
   std::vector<std::pair<Index, Index>> place_of_point;  ///< chunk and number there
-  // By node: where its forces are.
+  // By node: who sees it.
   std::vector<Index> node_offsets;
-  std::vector<std::pair<Index, Index>> node_places;
+  std::vector<std::pair<Index, Index>> node_places;  ///< chunk and number there
+  std::vector<const double*> node_forces;            ///< of these
   std::vector<Prescribed> prescribed;
   Vec<Dim> acceleration = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
   Points<Dim> free;                          ///< 0 for what is prescribed, else 1
@@ -142,7 +143,7 @@ template <int Dim> struct Motion {
   Points<Dim> integration_error();
   /// Of a chunk, as otm_weight_changes takes and gives them.
   struct WeightChanges {
-    std::vector<double> x, at, multipliers;
+    OtmTable<double> x, at, multipliers;
     std::vector<Mat<3>> inverse, moment;
     std::vector<double> weight;  ///< by how much they change
   };
