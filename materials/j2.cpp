@@ -111,34 +111,34 @@ void J2::respond_in_axes(Index p, const Deformation& given, MaterialResponse& re
 }
 
 /// The same law for points begin .. begin + count, eight at the most, without principal axes, where elastic strains are
-/// small.
-void J2::respond_near_identity(Index begin, int count, const Deformation& given, MaterialResponse& response) const {
+/// small. `alike`: their moduli, unless these depend on the place. Histories are those given, to start with.
+void J2::respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
+                               const Deformation& given, MaterialResponse& response) const {
   EightMetals points;
   for (int l = 0; l < 8; ++l) {
     const Index p = begin + std::min(l, count - 1);  // the last again where there are fewer
-    for (int k = 0; k < 9; ++k) points.F[k][l] = given.F(k, p);
-    for (int k = 0; k < 6; ++k) points.metric[k][l] = given.history(k, p);
+    const double *F = given.F.col(p).data(), *history = given.history.col(p).data();
+    for (int k = 0; k < 9; ++k) points.F[k][l] = F[k];
+    for (int k = 0; k < 6; ++k) points.metric[k][l] = history[k];
   }
   try_elastic(points);
   std::array<Flow, 8> flows;
   std::array<ElasticConstants, 8> elastic;
-  const bool alike = moduli_.is_constant();
-  if (alike) elastic.fill(moduli_.at(given.X.col(begin)));
   points.length = points.pressure = points.shear = Eight{};
   bool plastic = false;
   for (int l = 0; l < count; ++l) {
     if (points.near[l] != 1.0) continue;
-    const Vec<3> X = given.X.col(begin + l);
-    if (!alike) elastic[l] = moduli_.at(X);
-    const double e = points.e[l];
+    const Index p = begin + l;
+    elastic[l] = alike ? *alike : moduli_.at(given.X.col(p));
+    const double e = points.e[l], mu = elastic[l].mu;
     try {
-      flows[l] = flow_of(begin + l, given, e, elastic[l]);
+      flows[l] = flow_of(p, given, e, elastic[l]);
     } catch (const NumericalError& error) {
-      throw NumericalError(error.what() + (" " + place(X)));
+      throw NumericalError(error.what() + (" " + place(given.X.col(p))));
     }
     points.length[l] = flows[l].length;
     points.pressure[l] = elastic[l].kappa * points.theta[l];
-    points.shear[l] = 2.0 * elastic[l].mu * (flows[l].length == 0.0 ? 1.0 : 1.0 - flows[l].length / e);
+    points.shear[l] = 2.0 * mu * (flows[l].length == 0.0 ? 1.0 : 1.0 - flows[l].length / e);
     plastic = plastic || flows[l].length > 0.0;
   }
   flow_back(points, plastic);
@@ -150,24 +150,28 @@ void J2::respond_near_identity(Index begin, int count, const Deformation& given,
     }
     const Flow& flow = flows[l];
     const double theta = points.theta[l], kept = points.e[l] - flow.length;
-    for (int k = 0; k < 9; ++k) response.P(k, p) = points.P[k][l];
+    double *P = response.P.col(p).data(), *history = response.history.col(p).data();
+    for (int k = 0; k < 9; ++k) P[k] = points.P[k][l];
     response.energy[p] = 0.5 * elastic[l].kappa * theta * theta + elastic[l].mu * kept * kept;
     response.dissipated[p] = flow.work;
-    response.history.col(p) = given.history.col(p);
-    if (heating_) response.history(7, p) = flow.rise;
+    if (heating_) history[7] = flow.rise;
     if (flow.length == 0.0) continue;
-    for (int k = 0; k < 6; ++k) response.history(k, p) = points.metric[k][l];
-    response.history(6, p) += std::sqrt(2.0 / 3.0) * flow.length;
+    for (int k = 0; k < 6; ++k) history[k] = points.metric[k][l];
+    history[6] += std::sqrt(2.0 / 3.0) * flow.length;
   }
 }
 
 void J2::respond(const Deformation& given, MaterialResponse& response) const {
   const Index n = given.size();
-  if (strain_ == Strain::small || response.tangent)
+  if (strain_ == Strain::small || response.tangent) {
     for (Index p = 0; p < n; ++p) respond_in_axes(p, given, response);
-  else
-    for (Index p = 0; p < n; p += 8)
-      respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), given, response);
+    return;
+  }
+  std::optional<ElasticConstants> alike;
+  if (n > 0 && moduli_.is_constant()) alike = moduli_.at(given.X.col(0));
+  response.history = given.history;
+  for (Index p = 0; p < n; p += 8)
+    respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), alike, given, response);
 }
 
 }  // namespace efree

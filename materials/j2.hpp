@@ -39,7 +39,8 @@ class J2 final : public Plastic {
   struct Flow;
   Flow flow_of(Index p, const Deformation& given, double e, const ElasticConstants& elastic) const;
   void respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const;
-  void respond_near_identity(Index begin, int count, const Deformation& given, MaterialResponse& response) const;
+  void respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
+                             const Deformation& given, MaterialResponse& response) const;
 
   Hardening yield_;
   double kinematic_;

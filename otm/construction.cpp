@@ -185,7 +185,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
     }
     const bool integrates = options.functions == OtmFunctions::lme && !body.shape && body.cells.size() != 0 &&
                             options.exact_integration && options.renewal > 0.0;
-    bodies.push_back({body.material, padded(tangent), compliance_of(tangent, shear, modulus), shear, modulus,
+    bodies.push_back({body.material, padded(tangent), padded(compliance_of(tangent, shear, modulus)), shear, modulus,
                       !body.shape.has_value(), integrates, material.finite_strain(), body.surface.has_value(),
                       body.mass_terms, fracture, plastic_strain, row_of(material, "temperature_rise"),
                       row_of(material, "inverse_plastic_metric"), release_factor<Dim>(shear, modulus), body.cells,

@@ -26,6 +26,19 @@ EFREE_INLINE double cofactors_of(const Four* M, Four* cofactor) {
   return M[0][0] * cofactor[0][0] + M[0][1] * cofactor[0][1] + M[0][2] * cofactor[0][2];
 }
 
+/// A tangent, by the three columns of each of its nine, times what has these columns.
+EFREE_INLINE void apply(const Four* tangent, const Four* to, Four* result) {
+  for (int k = 0; k < 3; ++k) result[k] = Four{};
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < 3; ++k) result[k] += to[j][i] * tangent[3 * (i + 3 * j) + k];
+}
+/// Of a matrix by its columns, with zeros below.
+EFREE_INLINE double norm(const Four* column) {
+  const Four square = column[0] * column[0] + column[1] * column[1] + column[2] * column[2];
+  return __builtin_sqrt(square[0] + square[1] + square[2]);
+}
+
 template <int Dim> EFREE_INLINE void tractions(Index points, const double* volume, const Mat<3>* since,
                                                const Mat<3>* moved, const Mat<Dim>* moment, const double* penalty,
                                                double* columns) {
@@ -51,8 +64,11 @@ template <int Dim> EFREE_INLINE void tractions(Index points, const double* volum
 
 }  // namespace
 
-EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, double least, const double* volume,
-                                           const double* made, Mat<3>* since, double* F, double* columns) {
+EFREE_FOR_EACH_MACHINE OtmStrains otm_kinematics(Index points, OtmPlane plane, double least, const double* volume,
+                                                 const double* made, Mat<3>* since, double* F, double* growth,
+                                                 double* columns) {
+  OtmStrains most;
+  double least_left = 1.0;
   for (Index p = 0; p < points; ++p) {
     if (volume[p] == 0.0) continue;
     double* column = columns + 16 * p;
@@ -76,12 +92,19 @@ EFREE_FOR_EACH_MACHINE void otm_kinematics(Index points, OtmPlane plane, double 
     }
     const double J = cofactors_of(now, cofactor);
     put_columns(S, since[p].data());
-    if (J > 0.0 && det_now > least * det_then) put_columns(now, F + 9 * p);
+    growth[p] = J;
     put_columns(then, column);
-    column[9] = J;
-    column[10] = 0.5 * __builtin_sqrt(square[0] + square[1] + square[2]);
-    column[11] = det_now / det_then;
+    const double wear = column[9] = 0.5 * __builtin_sqrt(square[0] + square[1] + square[2]);
+    const double left = column[10] = det_now / det_then;
+    if (J > 0.0 && left > least)
+      put_columns(now, F + 9 * p);
+    else
+      most.regular = false;
+    most.wear = wear > most.wear ? wear : most.wear;
+    least_left = left < least_left ? left : least_left;
   }
+  most.shrunk = 1.0 / least_left;
+  return most;
 }
 
 EFREE_FOR_EACH_MACHINE void otm_share(Index points, const double* growth, const double* volume, double* F) {
@@ -139,6 +162,39 @@ EFREE_FOR_EACH_MACHINE void otm_stiffness(Index points, const double* tangent, c
           stress[k] += H[i + 4 * J] * of;
         }
     for (int k = 0; k < 3; ++k) store(H + 4 * k, factor[p] * stress[k]);
+  }
+}
+
+EFREE_FOR_EACH_MACHINE void otm_stiffening(Index points, const double* tangents, const double* F,
+                                           const double* compliance, double* stiffening, double* modulus) {
+  Four soft[27], stiff[27];
+  for (int k = 0; k < 27; ++k) load(soft[k], compliance + 4 * k);
+  for (Index p = 0; p < points; ++p) {
+    const double *A = tangents + 81 * p, *f = F + 9 * p;
+    for (int k = 0; k < 27; ++k) stiff[k] = Four{A[3 * k], A[3 * k + 1], A[3 * k + 2], 0.0};
+    Four H[3] = {{1.0, 0.3, -0.2, 0.0}, {0.25, 0.9, 0.15, 0.0}, {-0.1, 0.2, 1.1, 0.0}};
+    double most = 1.0, size = norm(H);
+    for (int k = 0; k < 6; ++k) {
+      // A change of F by H F does the work of P : H F.
+      Four change[3], stress[3], pushed[3];
+      for (int j = 0; j < 3; ++j) change[j] = H[0] * f[3 * j] + H[1] * f[3 * j + 1] + H[2] * f[3 * j + 2];
+      apply(stiff, change, stress);
+      for (int j = 0; j < 3; ++j) pushed[j] = stress[0] * f[j] + stress[1] * f[j + 3] + stress[2] * f[j + 6];
+      apply(soft, pushed, H);
+      const double next = norm(H);
+      most = next / size;
+      for (Four& column : H) column /= next;
+      size = 1.0;
+    }
+    stiffening[p] = most > 1.0 && __builtin_isfinite(most) ? most : 1.0;
+    double highest = 0.0;
+    for (int i = 0; i < 3; ++i) {
+      double along = 0.0;
+      for (int j = 0; j < 3; ++j)
+        for (int k = 0; k < 3; ++k) along += f[i + 3 * j] * stiff[3 * (i + 3 * j) + k][i] * f[i + 3 * k];
+      highest = along > highest ? along : highest;
+    }
+    if (highest > 0.0 && __builtin_isfinite(highest)) modulus[p] = highest;
   }
 }
 

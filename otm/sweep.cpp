@@ -126,6 +126,89 @@ template <int Dim> Points<Dim> Motion<Dim>::collected() const {
   return forces;
 }
 
+/// Points of which some are held, break, or are turned inside out, right after otm_kinematics.
+template <int Dim> OtmStrains Motion<Dim>::examine(OtmChunk<Dim>& chunk, bool holds) const {
+  const BodyOf& body = bodies[chunk.body];
+  OtmStrains most;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    if (chunk.is_eroded(p)) continue;
+    double* column = chunk.columns() + 16 * p;
+    double& wear = column[9];
+    const double left = column[10];
+    const bool was_crushed = chunk.is_crushed(p);
+    if (was_crushed || (holds && would_crush(left))) {
+      const Mat<3> then = Eigen::Map<const Mat<3>>(column);
+      if (was_crushed)
+        chunk.since[p] = then;
+      else
+        hold(chunk, p, then);
+      const Mat<3> now = then * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
+      Eigen::Map<Mat<3>>(chunk.now.F.col(p).data()) = now;
+      chunk.growth[p] = now.determinant();
+      wear = 0.5 * (then.transpose() * then - Mat<3>::Identity()).norm();
+    } else if (left > 0.0) {
+      most.shrunk = std::max(most.shrunk, 1.0 / left);
+    }
+    const double J = chunk.growth[p];
+    if (J <= 0.0 && body.fracture.on()) {
+      // It breaks at the end of the step, and until then is as it was.
+      chunk.damage[p] = 1.0;
+      chunk.growth[p] = chunk.now.gradient(p).determinant();
+      wear = 0.0;
+      continue;
+    }
+    if (!(J > 0.0))
+      throw NumericalError(fmt::format(
+          "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
+          fmt::join(chunk.at.col(p), ", "), J));
+    most.wear = std::max(most.wear, wear);
+  }
+  return most;
+}
+
+/// Throws NumericalError where a material for small strains is strained or turned by much.
+template <int Dim> void Motion<Dim>::require_small_strains(const OtmChunk<Dim>& chunk) const {
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const double strain = chunk.is_eroded(p) ? 0.0 : (chunk.now.gradient(p) - Mat<3>::Identity()).norm();
+    if (strain > small_strains)
+      throw NumericalError(fmt::format(
+          "at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material is for "
+          "small strains: take one for finite strains",
+          time, fmt::join(chunk.at.col(p), ", "), strain));
+  }
+}
+
+/// Points of a union share its dilatation, and their own is their growth over that. Nothing keeps one from being
+/// squeezed to nothing while the others grow: where that begins they part, each with what it has felt.
+template <int Dim> void Motion<Dim>::share_dilatation(OtmChunk<Dim>& chunk) const {
+  std::vector<Index> parting, parted;
+  for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
+    const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
+    double volume = 0.0, grown = 0.0;
+    for (Index p = begin; p < end; ++p) {
+      volume += chunk.volume[p];
+      if (!chunk.is_eroded(p)) grown += chunk.volume[p] * chunk.growth[p];
+    }
+    if (!(volume > 0.0)) continue;
+    const double shared = grown / volume;
+    bool parts = false;
+    for (Index p = begin; p < end; ++p) {
+      if (chunk.is_eroded(p)) continue;
+      const double own = chunk.growth[p] /= shared;
+      parts = parts || own < least_growth || chunk.is_crushed(p);
+    }
+    if (parts) parting.push_back(begin);
+    for (Index p = begin + 1; p < end && parts; ++p) parted.push_back(p);
+  }
+  otm_share(chunk.size(), chunk.growth.data(), chunk.volume.data(), chunk.now.F.data());
+  if (parting.empty()) return;
+  for (const std::vector<Index>* points : {&parting, &parted})
+    for (const Index p : *points)
+      if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
+  chunk.unions.insert(chunk.unions.end(), parted.begin(), parted.end());
+  std::sort(chunk.unions.begin(), chunk.unions.end());
+}
+
 template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   OtmChunk<Dim>& chunk = chunks[number];
   const BodyOf& body = bodies[chunk.body];
@@ -135,93 +218,27 @@ template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {
   double* columns = chunk.columns();
   Tensors& F = chunk.now.F;
   chunk.now.dt = dt;
-  chunk.worn.clear();
-  const bool shared = chunk.shares_dilatation();
-  double worst = 0.0;
   const bool viscous_shocks = options.shock.on() && dt > 0.0;
   const bool holds = joins(body) && dt > 0.0;
-  double shrunk = 1.0;
   const OtmPlane plane = Dim == 3 ? OtmPlane::none : axisymmetric() ? OtmPlane::axisymmetric : OtmPlane::strain;
-  otm_kinematics(n, plane, holds ? least_left : 0.0, chunk.volume.data(), chunk.made.data(), chunk.since.data(),
-                 F.data(), columns);
-  for (Index p = 0; p < n; ++p) {
-    const double* column = columns + 16 * p;
-    chunk.at.col(p) = chunk.origin + Eigen::Map<const Vec<Dim>>(column + 12);
-    if (chunk.is_eroded(p)) continue;
-    double J = column[9], wear = column[10];  // turning is no wear
-    const double shrinks = column[11];
-    const bool was_crushed = chunk.is_crushed(p);
-    if (was_crushed || (holds && would_crush(shrinks))) {
-      const Mat<3> then = Eigen::Map<const Mat<3>>(column);
-      if (was_crushed)
-        chunk.since[p] = then;
-      else
-        hold(chunk, p, then);
-      const Mat<3> now = then * Eigen::Map<const Mat<3>>(chunk.made.col(p).data());
-      Eigen::Map<Mat<3>>(F.col(p).data()) = now;
-      J = now.determinant();
-      wear = 0.5 * (then.transpose() * then - Mat<3>::Identity()).norm();
-    } else if (shrinks > 0.0) {
-      shrunk = std::max(shrunk, 1.0 / shrinks);
-    }
-    if (J <= 0.0 && body.fracture.on()) {
-      // It breaks at the end of the step, and until then is as it was.
-      chunk.damage[p] = 1.0;
-      chunk.growth[p] = chunk.now.gradient(p).determinant();
-      continue;
-    }
-    if (!(J > 0.0))
-      throw NumericalError(fmt::format(
-          "at time {:.6g} the material point at ({:.6g}) is turned inside out (J = {:.3g}): try a smaller step", time,
-          fmt::join(chunk.at.col(p), ", "), J));
-    if (!body.finite) {
-      const double strain = (chunk.now.gradient(p) - Mat<3>::Identity()).norm();
-      if (strain > small_strains)
-        throw NumericalError(fmt::format(
-            "at time {:.6g} the material point at ({:.6g}) is strained or turned by {:.2g}, and its material is for "
-            "small strains: take one for finite strains",
-            time, fmt::join(chunk.at.col(p), ", "), strain));
-    }
-    chunk.growth[p] = J;
-    worst = std::max(worst, wear);
-    if (body.renewed && wear > 0.7 * options.renewal) chunk.worn.push_back(p);
-  }
+  for (Index p = 0; p < n; ++p) chunk.at.col(p) = chunk.origin + Eigen::Map<const Vec<Dim>>(columns + 16 * p + 12);
+  OtmStrains most = otm_kinematics(n, plane, holds ? least_left : 0.0, chunk.volume.data(), chunk.made.data(),
+                                   chunk.since.data(), F.data(), chunk.growth.data(), columns);
+  if (!most.regular || !chunk.crushed.empty()) most = examine(chunk, holds);
+  if (!body.finite) require_small_strains(chunk);
+  // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
+  chunk.worn.clear();
+  if (body.renewed && most.wear > options.renewal)
+    for (Index p = 0; p < n; ++p)
+      if (!chunk.is_eroded(p) && columns[16 * p + 9] > 0.7 * options.renewal) chunk.worn.push_back(p);
+  for (const Index p : chunk.crushed) chunk.wear(p);
   if (dt == 0.0) {
     // In no time nothing moves, not even by rounding: what flows asks how fast.
     F = chunk.made;
     for (Index p = 0; p < n; ++p) chunk.growth[p] = chunk.now.gradient(p).determinant();
-  }
-  if (dt > 0.0) chunk.squeeze = std::max(chunk.squeeze, std::log(shrunk) / dt);
-  // What wears soon is renewed with what is worn, as a chunk's tables are written anew at once.
-  if (worst <= options.renewal) chunk.worn.clear();
-  for (const Index p : chunk.crushed) chunk.wear(p);
-  if (shared && dt > 0.0) {
-    // Of points that share their dilatation nothing keeps one from being squeezed to nothing while the others grow:
-    // where that begins they part, each with what it has felt.
-    std::vector<Index> parted;
-    for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
-      const Index begin = chunk.unions[u], size = chunk.unions[u + 1] - begin;
-      const auto volume = chunk.volume.segment(begin, size);
-      if (!(volume.sum() > 0.0)) continue;
-      const double mean = volume.dot(chunk.growth.segment(begin, size)) / volume.sum();
-      for (Index p = begin; p < begin + size; ++p)
-        if (!chunk.is_eroded(p)) chunk.growth[p] /= mean;
-    }
-    otm_share(n, chunk.growth.data(), chunk.volume.data(), F.data());
-    for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
-      const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
-      bool parts = false;
-      for (Index p = begin; p < end; ++p)
-        parts = parts || (!chunk.is_eroded(p) && (chunk.growth[p] < least_growth || chunk.is_crushed(p)));
-      for (Index p = begin; p < end && parts; ++p) {
-        if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
-        if (p > begin) parted.push_back(p);
-      }
-    }
-    if (!parted.empty()) {
-      chunk.unions.insert(chunk.unions.end(), parted.begin(), parted.end());
-      std::sort(chunk.unions.begin(), chunk.unions.end());
-    }
+  } else {
+    chunk.squeeze = std::max(chunk.squeeze, std::log(most.shrunk) / dt);
+    if (chunk.shares_dilatation()) share_dilatation(chunk);
   }
   chunk.damping *= kept_damping;
   if (viscous_shocks) {
@@ -354,8 +371,7 @@ template <int Dim> void Motion<Dim>::push(OtmChunk<Dim>& chunk, const std::vecto
            chunk.penalty.data(), axisymmetric(), chunk.force.data());
 }
 
-/// How many times stiffer than at rest points are now, at the most, by their tangents: the largest eigenvalue of one
-/// by the other, by power iteration; at least one.
+/// How much stiffer than at rest points are now, for those who look for the longest stable step.
 template <int Dim> void Motion<Dim>::stiffen() {
   auto begin = Clock::now();
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
@@ -363,30 +379,8 @@ template <int Dim> void Motion<Dim>::stiffen() {
     const BodyOf& body = bodies[chunk.body];
     if (body.material->linear()) return;
     const MaterialResponse response = respond(*body.material, chunk.now, true);
-    for (Index p = 0; p < chunk.size(); ++p) {
-      const Mat<3> F = chunk.now.gradient(p);
-      Vec<9> h;
-      h << 1.0, 0.3, -0.2, 0.25, 0.9, 0.15, -0.1, 0.2, 1.1;
-      double most = 1.0;
-      for (int k = 0; k < 6; ++k) {
-        // A change of F by H F does the work of P : H F.
-        Mat<3> change = Eigen::Map<const Mat<3>>(h.data()) * F;
-        const Vec<9> stress = response.tangent_at(p).lazyProduct(Eigen::Map<const Vec<9>>(change.data()));
-        const Mat<3> pushed = Eigen::Map<const Mat<3>>(stress.data()) * F.transpose();
-        const Vec<9> next = body.compliance.lazyProduct(Eigen::Map<const Vec<9>>(pushed.data()));
-        most = next.norm() / h.norm();
-        h = next / next.norm();
-      }
-      chunk.stiffening[p] = std::isfinite(most) ? std::max(1.0, most) : 1.0;
-      double modulus = 0.0;
-      for (int i = 0; i < 3; ++i) {
-        Mat<3> change = Mat<3>::Zero();
-        change.row(i) = F.row(i);
-        const Vec<9> stress = response.tangent_at(p).lazyProduct(Eigen::Map<const Vec<9>>(change.data()));
-        modulus = std::max(modulus, Eigen::Map<const Mat<3>>(stress.data()).row(i).dot(F.row(i)));
-      }
-      if (std::isfinite(modulus) && modulus > 0.0) chunk.modulus[p] = modulus;
-    }
+    otm_stiffening(chunk.size(), response.A.data(), chunk.now.F.data(), body.compliance.data(), chunk.stiffening.data(),
+                   chunk.modulus.data());
   });
   next_look = counts.steps;
   times.stability += lap(begin);

@@ -4,8 +4,8 @@
 
 #include "efree/otm/otm.hpp"
 
-#include <boost/align/aligned_allocator.hpp>
 #include <algorithm>
+#include <boost/align/aligned_allocator.hpp>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -138,11 +138,17 @@ void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, 
                 const double* x, double* columns);
 /// What stands across the plane in a gradient: there is no plane, one, or the sum around the axis.
 enum class OtmPlane { none, strain, axisymmetric };
+/// What there is among points.
+struct OtmStrains {
+  double wear = 0.0;    ///< norm of Green's strain, at the most
+  double shrunk = 1.0;  ///< volume a step ago over that now, at the most
+  bool regular = true;  ///< whether every J is positive, and more than the least is left of every volume
+};
 /// From those rows, of points that have a volume: `since`, and F = since made where J is positive and more than that
-/// is left of the volume a step ago; else F stays. In their place go the nine numbers of `since` before, J, the norm of
-/// Green's strain of `since`, and its determinant over that before.
-void otm_kinematics(Index points, OtmPlane plane, double least, const double* volume, const double* made, Mat<3>* since,
-                    double* F, double* columns);
+/// is left of the volume a step ago; else F stays. J is its growth. In the place of the rows go the nine numbers of
+/// `since` before, the norm of Green's strain of `since`, and its determinant over that before.
+OtmStrains otm_kinematics(Index points, OtmPlane plane, double least, const double* volume, const double* made,
+                          Mat<3>* since, double* F, double* growth, double* columns);
 /// F over the cube root of its growth, of points that have a volume.
 void otm_share(Index points, const double* growth, const double* volume, double* F);
 /// Those below write the first three columns.
@@ -153,6 +159,11 @@ void otm_rates(Index points, const Mat<3>* moved, const Mat<3>* since, double* c
 /// A factor for each point times a tangent, nine columns of three times three numbers and a zero, times what stands
 /// there.
 void otm_stiffness(Index points, const double* tangent, const double* factor, double* columns);
+/// How many times stiffer than at rest points are, by their tangents (nine columns of nine numbers) and the compliance
+/// at rest (as tangents of otm_stiffness): the largest eigenvalue of one by the other, nearly, by power iteration; at
+/// least one. And their moduli of pressure waves, the largest along an axis, where they are positive.
+void otm_stiffening(Index points, const double* tangents, const double* F, const double* compliance, double* stiffening,
+                    double* modulus);
 /// From Kirchhoff stresses and places what otm_push takes: -volume tau since^-T + penalty moved moment, and penalty
 /// times place.
 void otm_tractions(Index points, const double* volume, const Mat<3>* since, const Mat<3>* moved, const Mat<2>* moment,

@@ -47,14 +47,14 @@ template <int Dim> Spin<Dim> torque_of(const Vec<Dim>& at, const Vec<Dim>& force
 template <int Dim> struct Motion {
   struct BodyOf {
     SharedMaterial material;
-    std::array<double, 108> tangent;       ///< at rest, as otm_stiffness takes it
-    MaterialResponse::Tangent compliance;  ///< at rest; of turns as of shear
-    double shear, modulus;                 ///< against shear, and of pressure waves
-    bool renewed;                          ///< whether functions are
-    bool integrates;                       ///< whether gradients are made to integrate exactly
-    bool finite;                           ///< whether the material is for finite strains
-    bool has_surface;                      ///< that walls act on; else they act on the nodes
-    Index mass_terms;                      ///< 1: lumped masses
+    std::array<double, 108> tangent;     ///< at rest, as otm_stiffness takes it
+    std::array<double, 108> compliance;  ///< likewise; of turns as of shear
+    double shear, modulus;               ///< against shear, and of pressure waves
+    bool renewed;                        ///< whether functions are
+    bool integrates;                     ///< whether gradients are made to integrate exactly
+    bool finite;                         ///< whether the material is for finite strains
+    bool has_surface;                    ///< that walls act on; else they act on the nodes
+    Index mass_terms;                    ///< 1: lumped masses
     OtmFracture fracture;
     Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
     Index plastic_metric;               ///< first of the rows of C_p^-1 - 1; -1: none
@@ -163,6 +163,9 @@ template <int Dim> struct Motion {
   void push(OtmChunk<Dim>& chunk, const std::vector<Mat<3>>& since) const;
   void sweep(double dt);
   void sweep(Index number, double dt);
+  OtmStrains examine(OtmChunk<Dim>& chunk, bool holds) const;
+  void require_small_strains(const OtmChunk<Dim>& chunk) const;
+  void share_dilatation(OtmChunk<Dim>& chunk) const;
   void press(OtmChunk<Dim>& chunk) const;
   void weigh();
   void build_tree(Index body);
