@@ -7,6 +7,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numeric>
+#include <span>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -81,6 +85,18 @@ TEST(Memory, SaysWhatIsMissingBeforeItIsTaken) {
   EXPECT_NO_THROW(require_memory(1024.0, "a page"));
   EXPECT_INPUT_ERROR(require_memory(1e18, "a picture of everything"),
                      "a picture of everything takes about 9.31e+08 GiB");
+}
+
+TEST(Memory, TablesStayWhatTheyAreInLargePages) {
+  std::vector<double> table(1 << 20, 0.0);
+  std::iota(table.begin(), table.end(), 0.0);
+  const double* where = table.data();
+  const std::vector<double> none;
+  const std::span<const std::byte> tables[] = {std::as_bytes(std::span(table)), std::as_bytes(std::span(none))};
+  move_to_large_pages(tables);
+  move_to_large_pages({});
+  EXPECT_EQ(table.data(), where);
+  for (std::size_t k = 0; k < table.size(); ++k) ASSERT_EQ(table[k], static_cast<double>(k));
 }
 
 TEST(ImageMesh2d, PixelContoursKeepAreasAndSides) {
