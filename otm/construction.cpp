@@ -192,7 +192,7 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
                       num_nodes, num_points});
     num_nodes += N;
     num_points += M;
-    this->given.insert(this->given.end(), {N, M});
+    sizes.insert(sizes.end(), {N, M});
   }
   bodies.push_back(
       {{}, {}, {}, 0.0, 0.0, false, false, true, false, 1, {}, -1, -1, -1, 0.0, {}, num_nodes, num_points});

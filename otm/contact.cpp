@@ -157,8 +157,8 @@ template <int Dim> void Motion<Dim>::find_passed() {
 
 /// Which facets of other bodies are near which nodes.
 template <int Dim> void Motion<Dim>::find_near() {
-  seen = x;
-  near.clear();
+  seen_at = x;
+  approaching.clear();
   for (std::size_t b = 0; b < surfaces.size(); ++b) {
     const Facets<Dim>& facets = surfaces[b].facets;
     if (facets.cols() == 0) continue;
@@ -168,7 +168,7 @@ template <int Dim> void Motion<Dim>::find_near() {
       if (other == b) continue;
       for (const Index a : surfaces[other].nodes) {
         tree.centres.within(x.col(a), tree.reach + skin * (tree.widest + spacing[a]) + deepest * tree.widest, found);
-        if (!found.empty()) near.push_back({a, static_cast<Index>(b), found});
+        if (!found.empty()) approaching.push_back({a, static_cast<Index>(b), found});
       }
     }
   }
@@ -222,7 +222,7 @@ template <int Dim> void Motion<Dim>::seize() {
   const auto is_seized = [&](Index a, Index body) {
     return std::binary_search(seized.begin(), seized.end(), std::pair(a, body));
   };
-  for (const Near& of : near) {
+  for (const Near& of : approaching) {
     if (merged[of.node] >= 0 || is_seized(of.node, of.body)) continue;
     const Facets<Dim>& facets = surfaces[of.body].facets;
     NearestFacet<Dim> nearest(1e-9 * spacing[of.node]);
@@ -281,22 +281,22 @@ template <int Dim> void Motion<Dim>::touch() {
   if (!has_contact()) return;
   auto start = Clock::now();
   if (surfaces.empty()) find_surface();
-  bool look = seen.size() == 0;
+  bool look = seen_at.size() == 0;
   for (Index a = 0; a < x.cols() && !look; ++a)
-    look = (x.col(a) - seen.col(a)).squaredNorm() > skin * skin * spacing[a] * spacing[a];
+    look = (x.col(a) - seen_at.col(a)).squaredNorm() > skin * skin * spacing[a] * spacing[a];
   if (look) find_near();
   if (options.contact.seizing) {
     seize();
     times.contact += lap(start);
     return;
   }
-  found.assign(near.size(), {});
-  parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
+  touching.assign(approaching.size(), {});
+  parallel_chunks(static_cast<Index>(approaching.size()), 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
-      if (!find_touch(near[k], found[k])) found[k].stiffness = 0.0;
+      if (!find_touch(approaching[k], touching[k])) touching[k].stiffness = 0.0;
   });
-  soften(found);
-  std::erase_if(found, [](const Touch& one) { return !(one.stiffness > 0.0); });
+  soften(touching);
+  std::erase_if(touching, [](const Touch& one) { return !(one.stiffness > 0.0); });
   if (met.size() == 0) met = x;
   const auto way = [&](const Touch& one) {
     Vec<Dim> result = x.col(one.node) - met.col(one.node);
@@ -308,7 +308,7 @@ template <int Dim> void Motion<Dim>::touch() {
   for (const Touch& one : touches)
     taken.emplace_back(pair_of(one), one.energy - 0.5 * one.stiffness * one.depth * way(one));
   std::ranges::sort(taken);
-  for (Touch& one : found) {
+  for (Touch& one : touching) {
     const auto last =
         std::ranges::lower_bound(taken, pair_of(one), {}, &std::pair<std::pair<Index, Index>, double>::first);
     if (last != taken.end() && last->first == pair_of(one)) one.energy = std::exchange(last->second, 0.0);
@@ -321,7 +321,7 @@ template <int Dim> void Motion<Dim>::touch() {
     for (const auto& [b, weight, lever] : one.patch) force.col(b) -= weight * push;
   }
   for (const auto& [pair, energy] : taken) contact_loss += energy;
-  std::swap(touches, found);
+  std::swap(touches, touching);
   contact_stored = 0.0;
   for (const Touch& one : touches) contact_stored += one.energy;
   met = x;

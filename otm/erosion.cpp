@@ -242,7 +242,7 @@ template <int Dim> void Motion<Dim>::erode(const std::vector<Index>& broken) {
   force = collected();
   weigh();
   surfaces.clear();
-  seen.resize(Dim, 0);
+  seen_at.resize(Dim, 0);
   touch();
   inflate();
   // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.

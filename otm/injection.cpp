@@ -91,8 +91,8 @@ void Motion<Dim>::add_nodes(Index body, const Points<Dim>& at, const Points<Dim>
   for (auto& [node, with] : seized) shift(node);
   for (std::size_t b = body + 1; b < bodies.size(); ++b) bodies[b].first_node += count;
   surfaces.clear();
-  near.clear();
-  seen.resize(Dim, 0);
+  approaching.clear();
+  seen_at.resize(Dim, 0);
   counts.injected += count;
   changed_nodes = true;
 }

@@ -35,7 +35,7 @@ template <int Dim> void Motion<Dim>::become_one(Index a, Index with) {
     if (corner == a - body.first_node) corner = with - body.first_node;
   body.outer.clear();
   surfaces.clear();
-  seen.resize(Dim, 0);
+  seen_at.resize(Dim, 0);
   ++counts.merged;
   changed_nodes = true;
 }

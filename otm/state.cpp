@@ -128,13 +128,13 @@ auto fields(IsTool auto& of) {
   return std::tie(now, near, impulses, travelled);
 }
 template <int Dim> auto fields(Motion<Dim>& of) {
-  return std::tie(of.given, of.bodies, of.x, of.x_rest, of.v, of.force, of.mass, of.chunks, of.tools, of.prescribed,
+  return std::tie(of.sizes, of.bodies, of.x, of.x_rest, of.v, of.force, of.mass, of.chunks, of.tools, of.prescribed,
                   of.acceleration, of.held_anew, of.changed_nodes, of.spacing, of.time, of.last_step, of.stable,
                   of.first_stable, of.contact_loss, of.renewal_loss, of.fracture_loss, of.prescribed_work,
                   of.weight_work, of.dissipated, of.viscous, of.stored, of.shaken, of.next_look, of.looks_apart,
                   of.longest_seen, of.renewals_seen, of.watch, of.counts, of.times, of.merged, of.body_of_node,
-                  of.place_of_point, of.surfaces, of.surface_area, of.near, of.seen, of.met, of.touches, of.passed,
-                  of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
+                  of.place_of_point, of.surfaces, of.surface_area, of.approaching, of.seen_at, of.met, of.touches,
+                  of.passed, of.seized, of.cavities, of.contact_stored, of.nodal_momentum, of.looked);
 }
 
 }  // namespace internal
@@ -147,7 +147,7 @@ template <int Dim> std::string Otm<Dim>::state() const {
 
 template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   internal::Motion<Dim>& of = *motion_;
-  const auto given = of.given;
+  const auto sizes = of.sizes;
   const auto bodies = of.bodies;
   const auto tools = of.tools;
   const std::string before = this->state();
@@ -161,7 +161,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
     same = take(state);
   } catch (const InputError&) {
   }
-  same = same && of.given == given && of.bodies.size() == bodies.size() && of.tools.size() == tools.size();
+  same = same && of.sizes == sizes && of.bodies.size() == bodies.size() && of.tools.size() == tools.size();
   if (!same) {
     of.bodies = bodies;
     of.tools = tools;

@@ -257,7 +257,7 @@ template <int Dim> void Motion<Dim>::stop_surfaces(Tool& tool, double dt) {
   }
   tool.impulses = normals * normal.asDiagonal();
   if (tool.of.friction > 0.0) {
-    Points<Dim> rubbed = before;
+    Points<Dim> after = before;
     stop<Dim>(
         *patch, speeds - normals * along(speeds).asDiagonal(), largest,
         [&](Index s, const Vec<Dim>& q) {
@@ -265,8 +265,8 @@ template <int Dim> void Motion<Dim>::stop_surfaces(Tool& tool, double dt) {
           const double most = normal(0, s) > 0.0 ? tool.of.friction * normal(0, s) : 0.0, size = held.norm();
           return Vec<Dim>((size > most ? most / size : 1.0) * held);
         },
-        rubbed);
-    tool.impulses += rubbed;
+        after);
+    tool.impulses += after;
   }
   Points<Dim> impulse = Points<Dim>::Zero(Dim, x.cols());
   for (Index k = 0; k < n; ++k) {

@@ -73,7 +73,7 @@ template <int Dim> struct Motion {
   using Rows = std::vector<std::vector<std::pair<Index, OtmEntry>>>;
 
   OtmOptions options;
-  std::vector<Index> given;  ///< nodes and points of each body at the start
+  std::vector<Index> sizes;  ///< nodes and points of each body at the start
   std::vector<BodyOf> bodies;
   Points<Dim> x, v, force;  ///< force: of all but walls, tools and what is prescribed
   Points<Dim> x_rest;       ///< what rounding has kept from x so far
@@ -271,10 +271,10 @@ template <int Dim> struct Motion {
   };
   std::vector<Surface> surfaces;  ///< by body
   Vector surface_area;            ///< by node; axisymmetric of the full turn
-  std::vector<Near> near;
-  Points<Dim> seen;                                               ///< where nodes were when these were found
+  std::vector<Near> approaching;
+  Points<Dim> seen_at;                                            ///< where nodes were when these were found
   Points<Dim> met;                                                ///< where nodes were when touches were found
-  std::vector<Touch> touches, found;                              ///< of the last step; room for those of this one
+  std::vector<Touch> touches, touching;                           ///< of the last step; room for those of this one
   std::vector<std::pair<std::pair<Index, Index>, double>> taken;  ///< room: energies by node and other body
   Vector pressed;                                                 ///< room: stiffness of springs by node
   std::vector<Index> passed;                                      ///< points that were in another body; ascending

@@ -67,7 +67,9 @@ void expect_parabola(OtmBody<Dim> body, const OtmOptions& options, const Vec<Dim
     ASSERT_NEAR(at.weight, all * g.dot(way), size);
     ASSERT_NEAR(at.total(), before.total(), 10.0 * size);
     ASSERT_LT(std::abs(otm.energy().error()), 1e-11);
-    if (has_tool) ASSERT_LT((otm.tools()[0].centre - along<Dim>(0.0, -50.0) - way).norm(), 1e-12 * (1.0 + way.norm()));
+    if (has_tool) {
+      ASSERT_LT((otm.tools()[0].centre - along<Dim>(0.0, -50.0) - way).norm(), 1e-12 * (1.0 + way.norm()));
+    }
   }
   EXPECT_EQ(otm.counts().renewals, 0);
   // The moment is that of the momentum, of half a step ago, at the centre of mass.
