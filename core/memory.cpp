@@ -122,8 +122,10 @@ void move_to_large_pages(std::span<const std::span<const std::byte>> tables) {
     const auto begin = reinterpret_cast<std::uintptr_t>(table.data());
     for (std::uintptr_t at = begin / page * page; at < begin + table.size(); at += page) pages.insert(at);
   }
-  // Where there are none, or part of a page is not ours, all stays as it is.
-  for (const std::uintptr_t at : pages) madvise(reinterpret_cast<void*>(at), page, collapse);
+  // Where part of a page is not ours it stays as it is; a system that has none to give is not asked for all of them.
+  int refused = 0;
+  for (const std::uintptr_t at : pages)
+    if (madvise(reinterpret_cast<void*>(at), page, collapse) != 0 && ++refused == 16) return;
 }
 
 double peak_memory_mb() {

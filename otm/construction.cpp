@@ -13,6 +13,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <span>
 #include <string_view>
 
 namespace efree::internal {
@@ -320,12 +321,17 @@ template <int Dim> Motion<Dim>::Motion(std::vector<OtmBody<Dim>> given, const Ot
       random ^= random << 13, random ^= random >> 7, random ^= random << 17;
       shaken(i, a) = static_cast<double>(random >> 11) * 0x1p-53 - 0.5;
     }
-  std::vector<std::span<const std::byte>> tables;
-  for (const OtmChunk<Dim>& chunk : chunks) chunk.add_tables(tables);
-  move_to_large_pages(tables);
+  move_tables();
   stiffen();
   shake(40);
   first_stable = stable;
+}
+
+/// To large pages: every step goes through all of them.
+template <int Dim> void Motion<Dim>::move_tables() const {
+  std::vector<std::span<const std::byte>> tables;
+  for (const OtmChunk<Dim>& chunk : chunks) chunk.add_tables(tables);
+  move_to_large_pages(tables);
 }
 
 template struct Motion<2>;

@@ -175,6 +175,7 @@ template <int Dim> void Otm<Dim>::restore(std::string_view state) {
   of.find_places();
   of.find_free();
   of.ball_offsets.clear();
+  of.move_tables();
   if (!same) throw InputError("the state is damaged, or not of bodies, walls and tools such as these");
 }
 

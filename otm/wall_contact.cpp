@@ -14,9 +14,9 @@ namespace {
 /// Gap below which points of a surface are near a tool, over the smallest spacing of nodes.
 constexpr double skin = 0.1;
 /// Of the velocity that is to be stopped this part may be left, and what so many iterations leave: gaps tell the next
-/// step of it. What takes more of them are motions of nodes that surfaces hardly feel.
+/// step of it. What takes more of them are motions of nodes that surfaces hardly feel, and forces are no better.
 constexpr double tolerance = 1e-3;
-constexpr int most_iterations = 30;
+constexpr int most_iterations = 15;
 
 /// What there is of bodies near a tool: impulses on points of surfaces make velocities of these points. R components of
 /// both: one along the normal, or all along the axes.

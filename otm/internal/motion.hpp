@@ -139,6 +139,7 @@ template <int Dim> struct Motion {
   Rows rows_of(const OtmChunk<Dim>& chunk, const ShapeTable<Dim>& shape) const;
   void put_rows(OtmChunk<Dim>& chunk, const std::vector<Index>& which, const Rows& rows);
   void find_places();
+  void move_tables() const;
   // Gradients that integrate exactly.
   Points<Dim> integration_error();
   /// Of a chunk, as otm_weight_changes takes and gives them.
