@@ -16,6 +16,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <ranges>
 #include <set>
 #include <utility>
 
@@ -285,7 +286,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
                              fmt::format("axisymmetric: x is the radius, and the body reaches to x = {:.6g}",
                                          all.vertices().row(0).minCoeff())));
   std::vector<Built<Dim>> built;
-  std::vector<std::string> names;
+  std::vector<std::string> names, flat;
   std::vector<double> sizes;
   for (Index r = 0; r < all.num_regions(); ++r) {
     std::vector<char> kept(all.num_cells());
@@ -295,6 +296,9 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
     built.push_back(build(part, names.back(), mesh.materials[r], settings, motion, monitor));
     const OtmBody<Dim>& body = built.back().body;
+    const auto vertices = std::views::iota(Index{0}, part.num_vertices());
+    if (!motion.cloud && std::ranges::all_of(vertices, [&](Index v) { return part.on_boundary(v); }))
+      flat.push_back(names.back());
     for (Index p = 0; p < body.points.cols(); ++p) {
       const double turn = axisymmetric ? 2.0 * std::numbers::pi * body.points(0, p) : 1.0;
       sizes.push_back(std::pow(body.volumes[p] / turn, 1.0 / Dim));
@@ -328,6 +332,10 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
   if (const auto ties = tied_facets(all); !ties.empty())
     result.warnings.push_back(
         fmt::format("regions touch along {} facets: they are bodies of their own, and nothing ties them", ties.size()));
+  if (!flat.empty())
+    result.warnings.push_back(fmt::format(
+        "no node lies inside \"{}\", whose bending and squeezing are not resolved: a smaller mesh_size helps",
+        fmt::join(flat, "\", \"")));
   if (motion.cloud && built.size() > 1)
     result.warnings.emplace_back("bodies on a cloud meet walls only: they pass through each other");
   check_probes(motion, settings, result);

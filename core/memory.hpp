@@ -32,7 +32,7 @@ void keep_freed_memory();
 
 /// Moves these tables, with what lies beside them, to large pages as far as the system has some (Linux 6.1 and later):
 /// who goes through many megabytes again and again would wait for addresses to be found otherwise, a tenth of the time.
-/// What is in them, and where, stays.
+/// What is in them, and where, stays. Pages of 2 MiB are taken whole, some ms each: for tables that fill them.
 void move_to_large_pages(std::span<const std::span<const std::byte>> tables);
 
 }  // namespace efree

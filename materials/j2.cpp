@@ -111,7 +111,8 @@ void J2::respond_in_axes(Index p, const Deformation& given, MaterialResponse& re
 }
 
 /// The same law for points begin .. begin + count, eight at the most, without principal axes, where elastic strains are
-/// small. `alike`: their moduli, unless these depend on the place. Histories are those given, to start with.
+/// small. `alike`: their moduli, unless these depend on the place. The histories of the response are those given, to
+/// start with.
 void J2::respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
                                const Deformation& given, MaterialResponse& response) const {
   EightMetals points;
@@ -130,7 +131,7 @@ void J2::respond_near_identity(Index begin, int count, const std::optional<Elast
     if (points.near[l] != 1.0) continue;
     const Index p = begin + l;
     elastic[l] = alike ? *alike : moduli_.at(given.X.col(p));
-    const double e = points.e[l], mu = elastic[l].mu;
+    const double e = points.e[l];
     try {
       flows[l] = flow_of(p, given, e, elastic[l]);
     } catch (const NumericalError& error) {
@@ -138,7 +139,7 @@ void J2::respond_near_identity(Index begin, int count, const std::optional<Elast
     }
     points.length[l] = flows[l].length;
     points.pressure[l] = elastic[l].kappa * points.theta[l];
-    points.shear[l] = 2.0 * mu * (flows[l].length == 0.0 ? 1.0 : 1.0 - flows[l].length / e);
+    points.shear[l] = 2.0 * elastic[l].mu * (flows[l].length == 0.0 ? 1.0 : 1.0 - flows[l].length / e);
     plastic = plastic || flows[l].length > 0.0;
   }
   flow_back(points, plastic);

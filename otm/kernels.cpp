@@ -68,7 +68,7 @@ EFREE_FOR_EACH_MACHINE OtmStrains otm_kinematics(Index points, OtmPlane plane, d
                                                  const double* made, Mat<3>* since, double* F, double* growth,
                                                  double* columns) {
   OtmStrains most;
-  double least_left = 1.0;
+  double smallest = 1.0;
   for (Index p = 0; p < points; ++p) {
     if (volume[p] == 0.0) continue;
     double* column = columns + 16 * p;
@@ -101,9 +101,9 @@ EFREE_FOR_EACH_MACHINE OtmStrains otm_kinematics(Index points, OtmPlane plane, d
     else
       most.regular = false;
     most.wear = wear > most.wear ? wear : most.wear;
-    least_left = left < least_left ? left : least_left;
+    smallest = left < smallest ? left : smallest;
   }
-  most.shrunk = 1.0 / least_left;
+  most.shrunk = 1.0 / smallest;
   return most;
 }
 

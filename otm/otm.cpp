@@ -180,7 +180,9 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   const double damped = of.stable * (std::sqrt(1.0 + damping * damping) - damping);
   const double dt = std::min({damped, squeezed, of.longest_way(), at_most});
   if (!(dt > 0.0) || !std::isfinite(dt))
-    throw NumericalError(fmt::format("at time {:.6g} the stable step is {:.3g}", of.time, dt));
+    throw NumericalError(
+        fmt::format("at time {:.6g} the stable step is {:.3g}, where nodes move at up to {:.3g} along an axis", of.time,
+                    dt, of.v.cwiseAbs().maxCoeff()));
   of.move(0.5 * (of.last_step + dt), dt);
   of.time += dt;
   of.last_step = dt;

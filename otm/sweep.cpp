@@ -129,10 +129,11 @@ template <int Dim> Points<Dim> Motion<Dim>::collected() const {
 /// Points of which some are held, break, or are turned inside out, right after otm_kinematics.
 template <int Dim> OtmStrains Motion<Dim>::examine(OtmChunk<Dim>& chunk, bool holds) const {
   const BodyOf& body = bodies[chunk.body];
+  double* columns = chunk.columns();
   OtmStrains most;
   for (Index p = 0; p < chunk.size(); ++p) {
     if (chunk.is_eroded(p)) continue;
-    double* column = chunk.columns() + 16 * p;
+    double* column = columns + 16 * p;
     double& wear = column[9];
     const double left = column[10];
     const bool was_crushed = chunk.is_crushed(p);

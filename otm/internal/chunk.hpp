@@ -138,10 +138,10 @@ void otm_deform(Index points, const Index* offsets, const std::uint16_t* local, 
                 const double* x, double* columns);
 /// What stands across the plane in a gradient: there is no plane, one, or the sum around the axis.
 enum class OtmPlane { none, strain, axisymmetric };
-/// What there is among points.
+/// What points have gone through, those that have gone through most of it.
 struct OtmStrains {
-  double wear = 0.0;    ///< norm of Green's strain, at the most
-  double shrunk = 1.0;  ///< volume a step ago over that now, at the most
+  double wear = 0.0;    ///< norm of Green's strain since the functions were made, at the most
+  double shrunk = 1.0;  ///< volume a step ago over that now, at the most; of no meaning unless regular
   bool regular = true;  ///< whether every J is positive, and more than the least is left of every volume
 };
 /// From those rows, of points that have a volume: `since`, and F = since made where J is positive and more than that

@@ -85,7 +85,7 @@ template <int Dim> struct Motion {
   // By node: who sees it.
   std::vector<Index> node_offsets;
   std::vector<std::pair<Index, Index>> node_places;  ///< chunk and number there
-  std::vector<const double*> node_forces;            ///< of these
+  std::vector<const double*> node_forces;            ///< of these, as find_places finds them
   std::vector<Prescribed> prescribed;
   Vec<Dim> acceleration = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
   Points<Dim> free;                          ///< 0 for what is prescribed, else 1
