@@ -333,9 +333,9 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
     result.warnings.push_back(
         fmt::format("regions touch along {} facets: they are bodies of their own, and nothing ties them", ties.size()));
   if (!flat.empty())
-    result.warnings.push_back(fmt::format(
-        "no node lies inside \"{}\", whose bending and squeezing are not resolved: a smaller mesh_size helps",
-        fmt::join(flat, "\", \"")));
+    result.warnings.push_back(
+        fmt::format("no node lies inside {}, whose bending and squeezing are not resolved: a smaller mesh_size helps",
+                    all.num_regions() == 1 ? "the body" : fmt::format("\"{}\"", fmt::join(flat, "\", \""))));
   if (motion.cloud && built.size() > 1)
     result.warnings.emplace_back("bodies on a cloud meet walls only: they pass through each other");
   check_probes(motion, settings, result);

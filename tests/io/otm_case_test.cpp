@@ -222,6 +222,17 @@ std::vector<double> column(const fs::path& file, const std::string& name) {
   return values;
 }
 
+TEST(OtmRun, BodiesWithoutANodeInsideAreWarnedOf) {
+  const Workspace workspace;
+  const std::string coarse = "no node lies inside the body";
+  const auto done = run(workspace, replaced(with("mesh_size = 0.25", "mesh_size = 5"), "end = 4", "end = 0.1"));
+  EXPECT_EQ(done.status, 0);
+  EXPECT_THAT(done.output, HasSubstr(coarse));
+  const auto fine = run(workspace, with("end = 4", "end = 0.1"));
+  EXPECT_EQ(fine.status, 0);
+  EXPECT_THAT(fine.output, ::testing::Not(HasSubstr(coarse)));
+}
+
 TEST(OtmRun, StripComesBackFromTheWallWithItsEnergyAccounted) {
   const Workspace workspace;
   const auto done = run(workspace, rubber);
