@@ -6,8 +6,11 @@ namespace efree::internal {
 namespace {
 
 /// Columns of a 3 x 3 matrix, with a zero below.
+EFREE_INLINE void columns_of(const double* M, Four* column) {
+  for (int j = 0; j < 3; ++j) column[j] = Four{M[3 * j], M[3 * j + 1], M[3 * j + 2], 0.0};
+}
 EFREE_INLINE void columns_of(const Mat<3>& M, Four* column) {
-  for (int j = 0; j < 3; ++j) column[j] = Four{M.data()[3 * j], M.data()[3 * j + 1], M.data()[3 * j + 2], 0.0};
+  columns_of(M.data(), column);
 }
 /// A 3 x 3 matrix of the first three rows of these columns.
 EFREE_INLINE void put_columns(const Four* column, double* to) {
@@ -126,9 +129,9 @@ EFREE_FOR_EACH_MACHINE void otm_share(Index points, const double* growth, const 
 EFREE_FOR_EACH_MACHINE void otm_kirchhoff(Index points, const double* P, const double* F, const double* shock,
                                           double* columns) {
   for (Index p = 0; p < points; ++p) {
-    const double *f = F + 9 * p, *stress = P + 9 * p;
+    const double* f = F + 9 * p;
     Four column[3], tau[3];
-    for (int k = 0; k < 3; ++k) column[k] = Four{stress[3 * k], stress[3 * k + 1], stress[3 * k + 2], 0.0};
+    columns_of(P + 9 * p, column);
     for (int j = 0; j < 3; ++j) {
       tau[j] = column[0] * f[j] + column[1] * f[j + 3] + column[2] * f[j + 6];
       tau[j][j] -= shock[p];
@@ -151,17 +154,12 @@ EFREE_FOR_EACH_MACHINE void otm_rates(Index points, const Mat<3>* moved, const M
 }
 
 EFREE_FOR_EACH_MACHINE void otm_stiffness(Index points, const double* tangent, const double* factor, double* columns) {
+  Four stiff[27], H[3], stress[3];
+  for (int k = 0; k < 27; ++k) load(stiff[k], tangent + 4 * k);
   for (Index p = 0; p < points; ++p) {
-    double* H = columns + 16 * p;
-    Four stress[3] = {};
-    for (int J = 0; J < 3; ++J)
-      for (int i = 0; i < 3; ++i)
-        for (int k = 0; k < 3; ++k) {
-          Four of;
-          load(of, tangent + 12 * (i + 3 * J) + 4 * k);
-          stress[k] += H[i + 4 * J] * of;
-        }
-    for (int k = 0; k < 3; ++k) store(H + 4 * k, factor[p] * stress[k]);
+    for (int k = 0; k < 3; ++k) load(H[k], columns + 16 * p + 4 * k);
+    apply(stiff, H, stress);
+    for (int k = 0; k < 3; ++k) store(columns + 16 * p + 4 * k, factor[p] * stress[k]);
   }
 }
 
@@ -170,8 +168,8 @@ EFREE_FOR_EACH_MACHINE void otm_stiffening(Index points, const double* tangents,
   Four soft[27], stiff[27];
   for (int k = 0; k < 27; ++k) load(soft[k], compliance + 4 * k);
   for (Index p = 0; p < points; ++p) {
-    const double *A = tangents + 81 * p, *f = F + 9 * p;
-    for (int k = 0; k < 27; ++k) stiff[k] = Four{A[3 * k], A[3 * k + 1], A[3 * k + 2], 0.0};
+    const double* f = F + 9 * p;
+    for (int k = 0; k < 9; ++k) columns_of(tangents + 81 * p + 9 * k, stiff + 3 * k);
     Four H[3] = {{1.0, 0.3, -0.2, 0.0}, {0.25, 0.9, 0.15, 0.0}, {-0.1, 0.2, 1.1, 0.0}};
     double most = 1.0, size = norm(H);
     for (int k = 0; k < 6; ++k) {

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <utility>
 
 namespace efree::internal {
@@ -182,7 +183,7 @@ template <int Dim> void Motion<Dim>::require_small_strains(const OtmChunk<Dim>& 
 /// Points of a union share its dilatation, and their own is their growth over that. Nothing keeps one from being
 /// squeezed to nothing while the others grow: where that begins they part, each with what it has felt.
 template <int Dim> void Motion<Dim>::share_dilatation(OtmChunk<Dim>& chunk) const {
-  std::vector<Index> parting, parted;
+  std::vector<Index> parted;
   for (std::size_t u = 0; u + 1 < chunk.unions.size(); ++u) {
     const Index begin = chunk.unions[u], end = chunk.unions[u + 1];
     double volume = 0.0, grown = 0.0;
@@ -198,16 +199,15 @@ template <int Dim> void Motion<Dim>::share_dilatation(OtmChunk<Dim>& chunk) cons
       const double own = chunk.growth[p] /= shared;
       parts = parts || own < least_growth || chunk.is_crushed(p);
     }
-    if (parts) parting.push_back(begin);
-    for (Index p = begin + 1; p < end && parts; ++p) parted.push_back(p);
+    for (Index p = begin; p < end && parts; ++p) parted.push_back(p);
   }
   otm_share(chunk.size(), chunk.growth.data(), chunk.volume.data(), chunk.now.F.data());
-  if (parting.empty()) return;
-  for (const std::vector<Index>* points : {&parting, &parted})
-    for (const Index p : *points)
-      if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
-  chunk.unions.insert(chunk.unions.end(), parted.begin(), parted.end());
-  std::sort(chunk.unions.begin(), chunk.unions.end());
+  if (parted.empty()) return;
+  for (const Index p : parted)
+    if (!chunk.is_eroded(p)) chunk.made.col(p) /= std::cbrt(std::exchange(chunk.growth[p], 1.0));
+  std::vector<Index> unions;
+  std::ranges::set_union(chunk.unions, parted, std::back_inserter(unions));
+  chunk.unions = std::move(unions);
 }
 
 template <int Dim> void Motion<Dim>::sweep(Index number, double dt) {

@@ -7,6 +7,7 @@
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
 
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/IO/polygon_soup_io.h>
 #include <CGAL/Polygon_mesh_processing/border.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
@@ -17,6 +18,7 @@
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
 #include <CGAL/Polygon_mesh_processing/stitch_borders.h>
 #include <CGAL/Polygon_mesh_processing/triangulate_faces.h>
+#include <CGAL/Surface_mesh.h>
 #include <fmt/format.h>
 #include <cctype>
 #include <cmath>
@@ -28,7 +30,8 @@ namespace efree {
 namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
-using internal::Kernel, internal::Surface;
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
 std::string show(const Kernel::Point_3& p) {
   return fmt::format("({:g}, {:g}, {:g})", p.x(), p.y(), p.z());
@@ -140,13 +143,13 @@ SurfaceSoup read_surface(const std::string& path) {
 
 namespace internal {
 
-std::vector<Kernel::Point_3> cgal_points(const SurfaceSoup& soup) {
+template <> std::vector<Kernel::Point_3> cgal_points(const SurfaceSoup& soup) {
   std::vector<Kernel::Point_3> points;
   for (const auto& p : soup.points.colwise()) points.emplace_back(p.x(), p.y(), p.z());
   return points;
 }
 
-SurfaceSoup soup_of(const Surface& surface) {
+template <> SurfaceSoup soup_of(const Surface& surface) {
   SurfaceSoup soup;
   std::vector<Index> number(surface.num_vertices());
   soup.points.resize(3, surface.number_of_vertices());
@@ -165,7 +168,7 @@ SurfaceSoup soup_of(const Surface& surface) {
   return soup;
 }
 
-std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const Surface& surface) {
+template <> std::vector<std::pair<Surface::Face_index, Surface::Face_index>> crossings(const Surface& surface) {
   std::vector<std::pair<Surface::Face_index, Surface::Face_index>> pairs;
   pmp::self_intersections<CGAL::Sequential_tag>(surface, std::back_inserter(pairs));
   // Copies of a point or an edge in which sheets touch are counted as meetings, too.
@@ -181,8 +184,8 @@ void check_triangles(const SurfaceSoup& soup) {
         throw InputError(fmt::format("surface: a triangle names point {}, but there are {}", v, soup.points.cols()));
 }
 
-Surface oriented_surface(const SurfaceSoup& soup) {
-  auto points = cgal_points(soup);
+template <> Surface oriented_surface(const SurfaceSoup& soup) {
+  auto points = cgal_points<Kernel::Point_3>(soup);
   std::vector<std::vector<std::size_t>> polygons;
   for (const auto& t : soup.triangles)
     polygons.push_back(
@@ -196,9 +199,9 @@ Surface oriented_surface(const SurfaceSoup& soup) {
   return surface;
 }
 
-Surface closed_surface(const SurfaceSoup& soup) {
+template <> Surface closed_surface(const SurfaceSoup& soup) {
   check_triangles(soup);
-  Surface surface = oriented_surface(soup);
+  Surface surface = oriented_surface<Surface>(soup);
   if (surface.number_of_faces() == 0) throw InputError("surface: there is no triangle in it");
   int open = 0;
   Kernel::Point_3 first;

@@ -8,7 +8,9 @@
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
+#include <CGAL/Surface_mesh.h>
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -21,7 +23,8 @@ namespace efree {
 namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
-using internal::Kernel;
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
@@ -93,7 +96,7 @@ void find_groups(SurfaceCheck& check, double feature_angle) {
 std::optional<SurfaceCheck::Wall> thinnest_wall(const SurfaceSoup& soup) {
   using Triangles = std::vector<Kernel::Triangle_3>;
   using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
-  const auto points = internal::cgal_points(soup);
+  const auto points = internal::cgal_points<Kernel::Point_3>(soup);
   Triangles triangles;
   for (const auto& t : soup.triangles) triangles.emplace_back(points[t[0]], points[t[1]], points[t[2]]);
   const CGAL::AABB_tree<CGAL::AABB_traits<Kernel, Primitive>> tree(triangles.cbegin(), triangles.cend());
@@ -153,14 +156,14 @@ SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
     check.crowded_edges += sides.size() > 2;
   }
   try {
-    const internal::Surface closed = internal::closed_surface(soup);
+    const auto closed = internal::closed_surface<Surface>(soup);
     check.volume = pmp::volume(closed);
     check.surface = internal::soup_of(closed);
     check.thinnest = thinnest_wall(check.surface);
   } catch (const InputError& error) {
     check.fault = error.what();
     check.surface = soup;
-    check.crossings = static_cast<Index>(internal::crossings(internal::oriented_surface(soup)).size());
+    check.crossings = static_cast<Index>(internal::crossings(internal::oriented_surface<Surface>(soup)).size());
   }
   find_groups(check, feature_angle);
   return check;

@@ -8,12 +8,14 @@
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/mesh/spatial_order.hpp"
 
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Mesh_complex_3_in_triangulation_3.h>
 #include <CGAL/Mesh_criteria_3.h>
 #include <CGAL/Mesh_triangulation_3.h>
 #include <CGAL/Polygon_mesh_processing/connected_components.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
 #include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
+#include <CGAL/Surface_mesh.h>
 #include <CGAL/make_mesh_3.h>
 #include <CGAL/property_map.h>
 #include <fmt/format.h>
@@ -29,7 +31,8 @@
 namespace efree {
 namespace {
 
-using internal::Kernel, internal::Surface;
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 using Domain = CGAL::Polyhedral_mesh_domain_with_features_3<Kernel, Surface>;
 using Triangulation = CGAL::Mesh_triangulation_3<Domain, CGAL::Default, CGAL::Sequential_tag>::type;
 using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
@@ -260,7 +263,7 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   if (!(options.distance >= 0.0))
     throw InputError(
         fmt::format("surface: the distance is {}, expected a positive length, or 0 for size / 20", options.distance));
-  Surface surface = internal::closed_surface(soup);
+  Surface surface = internal::closed_surface<Surface>(soup);
   const Vec<3> extent = soup.points.rowwise().maxCoeff() - soup.points.rowwise().minCoeff();
   if (constexpr double most = 2e3; extent.maxCoeff() > most * size)
     throw InputError(fmt::format("surface: mesh size {:g} is too small for a body {:g} wide; expected at least {:g}",

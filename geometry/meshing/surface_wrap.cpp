@@ -7,7 +7,9 @@
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
+#include <CGAL/Surface_mesh.h>
 #include <CGAL/alpha_wrap_3.h>
 #include <fmt/format.h>
 #include <Eigen/Geometry>
@@ -17,14 +19,14 @@
 namespace efree {
 
 SurfaceWrap wrap_surface(const SurfaceSoup& soup, const WrapOptions& options) {
-  using internal::Kernel;
+  using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
   using Triangles = std::vector<Kernel::Triangle_3>;
   using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
   if (soup.triangles.empty()) throw InputError("wrap: there is no triangle in the surface");
   if (!(options.alpha >= 0.0 && options.offset >= 0.0))
     throw InputError(fmt::format("wrap: alpha is {}, offset {}, expected positive lengths, or 0 for the defaults",
                                  options.alpha, options.offset));
-  const auto points = internal::cgal_points(soup);
+  const auto points = internal::cgal_points<Kernel::Point_3>(soup);
   std::vector<std::array<std::size_t, 3>> faces;
   Triangles triangles;
   for (const auto& t : soup.triangles) {
@@ -47,7 +49,7 @@ SurfaceWrap wrap_surface(const SurfaceSoup& soup, const WrapOptions& options) {
                     "at least {:g} and {:g}",
                     wrap.alpha, wrap.offset, diagonal, finest * diagonal, 1e-2 * finest * diagonal));
 
-  internal::Surface closed;
+  CGAL::Surface_mesh<Kernel::Point_3> closed;
   CGAL::alpha_wrap_3(points, faces, wrap.alpha, wrap.offset, closed);
   wrap.surface = internal::soup_of(closed);
   wrap.volume = CGAL::Polygon_mesh_processing::volume(closed);
