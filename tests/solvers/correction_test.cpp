@@ -12,6 +12,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <cmath>
+#include <numeric>
 
 namespace efree {
 namespace {
@@ -399,9 +401,11 @@ TEST(Correction, HatsOfManyBodiesAreOneEach) {
 }
 
 /// Ten cases, so that they go in groups of eight and two, that end after different numbers of iterations: one is of no
-/// force, one needs many.
+/// force, one needs many. BLAS rounds a block of right-hand sides otherwise than a single one, and how depends on the
+/// processor. The smoother works in single precision: the last bit of a double may become the last bit of a float, and
+/// each iteration's step is known to a few roundoffs of floats, relative to the whole correction.
 template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
-  constexpr double rounding = 1e-9;
+  constexpr double rounding = 8.0 * 0x1p-24;
   const auto cloud = approximate(problem.mesh, problem.cloud);
   const ElasticSolver<Dim> solver(cloud, problem.model, problem.supports);
   const Corrector<Dim> corrector(cloud, problem.model, problem.supports);
@@ -424,15 +428,17 @@ template <int Dim> void expect_same_as_alone(const Problem<Dim>& problem) {
     ASSERT_EQ(together.size(), cases.size());
     for (std::size_t k = 0; k < cases.size(); ++k) {
       const auto alone = corrector.correct(starts[k], cases[k], options);
-      const double moved = alone.displacement.cwiseAbs().maxCoeff();
-      EXPECT_LE((together[k].displacement - alone.displacement).cwiseAbs().maxCoeff(), rounding * moved) << k;
       EXPECT_EQ(together[k].iterations, alone.iterations) << k;
       ASSERT_EQ(together[k].taken.size(), alone.taken.size()) << k;
+      const double roundoff = rounding * alone.iterations;
+      const double moved = (alone.displacement - starts[k]).cwiseAbs().maxCoeff();
+      const double taken = std::accumulate(alone.taken.begin(), alone.taken.end(), 0.0);
+      EXPECT_LE((together[k].displacement - alone.displacement).cwiseAbs().maxCoeff(), roundoff * moved) << k;
       for (std::size_t i = 0; i < alone.taken.size(); ++i)
-        EXPECT_NEAR(together[k].taken[i], alone.taken[i], rounding * alone.taken[0]) << k;
-      EXPECT_NEAR(together[k].error, alone.error, rounding) << k;
-      EXPECT_NEAR(together[k].start_error, alone.start_error, rounding) << k;
-      EXPECT_NEAR(together[k].strain_energy, alone.strain_energy, rounding * alone.strain_energy) << k;
+        EXPECT_NEAR(together[k].taken[i], alone.taken[i], roundoff * taken) << k;
+      EXPECT_NEAR(together[k].error, alone.error, roundoff * alone.start_error) << k;
+      EXPECT_NEAR(together[k].start_error, alone.start_error, roundoff * alone.start_error) << k;
+      EXPECT_NEAR(together[k].strain_energy, alone.strain_energy, roundoff * taken + 1e-13 * alone.strain_energy) << k;
     }
   }
   EXPECT_THROW(corrector.correct_all({starts[0]}, cases), InputError);
