@@ -144,18 +144,22 @@ template <class T> using Layers = void (*)(const CellGrid&, const T*, T*, Index,
 template <class T, class V> void plain(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
   add_layers<T, V>(grid, u, f, begin, end);
 }
-#if defined(__x86_64__)
+#if defined(__x86_64__) && !defined(EFREE_SSE2_KERNELS)
 template <class T, class V>
 [[gnu::target("avx2,fma")]] void wide(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
   add_layers<T, V>(grid, u, f, begin, end);
 }
+#if !defined(EFREE_AVX2_KERNELS)
 template <class T, class V> [[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const CellGrid& grid,
                                                                                         const T* u, T* f, Index begin,
                                                                                         Index end) {
   add_layers<T, V>(grid, u, f, begin, end);  // twice the registers
 }
+#endif
 template <class T, class V> Layers<T> kernel() {
+#if !defined(EFREE_AVX2_KERNELS)
   if (__builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) return wider<T, V>;
+#endif
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return wide<T, V>;
   return plain<T, V>;
 }

@@ -5,12 +5,17 @@
 #include <cstdint>
 #include <cstring>
 
-/// A function that is compiled for several instruction sets, the best of which is taken where it runs; what it calls
-/// has to be inlined. Sanitizers do not know such functions.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
-#define EFREE_FOR_EACH_MACHINE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default"), flatten))
-#else
+/// A function that is compiled for several instruction sets, the newest of which the processor has is taken where it
+/// runs; what it calls has to be inlined. EFREE_AVX2_KERNELS and EFREE_SSE2_KERNELS leave out newer ones, so that tests
+/// can show on one processor what others compute. Sanitizers do not know such functions.
+#if !defined(__x86_64__) || !defined(__GNUC__) || defined(__clang__) || defined(__SANITIZE_ADDRESS__)
 #define EFREE_FOR_EACH_MACHINE
+#elif defined(EFREE_SSE2_KERNELS)
+#define EFREE_FOR_EACH_MACHINE __attribute__((flatten))
+#elif defined(EFREE_AVX2_KERNELS)
+#define EFREE_FOR_EACH_MACHINE __attribute__((target_clones("arch=x86-64-v3", "default"), flatten))
+#else
+#define EFREE_FOR_EACH_MACHINE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default"), flatten))
 #endif
 #define EFREE_INLINE inline __attribute__((always_inline))
 
