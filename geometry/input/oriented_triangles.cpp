@@ -8,7 +8,10 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <set>
+#include <numeric>
+#include <span>
+#include <tuple>
+#include <unordered_set>
 
 namespace efree::internal {
 namespace {
@@ -22,6 +25,20 @@ struct Shell {
   double volume = 0.0;  ///< enclosed as the triangles face now
   bool closed = true;   ///< triangles meet at every edge of it, as many one way as the other
   Eigen::AlignedBox3d box{};
+};
+
+struct Hash {
+  std::size_t operator()(const std::array<Index, 3>& t) const {
+    std::size_t out = 0;
+    for (const Index v : t) out = out * 0x9E3779B97F4A7C15ull + static_cast<std::size_t>(v) + 1;
+    return out ^ out >> 29;
+  }
+};
+
+/// A side of a triangle, from the point `low` to `high` if it ascends.
+struct Side {
+  Index low, high, triangle;
+  bool ascending;
 };
 
 class Orientation {
@@ -59,12 +76,14 @@ class Orientation {
 
   /// Points in the same place are one; triangles without area and copies go.
   void join_points() {
-    std::set<std::array<Index, 3>> known;
-    std::map<std::array<double, 3>, Index> place;
-    std::vector<Index> joined;
-    for (Index v = 0; v < soup_.points.cols(); ++v)
-      joined.push_back(
-          place.try_emplace({soup_.points(0, v), soup_.points(1, v), soup_.points(2, v)}, v).first->second);
+    std::vector<Index> order(soup_.points.cols()), joined(soup_.points.cols());
+    std::iota(order.begin(), order.end(), Index(0));
+    const auto place = [&](Index v) { return std::array{soup_.points(0, v), soup_.points(1, v), soup_.points(2, v)}; };
+    std::ranges::stable_sort(order, {}, place);
+    for (std::size_t k = 0; k < order.size(); ++k)
+      joined[order[k]] = k > 0 && place(order[k]) == place(order[k - 1]) ? joined[order[k - 1]] : order[k];
+    std::unordered_set<std::array<Index, 3>, Hash> known;
+    known.reserve(soup_.triangles.size());
     for (const auto& given : soup_.triangles) {
       const std::array<Index, 3> t{joined[given[0]], joined[given[1]], joined[given[2]]};
       auto sorted = t;
@@ -79,19 +98,29 @@ class Orientation {
   }
 
   void find_shells() {
-    std::map<std::pair<Index, Index>, std::vector<std::pair<Index, bool>>> at_edge;  // triangle, if it passes a to b
+    std::vector<Side> sides;
+    sides.reserve(3 * triangles_.size());
     for (Index t = 0; t < std::ssize(triangles_); ++t)
       for (int k = 0; k < 3; ++k) {
         const Index a = triangles_[t][k], b = triangles_[t][(k + 1) % 3];
-        at_edge[std::minmax(a, b)].emplace_back(t, a < b);
+        sides.push_back({std::min(a, b), std::max(a, b), t, a < b});
       }
-    std::vector<std::vector<std::pair<Index, bool>>> next(triangles_.size());  // neighbour, whether it faces alike
-    for (const auto& [edge, around] : at_edge)
-      if (around.size() == 2) {
-        const bool alike = around[0].second != around[1].second;
-        next[around[0].first].emplace_back(around[1].first, alike);
-        next[around[1].first].emplace_back(around[0].first, alike);
+    std::ranges::sort(sides, {}, [](const Side& side) { return std::tuple(side.low, side.high, side.triangle); });
+    const auto for_edges = [&](const auto& visit) {  // visit(the sides of triangles at an edge)
+      for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
+        while (end < sides.size() && sides[end].low == sides[begin].low && sides[end].high == sides[begin].high) ++end;
+        visit(std::span(sides).subspan(begin, end - begin));
       }
+    };
+    constexpr std::pair<Index, bool> none{-1, false};
+    std::vector<std::array<std::pair<Index, bool>, 3>> next(triangles_.size(), {none, none, none});
+    const auto add_next = [&](Index t, Index other, bool alike) { *std::ranges::find(next[t], none) = {other, alike}; };
+    for_edges([&](std::span<const Side> around) {
+      if (around.size() != 2) return;
+      const bool alike = around[0].ascending != around[1].ascending;
+      add_next(around[0].triangle, around[1].triangle, alike);
+      add_next(around[1].triangle, around[0].triangle, alike);
+    });
     side_.assign(triangles_.size(), 0);
     std::vector<Index> shell_of(triangles_.size());
     for (Index first = 0; first < std::ssize(triangles_); ++first) {
@@ -107,7 +136,7 @@ class Orientation {
         shell.volume += side_[t] * volume_below(t);
         for (const Index v : triangles_[t]) shell.box.extend(soup_.points.col(v));
         for (const auto& [other, alike] : next[t])
-          if (side_[other] == 0) {
+          if (other >= 0 && side_[other] == 0) {
             side_[other] = static_cast<signed char>(alike ? side_[t] : -side_[t]);
             shell.triangles.push_back(other);
           }
@@ -116,12 +145,13 @@ class Orientation {
       if (turn < 0.0) turn_shell(shell);
       shells_.push_back(std::move(shell));
     }
-    for (const auto& [edge, around] : at_edge) {
+    for_edges([&](std::span<const Side> around) {
       std::map<Index, int> sum;  // by shell, passes one way less those the other
-      for (const auto& [t, ascending] : around) sum[shell_of[t]] += ascending ? side_[t] : -side_[t];
+      for (const Side& side : around)
+        sum[shell_of[side.triangle]] += side.ascending ? side_[side.triangle] : -side_[side.triangle];
       for (const auto& [shell, passes] : sum)
         if (passes != 0) shells_[shell].closed = false;
-    }
+    });
   }
 
   void turn_shell(Shell& shell) {

@@ -3,6 +3,7 @@
 
 #include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/input/internal/find_gaps.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 #include "efree/geometry/input/internal/triangle_tree.hpp"
 #include "efree/geometry/input/internal/winding.hpp"
@@ -17,17 +18,12 @@
 namespace efree {
 namespace {
 
-using internal::Triangle, internal::TriangleTree;
+using internal::facing_walls, internal::normal_of, internal::Triangle, internal::TriangleTree;
 using Sample = SurfaceGap::Sample;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double facing = -0.7;     ///< cosine between the normals of two walls, at most
 constexpr double elongation = 8.0;  ///< area of a gap's walls over the square of its width, at least
 constexpr double most_samples = 1e6;
-
-Vec<3> normal_of(const Triangle& t) {
-  return (t[1] - t[0]).cross(t[2] - t[0]).normalized();
-}
 
 /// Calls body(piece) for pieces of a triangle, cut in halves until no edge is longer than `spacing`.
 template <class Body> void cut_up(const Triangle& whole, double spacing, const Body& body) {
@@ -99,15 +95,16 @@ std::vector<SurfaceGap> gathered(const std::vector<Sample>& samples, double spac
 
 }  // namespace
 
-std::vector<SurfaceGap> find_gaps(const SurfaceSoup& surface, double widest, double spacing) {
-  internal::check_triangles(surface);
-  const std::vector<Triangle> triangles = internal::orient_triangles(surface).triangles;
+std::vector<SurfaceGap> internal::find_gaps(const std::vector<Triangle>& triangles, double widest, double spacing) {
   if (triangles.empty() || !(widest > 0.0) || !(spacing > 0.0)) return {};
   double area = 0.0;
-  for (const Triangle& t : triangles) area += 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
+  Eigen::AlignedBox3d box;
+  for (const Triangle& t : triangles) {
+    area += 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
+    for (const Vec<3>& corner : t) box.extend(corner);
+  }
   const double apart = std::max(spacing, std::sqrt(4.0 * area / most_samples));  // pieces have a quarter of its square
-  const double nearest =
-      1e-9 * (surface.points.rowwise().maxCoeff() - surface.points.rowwise().minCoeff()).norm();  // closer is touching
+  const double nearest = 1e-9 * box.diagonal().norm();                           // closer is touching
   const TriangleTree tree(triangles);
   std::vector<std::vector<Sample>> found(triangles.size());
   parallel_for(static_cast<Index>(triangles.size()), [&](Index t) {
@@ -115,7 +112,7 @@ std::vector<SurfaceGap> find_gaps(const SurfaceSoup& surface, double widest, dou
     cut_up(triangles[t], apart, [&](const Triangle& piece) {
       const Vec<3> from = (piece[0] + piece[1] + piece[2]) / 3.0;
       const auto hit = tree.first_hit(from, normal, nearest, widest, t);
-      if (!hit || normal.dot(normal_of(triangles[hit->triangle])) > facing) return;
+      if (!hit || normal.dot(normal_of(triangles[hit->triangle])) > facing_walls) return;
       const Vec<3> to = from + hit->distance * normal;
       const auto behind = tree.first_hit(from, -normal, nearest, widest, t);
       const auto beyond = tree.first_hit(to, normal, nearest, widest, hit->triangle);
@@ -129,6 +126,11 @@ std::vector<SurfaceGap> find_gaps(const SurfaceSoup& surface, double widest, dou
   std::erase_if(gaps, [](const SurfaceGap& gap) { return !is_long(gap); });
   std::ranges::stable_sort(gaps, std::ranges::greater{}, &SurfaceGap::area);
   return gaps;
+}
+
+std::vector<SurfaceGap> find_gaps(const SurfaceSoup& surface, double widest, double spacing) {
+  internal::check_triangles(surface);
+  return internal::find_gaps(internal::orient_triangles(surface).triangles, widest, spacing);
 }
 
 std::vector<SurfaceGap> closed_gaps(const std::vector<SurfaceGap>& gaps, const MeshData<3>& mesh, double reach) {

@@ -63,10 +63,10 @@ void TriangleTree::build(Index begin, Index end) {
     int axis = 0;
     middles.sizes().maxCoeff(&axis);
     const Index half = begin + (end - begin) / 2;
-    const auto middle = [&](Index t) {
-      return triangles_[t][0][axis] + triangles_[t][1][axis] + triangles_[t][2][axis];
+    const auto place = [&](Index t) {  // no two alike, so that the halves are the same everywhere
+      return std::pair(triangles_[t][0][axis] + triangles_[t][1][axis] + triangles_[t][2][axis], t);
     };
-    std::ranges::stable_sort(order_.begin() + begin, order_.begin() + end, {}, middle);
+    std::ranges::nth_element(order_.begin() + begin, order_.begin() + half, order_.begin() + end, {}, place);
     build(begin, half);
     build(half, end);
   }
