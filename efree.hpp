@@ -40,6 +40,7 @@
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/input/surface_check.hpp"
+#include "efree/geometry/input/surface_gaps.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/mesh/locator.hpp"

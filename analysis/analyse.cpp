@@ -250,6 +250,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
           error_density(result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
   if (result.error_density.size() == 0 && !in_steps)
     result.error_density = error_density(result, recovery_error(basis, result.fields, materials).squares);
+  result.warnings.insert(result.warnings.end(), mesh.warnings.begin(), mesh.warnings.end());
   stage.reset();
   result.times.add("mesh", mesh.seconds);
   result.times.add(times);

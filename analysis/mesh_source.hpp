@@ -24,6 +24,7 @@ template <int Dim> struct MadeMesh {
   MeshData<Dim> mesh;
   std::vector<std::pair<std::string, Reported>> reports{};  ///< names as in result.json, values
   std::vector<std::string> remarks{};                       ///< the same in words
+  std::vector<std::string> warnings{};                      ///< what makes results on this mesh doubtful
   double size = 0.0;                                        ///< it was made with; 0: with the file's own sizes
   std::shared_ptr<const LabelImage<Dim>> image{};           ///< that a lattice was cut out of; else none
   std::map<Label, std::string> region_of_label{};           ///< of the image: names of the mesh's regions

@@ -329,6 +329,7 @@ template <int Dim> MovingBodies<Dim> set_in_motion(const PreparedMesh<Dim>& mesh
   located(settings, where_said(settings, "analysis.acceleration"), [&] { result.otm.accelerate(motion.acceleration); });
   fill(settings, motion, built, result.otm);
   prescribe(motion, built, axisymmetric, result);
+  result.warnings = mesh.warnings;
   if (const auto ties = tied_facets(all); !ties.empty())
     result.warnings.push_back(
         fmt::format("regions touch along {} facets: they are bodies of their own, and nothing ties them", ties.size()));

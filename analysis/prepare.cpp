@@ -221,6 +221,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
       result.size = made.size;
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);
+      result.warnings = std::move(made.warnings);
       result.image = std::move(made.image);
       result.region_of_label = std::move(made.region_of_label);
       // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.

@@ -33,6 +33,7 @@ template <int Dim> struct PreparedMesh {
   std::vector<BoundaryPart> parts;  ///< in the order of the settings
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
   std::vector<std::string> remarks;                       ///< what to tell the user: the same in words, the parts
+  std::vector<std::string> warnings;                      ///< of the geometry: what makes results doubtful
   double seconds = 0.0, cpu_seconds = 0.0;
 };
 

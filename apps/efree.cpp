@@ -412,7 +412,7 @@ void add_reading(CLI::App& command, Options& options) {
                    "let .geo scripts run programs, write files and read those of other folders");
   command
       .add_option("--mesh-time-limit", options.reading.seconds,
-                  "seconds that reading and meshing may take; default: 3600")
+                  "seconds that reading and meshing may take; default: 3600, of reading CAD files 20 and 20 per MB")
       ->type_name("SECONDS")
       ->check(CLI::PositiveNumber);
 }

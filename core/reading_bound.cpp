@@ -4,6 +4,8 @@
 #include "efree/core/memory.hpp"
 
 #include <sys/resource.h>
+#include <sys/time.h>
+#include <cmath>
 #include <filesystem>
 
 namespace efree::internal {
@@ -26,6 +28,24 @@ ReadingBound::~ReadingBound() {
   if (before_ == 0 || getrlimit(RLIMIT_DATA, &data) != 0) return;
   data.rlim_cur = before_;
   setrlimit(RLIMIT_DATA, &data);
+}
+
+bool ReadingTime::limited = false;
+
+ReadingTime::ReadingTime(const std::string& file, double seconds) {
+  std::error_code unknown;
+  const auto length = std::filesystem::file_size(file, unknown);
+  if (!limited || unknown) return;
+  const double bound = seconds * (1.0 + 1e-6 * static_cast<double>(length));
+  itimerval timer{};
+  timer.it_value.tv_sec = static_cast<time_t>(bound);
+  timer.it_value.tv_usec = static_cast<suseconds_t>(1e6 * (bound - std::floor(bound)));
+  is_set_ = setitimer(ITIMER_PROF, &timer, nullptr) == 0;
+}
+
+ReadingTime::~ReadingTime() {
+  constexpr itimerval none{};
+  if (is_set_) setitimer(ITIMER_PROF, &none, nullptr);
 }
 
 }  // namespace efree::internal

@@ -3,6 +3,8 @@
 #include "efree/core/internal/lower_case.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/surface.hpp"
+#include "efree/geometry/input/surface_check.hpp"
+#include "efree/geometry/input/surface_gaps.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
@@ -203,7 +205,12 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file,
   return [path = file.string(), options](const MeshSize& size) {
     GmshOptions sized = options;
     sized.size = size.length;
-    return MadeMesh<Dim>{.mesh = read_gmsh<Dim>(path, sized), .size = size.length};
+    int order = 0;
+    MadeMesh<Dim> made{.mesh = read_gmsh<Dim>(path, sized, &order), .size = size.length};
+    if (order > 1)
+      made.remarks.push_back(
+          fmt::format("elements of order {}: their corner nodes are read, edges become straight", order));
+    return made;
   };
 }
 
@@ -364,6 +371,36 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
   };
 }
 
+/// What keeps a gap of this width open.
+std::string remedy(double width, double diagonal, Mesher mesher, bool wrap) {
+  constexpr double finest = 500.0;  // cells along the diagonal
+  // Sizes at which slits in forks and rings stay open; a lattice has voxels of half its size.
+  const double size = (mesher == Mesher::lattice ? 0.5 : 3.0) * width;
+  if (size * finest >= diagonal)
+    return wrap ? fmt::format("Take alpha = {:.2g} and mesh_size = {:.2g}, or no wrap", 0.4 * width, width)
+                : fmt::format("Take mesh_size = {:.2g}", size);
+  return mesher == Mesher::lattice || wrap
+             ? "Between closed bodies mesher = \"delaunay\" without a wrap keeps it; within one body widen it"
+             : "Widen it: no mesh_size that is feasible resolves it";
+}
+
+/// Warns of gaps of a surface that its mesh closes.
+void warn_of_closed_gaps(const std::vector<SurfaceGap>& closed, double diagonal, Mesher mesher, bool wrap,
+                         MadeMesh<3>& made) {
+  made.reports.push_back({"closed_gaps", static_cast<Index>(closed.size())});
+  if (closed.empty()) return;
+  const SurfaceGap& largest = *std::ranges::max_element(closed, {}, &SurfaceGap::area);
+  const std::string width = largest.widest < 1.1 * largest.narrowest
+                                ? fmt::format("{:.3g} wide", largest.narrowest)
+                                : fmt::format("{:.3g} to {:.3g} wide", largest.narrowest, largest.widest);
+  made.warnings.push_back(fmt::format(
+      "The body may be far too stiff, or joined to another: the mesh of size {:.3g} closes {} of the surface{}, {} at "
+      "({:.6g}), over an area of {:.3g}. {}",
+      made.size, closed.size() == 1 ? "1 gap" : fmt::format("{} gaps", closed.size()),
+      closed.size() == 1 ? "" : ", the largest", width, fmt::join(largest.at, ", "), 0.5 * largest.area,
+      remedy(largest.narrowest, diagonal, mesher, wrap)));
+}
+
 std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry, const fs::path& file) {
   refuse(geometry, {"slits", "parameters", "image"}, "a surface");
   const Section section =
@@ -382,10 +419,14 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
   const bool largest_only = section.boolean("largest_only", false);
   return [path = file.string(), mesher, wrap, wrapping, meshing, largest_only](const MeshSize& size) {
     MadeMesh<3> made;
-    SurfaceSoup soup = read_surface(path);
+    const SurfaceSoup given = read_surface(path);
+    SurfaceSoup soup = given;
+    double wrap_alpha = 0.0, wrap_offset = 0.0;
     if (wrap) {
-      SurfaceWrap wrapped = wrap_surface(soup, wrapping);
+      SurfaceWrap wrapped = wrap_surface(given, wrapping);
       soup = std::move(wrapped.surface);
+      wrap_alpha = wrapped.alpha;
+      wrap_offset = wrapped.offset;
       made.reports = {{"wrap_alpha", wrapped.alpha},
                       {"wrap_offset", wrapped.offset},
                       {"wrap_max_distance", wrapped.max_distance},
@@ -396,17 +437,22 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
           wrapped.alpha, wrapped.offset, wrapped.max_distance, wrapped.mean_distance, wrapped.volume));
     }
     SurfaceMeshOptions sized = meshing;
-    const Vec<3> low = soup.points.rowwise().minCoeff(), high = soup.points.rowwise().maxCoeff();
-    sized.size = size_or(at_most(may_lose_parts, size), (high - low).norm() / 40.0, made);
+    sized.size = size_or(at_most(may_lose_parts, size), default_surface_size(soup), made);
     if (mesher == Mesher::lattice) {
       SurfaceLattice on_lattice = mesh_surface_on_lattice(soup, sized.size);
       made.mesh = std::move(on_lattice.mesh);
       made.reports.push_back({"triangles_turned", on_lattice.turned});
+      made.reports.push_back({"shells_turned", on_lattice.shells_turned});
       made.reports.push_back({"closed_fraction", on_lattice.closed});
       made.remarks.push_back(
           fmt::format("{} triangles turned to face as their neighbours do, {:.3g} % of the boundary "
                       "closes holes",
                       on_lattice.turned, 100.0 * on_lattice.closed));
+      if (on_lattice.shells_turned > 0)
+        made.remarks.push_back(fmt::format(
+            "{} closed shell{} faced the wrong way and {} turned: shells within others are cavities, all others bodies",
+            on_lattice.shells_turned, on_lattice.shells_turned == 1 ? "" : "s",
+            on_lattice.shells_turned == 1 ? "was" : "were"));
       report_lost(on_lattice.lost, made);
     } else {
       try {
@@ -417,6 +463,11 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
                                      error.what(), made.remarks.front()));
       }
     }
+    // Of the file's triangles, as a wrap closes gaps, too.
+    const double reach = mesher == Mesher::lattice ? 0.5 * sized.size : 0.1 * sized.size + wrap_offset;
+    const double widest = std::max(2.0 * sized.size, wrap_alpha + 2.0 * wrap_offset);
+    warn_of_closed_gaps(closed_gaps(find_gaps(given, widest, 0.5 * sized.size), made.mesh, reach),
+                        40.0 * default_surface_size(given), mesher, wrap, made);
     if (largest_only) {
       LargestMesh<3> body = keep_largest(std::move(made.mesh));
       made.mesh = std::move(body.mesh);

@@ -145,7 +145,7 @@ void allow_no_more_than_reading() {
 
 /// Whatever is written goes to the parent, and nothing stays behind should that die.
 void leave_parent(int result, int outcome, pid_t parent) {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_DFL);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPROF}) std::signal(signal, SIG_DFL);
   setsid();
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(1);
@@ -220,6 +220,7 @@ void* do_job(void* argument) {
 
 [[noreturn]] void be_child(const Confinement& confinement, int result, int outcome, pid_t parent, const Job& job) {
   in_child = true;
+  ReadingTime::limited = !confinement.limits.seconds;
   leave_parent(result, outcome, parent);
   limit_memory();
   try {
@@ -314,6 +315,9 @@ std::string cause_of_death(int status) {
       return "it divided by 0";
     case SIGABRT:
       return "it gave up";
+    case SIGPROF:
+      return "a file of this length should be read in less time: it is damaged, or so intricate that "
+             "--mesh-time-limit has to say how many seconds it may take";
     case SIGKILL:
       return "it was killed, most likely for want of memory";
     default:
@@ -342,9 +346,10 @@ std::string run_confined(const Confinement& confinement, const std::function<std
   if (pid == 0) be_child(confinement, *result, *to_parent, self, job);
   Child child(pid);
   { const Descriptor closed = std::move(to_parent); }
-  const int outcome = await(*from_child, confinement.limits.seconds, watch);
-  if (outcome == -1)
-    fail(confinement, fmt::format("it was not done after {:g} s (--mesh-time-limit)", confinement.limits.seconds));
+  constexpr double longest = 3600.0;
+  const double seconds = confinement.limits.seconds.value_or(longest);
+  const int outcome = await(*from_child, seconds, watch);
+  if (outcome == -1) fail(confinement, fmt::format("it was not done after {:g} s (--mesh-time-limit)", seconds));
   const int status = child.wait();
   switch (static_cast<Outcome>(outcome)) {
     case Outcome::done:

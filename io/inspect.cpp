@@ -219,6 +219,7 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
   add_mesh(data, out);
   for (const auto& [name, reported] : made.reports)
     out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
+  out.remarks = made.warnings;
   const Settings<Dim> settings = with_defaults<Dim>(analysis, made);
   Vector spacing;
   try {
@@ -331,12 +332,22 @@ Inspection<3> inspect_surface(const std::string& path) {
                {"edges_of_more_than_two_triangles", check.crowded_edges},
                {"crossing_pairs_of_triangles", check.crossings},
                {"shortest_edge", check.shortest_edge},
-               {"longest_edge", check.longest_edge}};
+               {"longest_edge", check.longest_edge},
+               {"narrow_gaps", check.gaps.size()}};
   if (check.fault.empty())
     out.suggestion = suggestion(out, check.thinnest ? check.thinnest->thickness : check.box.diagonal().norm());
   if (!check.fault.empty())
     out.remarks.push_back(
         fmt::format("no closed surface as it is ({}); [geometry.surface] wrap = true puts one around it", check.fault));
+  if (!check.gaps.empty()) {
+    const auto narrowest = std::ranges::min_element(check.gaps, {}, &SurfaceGap::narrowest);
+    out.facts.emplace_back("narrowest_gap", narrowest->narrowest);
+    out.remarks.push_back(fmt::format(
+        "{} gap{} narrower than the default mesh_size {:.3g}, the narrowest {:.3g} wide at ({:.6g}): a mesh may close "
+        "{}, which analyses warn of or refuse",
+        check.gaps.size(), check.gaps.size() == 1 ? "" : "s", default_surface_size(check.surface), narrowest->narrowest,
+        fmt::join(narrowest->at, ", "), check.gaps.size() == 1 ? "it" : "them"));
+  }
   out.points = check.surface.points;
   for (std::size_t t = 0; t < check.surface.triangles.size(); ++t) {
     const auto& [a, b, c] = check.surface.triangles[t];

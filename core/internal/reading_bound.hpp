@@ -23,4 +23,21 @@ class ReadingBound {
   unsigned long before_ = 0;  ///< the limit on data; 0: left as it is
 };
 
+/// Readers of damaged files may go round for ever. In a process that was made for reading (limited), while this lives,
+/// the process ends by SIGPROF when it has computed for longer than a file of that length should take: `seconds`, and
+/// as many again for every megabyte. Elsewhere nothing.
+class ReadingTime {
+ public:
+  explicit ReadingTime(const std::string& file, double seconds = 20.0);
+  ~ReadingTime();
+  ReadingTime(const ReadingTime&) = delete;
+  ReadingTime& operator=(const ReadingTime&) = delete;
+
+  /// Whether this process was made for reading, and nobody has said how long it may take. Set before threads are made.
+  static bool limited;
+
+ private:
+  bool is_set_ = false;
+};
+
 }  // namespace efree::internal

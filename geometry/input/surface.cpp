@@ -25,6 +25,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 
 namespace efree {
 namespace {
@@ -184,6 +185,32 @@ void check_triangles(const SurfaceSoup& soup) {
         throw InputError(fmt::format("surface: a triangle names point {}, but there are {}", v, soup.points.cols()));
 }
 
+/// Refuses a surface without an open edge that has more than two triangles at some: bodies that meet in a face, or a
+/// face inside a body.
+void refuse_shared_faces(const SurfaceSoup& soup) {
+  std::map<std::array<double, 3>, Index> places;
+  std::vector<Index> joined;
+  for (const auto& p : soup.points.colwise())
+    joined.push_back(places.try_emplace({p.x(), p.y(), p.z()}, static_cast<Index>(joined.size())).first->second);
+  std::map<std::pair<Index, Index>, int> triangles;  // at an edge
+  for (const auto& t : soup.triangles)
+    for (int k = 0; k < 3; ++k)
+      if (const Index a = joined[t[k]], b = joined[t[(k + 1) % 3]]; a != b) ++triangles[std::minmax(a, b)];
+  Index crowded = 0;
+  Vec<3> first = Vec<3>::Zero();
+  for (const auto& [edge, count] : triangles) {
+    if (count == 1) return;
+    if (count > 2 && crowded++ == 0) first = 0.5 * (soup.points.col(edge.first) + soup.points.col(edge.second));
+  }
+  if (crowded > 0)
+    throw InputError(fmt::format(
+        "the surface holds bodies that meet in a common face, or a face inside a body: {} edge{} of more than two "
+        "triangles, first at ({:g}, {:g}, {:g}); expected closed bodies apart from each other. Unite them in CAD, or "
+        "mesh them as one body with [geometry.surface] mesher = \"lattice\"; bodies that are not bonded need a gap, "
+        "1e-6 of their size will do",
+        crowded, crowded == 1 ? "" : "s", first.x(), first.y(), first.z()));
+}
+
 template <> Surface oriented_surface(const SurfaceSoup& soup) {
   auto points = cgal_points<Kernel::Point_3>(soup);
   std::vector<std::vector<std::size_t>> polygons;
@@ -208,9 +235,11 @@ template <> Surface closed_surface(const SurfaceSoup& soup) {
   for (const auto h : surface.halfedges())
     if (surface.is_border(h) && open++ == 0)
       first = CGAL::midpoint(surface.point(surface.source(h)), surface.point(surface.target(h)));
-  if (open > 0)
+  if (open > 0) {
+    refuse_shared_faces(soup);
     throw InputError(fmt::format("open surface given as closed: {} boundary edge{}, first at {}; repair it or wrap it",
                                  open, open == 1 ? "" : "s", show(first)));
+  }
 
   if (const auto crossing = crossings(surface); !crossing.empty()) {
     const auto h = surface.halfedge(crossing.front().first);
@@ -225,6 +254,26 @@ template <> Surface closed_surface(const SurfaceSoup& soup) {
     throw InputError(fmt::format("the surface encloses no volume ({:g} in a box {:g} x {:g} x {:g})", volume,
                                  extent.x(), extent.y(), extent.z()));
   return surface;
+}
+
+template <> std::vector<Surface> separate_bodies(const Surface& closed) {
+  Surface surface = closed;
+  auto body_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:body", 0).first;
+  const std::size_t count =
+      pmp::volume_connected_components(surface, body_of, CGAL::parameters::do_orientation_tests(false));
+  if (count <= 1) return {closed};
+  std::vector<Surface> bodies(count);
+  // A point belongs to one body: where bodies touch each has a copy of its own.
+  std::vector<Surface::Vertex_index> copy(surface.number_of_vertices());
+  for (const auto v : surface.vertices())
+    copy[v] = bodies[body_of[surface.face(surface.halfedge(v))]].add_vertex(surface.point(v));
+  for (const auto f : surface.faces()) {
+    std::array<Surface::Vertex_index, 3> corners;
+    int k = 0;
+    for (const auto v : surface.vertices_around_face(surface.halfedge(f))) corners[k++] = copy[v];
+    bodies[body_of[f]].add_face(corners[0], corners[1], corners[2]);
+  }
+  return bodies;
 }
 
 }  // namespace internal

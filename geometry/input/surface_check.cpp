@@ -122,6 +122,10 @@ std::optional<SurfaceCheck::Wall> thinnest_wall(const SurfaceSoup& soup) {
 
 }  // namespace
 
+double default_surface_size(const SurfaceSoup& soup) {
+  return (soup.points.rowwise().maxCoeff() - soup.points.rowwise().minCoeff()).norm() / 40.0;
+}
+
 SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
   if (soup.triangles.empty()) throw InputError("surface: there is no triangle in it");
   internal::check_triangles(soup);
@@ -166,6 +170,8 @@ SurfaceCheck check_surface(const SurfaceSoup& soup, double feature_angle) {
     check.crossings = static_cast<Index>(internal::crossings(internal::oriented_surface<Surface>(soup)).size());
   }
   find_groups(check, feature_angle);
+  const double size = default_surface_size(soup);
+  check.gaps = find_gaps(soup, size, 0.5 * size);
   return check;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/geometry/input/surface.hpp"
+#include "efree/geometry/input/surface_gaps.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 
 #include <optional>
@@ -37,7 +38,12 @@ struct SurfaceCheck {
   /// Least distance between triangles that face each other through the body, from the middle of one along its normal;
   /// none if there is a fault.
   std::optional<Wall> thinnest{};
+  /// Gaps narrower than default_surface_size, of surfaces with faults, too.
+  std::vector<SurfaceGap> gaps{};
 };
+
+/// Mesh size of a surface where none is given: diagonal of its box / 40 [length].
+double default_surface_size(const SurfaceSoup& soup);
 
 /// Sharp edges have a larger angle than `feature_angle` [degrees] between the normals of their triangles. Throws
 /// InputError if there is no triangle, or one names a point that is not there. Cost n log n in the triangles.

@@ -140,7 +140,10 @@ template <int Dim> std::optional<Location<Dim>> Locator<Dim>::beside_boundary(co
       if (angle < sharpest) turn = std::max(turn, angle);
     }
   }
-  if (least > share * longest * turn) return {};
+  // As much as OnPlane allows by default: STL files keep seven digits.
+  const double rounded =
+      1e-6 * (mesh_->vertices().rowwise().maxCoeff() - mesh_->vertices().rowwise().minCoeff()).norm();
+  if (least > std::max(share * longest * turn, rounded)) return {};
   const std::array cell{mesh_->facet_cell(nearest)};
   Location<Dim> there = best_of(*mesh_, cell, foot);
   there.at = there.at.cwiseMax(0.0);

@@ -344,7 +344,7 @@ template <class Body> auto in_session(const std::string& path, const Body& body)
 
 }  // namespace
 
-template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options) {
+template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options, int* order) {
   const Format format = format_of(path);
   if (!(options.size >= 0.0))
     throw InputError(
@@ -356,7 +356,11 @@ template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOp
     throw InputError(fmt::format("{}: only .geo files have parameters", path));
   if (format == Format::geo) check_last_line(path);
   if (format != Format::cad && !options.trust) internal::require_harmless(path);
-  return in_session(path, [&](const GmshSession& session) { return read<Dim>(session, path, format, options); });
+  return in_session(path, [&](const GmshSession& session) {
+    MeshData<Dim> mesh = read<Dim>(session, path, format, options);
+    if (order) *order = internal::highest_order(Dim);
+    return mesh;
+  });
 }
 
 int gmsh_dimension(const std::string& path, bool trust) {
@@ -370,7 +374,7 @@ int gmsh_dimension(const std::string& path, bool trust) {
   });
 }
 
-template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&);
-template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&);
+template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&, int*);
+template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&, int*);
 
 }  // namespace efree

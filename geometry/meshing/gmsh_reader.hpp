@@ -44,11 +44,15 @@ struct GmshOptions {
 /// own, named "a & b". Coordinates are the file's numbers, in the length unit that a STEP or IGES file declares (in the
 /// first of them, if it mixes several). A file of surfaces only is sewn to bodies if they close.
 ///
-/// Throws InputError for a file that is missing, unreadable, with elements other than first-order triangles
-/// (tetrahedra) or none, a planar one not in one plane z = const, an entity in two regions, a name in `slits` that is
-/// no physical group, an unknown parameter, a size or parameters for a .msh file, a script that does more than describe
-/// geometry, CAD without a body, and for everything that gmsh itself reports as an error, in its words.
-template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {});
+/// Of triangles (tetrahedra) of a higher order the corner nodes are read; `order`, if given, is set to the highest
+/// order there is.
+///
+/// Throws InputError for a file that is missing, unreadable, with elements other than triangles (tetrahedra) or none, a
+/// planar one not in one plane z = const, an entity in two regions, a name in `slits` that is no physical group, an
+/// unknown parameter, a size or parameters for a .msh file, a script that does more than describe geometry, CAD without
+/// a body, and for everything that gmsh itself reports as an error, in its words.
+template <int Dim>
+MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {}, int* order = nullptr);
 
 /// 3 if the file holds volumes (always for CAD files, which are not opened), else 2. `trust`, and what it throws, as
 /// for read_gmsh.

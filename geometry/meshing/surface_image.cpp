@@ -4,183 +4,22 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/input/internal/oriented_triangles.hpp"
+#include "efree/geometry/input/internal/winding.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <numbers>
-#include <numeric>
-#include <set>
 
 namespace efree {
 namespace {
 
-using Triangle = std::array<Vec<3>, 3>;
+using internal::Triangle, internal::Winding;
 
-/// Triangles from farther away than this many radii count as one dipole: winding numbers are right to 0.01.
-constexpr double far_away = 3.0;
-constexpr Index few = 8;  ///< triangles that are not parted further
-/// Share of the area that must face alike, by more than the rest, for the file to be believed.
-constexpr double agreed = 0.5;
 constexpr Index block = 4;      ///< voxels
 constexpr double whole = 0.05;  ///< farthest from a whole number that a winding number is one
 constexpr int margin = 2;       ///< voxels of void around the surface
-
-/// Triangles without those that are there twice or have no area, each facing as most of those do that it hangs together
-/// with across edges of two triangles, or, where these do not agree, outward.
-struct Oriented {
-  std::vector<Triangle> triangles;
-  Index turned = 0;
-};
-Oriented oriented(const SurfaceSoup& soup) {
-  std::set<std::array<Index, 3>> known;
-  std::vector<std::array<Index, 3>> triangles;
-  std::vector<double> areas;
-  std::map<std::array<double, 3>, Index> place;  // of points in the same place the first
-  std::vector<Index> joined;
-  for (Index v = 0; v < soup.points.cols(); ++v)
-    joined.push_back(place.try_emplace({soup.points(0, v), soup.points(1, v), soup.points(2, v)}, v).first->second);
-  for (const auto& given : soup.triangles) {
-    const std::array<Index, 3> t{joined[given[0]], joined[given[1]], joined[given[2]]};
-    auto sorted = t;
-    std::ranges::sort(sorted);
-    const Vec<3> a = soup.points.col(t[0]), b = soup.points.col(t[1]), c = soup.points.col(t[2]);
-    const double area = 0.5 * (b - a).cross(c - a).norm();
-    if (!(area > 0.0) || !known.insert(sorted).second) continue;
-    triangles.push_back(t);
-    areas.push_back(area);
-  }
-  std::map<std::pair<Index, Index>, std::vector<std::pair<Index, bool>>> at_edge;  // triangle, whether it passes a to b
-  for (Index t = 0; t < std::ssize(triangles); ++t)
-    for (int k = 0; k < 3; ++k) {
-      const Index a = triangles[t][k], b = triangles[t][(k + 1) % 3];
-      at_edge[std::minmax(a, b)].emplace_back(t, a < b);
-    }
-  std::vector<std::vector<std::pair<Index, bool>>> next(triangles.size());  // neighbour, whether it faces alike
-  for (const auto& [edge, around] : at_edge)
-    if (around.size() == 2) {
-      const bool alike = around[0].second != around[1].second;
-      next[around[0].first].emplace_back(around[1].first, alike);
-      next[around[1].first].emplace_back(around[0].first, alike);
-    }
-  const Vec<3> from = soup.points.rowwise().mean();
-  const auto volume_below = [&](Index t) {
-    const auto& [a, b, c] = triangles[t];
-    const Vec<3> to_b = soup.points.col(b) - from, to_c = soup.points.col(c) - from;
-    return (soup.points.col(a) - from).dot(to_b.cross(to_c));
-  };
-  Oriented result;
-  std::vector<signed char> side(triangles.size(), 0);
-  for (Index first = 0; first < std::ssize(triangles); ++first) {
-    if (side[first] != 0) continue;
-    std::vector<Index> part{first};
-    side[first] = 1;
-    double balance = 0.0, total = 0.0, volume = 0.0;
-    for (std::size_t k = 0; k < part.size(); ++k) {
-      balance += side[part[k]] * areas[part[k]];
-      total += areas[part[k]];
-      volume += side[part[k]] * volume_below(part[k]);
-      for (const auto& [other, alike] : next[part[k]])
-        if (side[other] == 0) {
-          side[other] = static_cast<signed char>(alike ? side[part[k]] : -side[part[k]]);
-          part.push_back(other);
-        }
-    }
-    // Which way is out is the file's to say, as long as it agrees with itself: shells inside others are cavities.
-    const double turn = std::abs(balance) > agreed * total ? balance : volume;
-    for (const Index t : part) {
-      if (turn < 0.0) side[t] = static_cast<signed char>(-side[t]);
-      if (side[t] < 0) ++result.turned;
-    }
-  }
-  double volume = 0.0;
-  for (Index t = 0; t < std::ssize(triangles); ++t) {
-    const auto& corners = triangles[t];
-    Triangle one{soup.points.col(corners[0]), soup.points.col(corners[1]), soup.points.col(corners[2])};
-    if (side[t] < 0) std::swap(one[1], one[2]);
-    volume += side[t] * volume_below(t);
-    result.triangles.push_back(one);
-  }
-  if (volume < 0.0)
-    for (Triangle& one : result.triangles) std::swap(one[1], one[2]);
-  return result;
-}
-
-/// Solid angle of a triangle seen from q, positive from behind (Van Oosterom & Strackee 1983).
-double solid_angle(const Triangle& triangle, const Vec<3>& q) {
-  const Vec<3> a = triangle[0] - q, b = triangle[1] - q, c = triangle[2] - q;
-  const double la = a.norm(), lb = b.norm(), lc = c.norm();
-  return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
-}
-
-/// Winding numbers by a tree of clusters.
-class Winding {
- public:
-  explicit Winding(std::vector<Triangle> triangles) : triangles_(std::move(triangles)) {
-    build(0, static_cast<Index>(triangles_.size()));
-  }
-  double operator()(const Vec<3>& q) const {
-    double sum = 0.0;
-    for (Index n = 0; n < std::ssize(clusters_);) {
-      const Cluster& cluster = clusters_[n];
-      const Vec<3> away = cluster.centre - q;
-      const double distance = away.norm();
-      if (distance > far_away * cluster.radius) {
-        sum += cluster.dipole.dot(away) / (distance * distance * distance);
-        n = cluster.after;
-      } else if (cluster.after == n + 1) {
-        for (Index t = cluster.begin; t < cluster.end; ++t) sum += solid_angle(triangles_[t], q);
-        n = cluster.after;
-      } else {
-        ++n;
-      }
-    }
-    return sum / (4.0 * std::numbers::pi);
-  }
-
- private:
-  struct Cluster {
-    Vec<3> centre, dipole;  ///< area times normal
-    double radius;
-    Index begin, end;  ///< its triangles
-    Index after;       ///< the cluster that follows all within this one
-  };
-  void build(Index begin, Index end) {
-    const auto at = clusters_.size();
-    Cluster cluster{Vec<3>::Zero(), Vec<3>::Zero(), 0.0, begin, end, 0};
-    Vec<3> low = triangles_[begin][0], high = low;
-    double total = 0.0;
-    for (Index t = begin; t < end; ++t) {
-      const auto& [a, b, c] = triangles_[t];
-      const Vec<3> area = 0.5 * (b - a).cross(c - a), middle = (a + b + c) / 3.0;
-      cluster.dipole += area;
-      cluster.centre += area.norm() * middle;
-      total += area.norm();
-      low = low.cwiseMin(middle);
-      high = high.cwiseMax(middle);
-    }
-    cluster.centre /= total;
-    for (Index t = begin; t < end; ++t)
-      for (const Vec<3>& corner : triangles_[t])
-        cluster.radius = std::max(cluster.radius, (corner - cluster.centre).norm());
-    clusters_.push_back(cluster);
-    if (end - begin > few) {
-      int axis = 0;
-      (high - low).maxCoeff(&axis);
-      const Index half = begin + (end - begin) / 2;
-      const auto middle = [&](const Triangle& t) { return t[0][axis] + t[1][axis] + t[2][axis]; };
-      std::ranges::stable_sort(triangles_.begin() + begin, triangles_.begin() + end, {}, middle);
-      build(begin, half);
-      build(half, end);
-    }
-    clusters_[at].after = static_cast<Index>(clusters_.size());
-  }
-
-  std::vector<Triangle> triangles_;
-  std::vector<Cluster> clusters_;  ///< each before those within it
-};
 
 /// Squared distance from q to a triangle, by the region of its plane that q is over (Ericson 2005).
 double squared_distance(const Triangle& triangle, const Vec<3>& q) {
@@ -203,10 +42,11 @@ SurfaceImage sample_surface(const SurfaceSoup& surface, double voxel) {
   require(!surface.triangles.empty(), "sample_surface: there is no triangle");
   if (!(voxel > 0.0 && std::isfinite(voxel)))
     throw InputError(fmt::format("sample_surface: voxels of {:.4g}, expected > 0", voxel));
-  Oriented faces = oriented(surface);
+  internal::OrientedTriangles faces = internal::orient_triangles(surface);
   require(!faces.triangles.empty(), "sample_surface: no triangle has an area");
   SurfaceImage result;
   result.turned = faces.turned;
+  result.shells_turned = faces.shells_turned;
   LabelImage<3>& image = result.image;
   const Vec<3> low = surface.points.rowwise().minCoeff(), high = surface.points.rowwise().maxCoeff();
   double voxels = 1.0;
@@ -305,7 +145,8 @@ SurfaceImage sample_surface(const SurfaceSoup& surface, double voxel) {
 SurfaceLattice mesh_surface_on_lattice(const SurfaceSoup& surface, double size) {
   const SurfaceImage sampled = sample_surface(surface, 0.5 * size);
   LatticeMesh on_lattice = mesh_on_lattice(sampled.image, {.size = size});
-  SurfaceLattice result{std::move(on_lattice.mesh), on_lattice.lost, sampled.turned, sampled.closed};
+  SurfaceLattice result{std::move(on_lattice.mesh), on_lattice.lost, sampled.turned, sampled.shells_turned,
+                        sampled.closed};
   result.mesh.regions.clear();
   result.mesh.region_names.clear();
   std::erase_if(result.mesh.groups, [](const auto& group) { return group.facets.empty(); });

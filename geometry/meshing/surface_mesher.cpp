@@ -7,6 +7,7 @@
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/mesh/spatial_order.hpp"
+#include "efree/geometry/meshing/internal/narrow_gaps.hpp"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Mesh_complex_3_in_triangulation_3.h>
@@ -24,6 +25,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <queue>
 #include <tuple>
 #include <unordered_map>
@@ -77,10 +79,24 @@ std::vector<Kernel::Vector_3> steady_normals(const Surface& surface, double tole
   return normals;
 }
 
-/// Finds the edges at which the surface turns by more than `angle`, whatever the slivers beside them say, and numbers
-/// the patches between them from 1, in the properties that Mesh_3 reads. Two sides of a strip of slivers would both be
-/// sharp, and be covered with balls smaller than the gap between them, any number of them where it closes.
-void mark_sharp_edges(Surface& surface, double angle, double tolerance) {
+/// Takes the rims of narrow gaps from the sharp edges.
+void forget_rims(Surface& surface, double size) {
+  const auto is_sharp = get(CGAL::edge_is_feature, surface);
+  const auto rims = internal::rims_of_gaps(internal::soup_of(surface), internal::narrow_share * size, size);
+  std::vector<Index> number(surface.num_vertices());  // as soup_of counts
+  Index count = 0;
+  for (const auto v : surface.vertices()) number[v] = count++;
+  for (const auto e : surface.edges()) {
+    const Index a = number[surface.source(surface.halfedge(e))], b = number[surface.target(surface.halfedge(e))];
+    if (rims.contains({std::min(a, b), std::max(a, b)})) put(is_sharp, e, false);
+  }
+}
+
+/// Finds the edges at which the surface turns by more than `angle`, whatever the slivers beside them say, but for rims
+/// of narrow gaps, and numbers the patches between them from 1, in the properties that Mesh_3 reads. Two sides of a
+/// strip of slivers would both be sharp, and be covered with balls smaller than the gap between them, any number of
+/// them where it closes.
+void mark_sharp_edges(Surface& surface, double angle, double tolerance, double size) {
   const auto is_sharp = get(CGAL::edge_is_feature, surface);
   const auto patch = get(CGAL::face_patch_id_t<Domain::Patch_id>(), surface);
   const auto normals = steady_normals(surface, tolerance);
@@ -89,6 +105,7 @@ void mark_sharp_edges(Surface& surface, double angle, double tolerance) {
     const auto h = surface.halfedge(e);
     put(is_sharp, e, angle < 180.0 && normals[surface.face(h)] * normals[surface.face(surface.opposite(h))] < cosine);
   }
+  if (angle < 180.0) forget_rims(surface, size);
   CGAL::Polygon_mesh_processing::connected_components(surface, patch,
                                                       CGAL::parameters::edge_is_constrained_map(is_sharp));
   for (const auto f : surface.faces()) put(patch, f, get(patch, f) + 1);
@@ -197,6 +214,7 @@ void insert_initial_points(const Surface& surface, const Domain& domain, Complex
 struct Mesh {
   MeshData<3> data;
   std::vector<char> is_corner;  ///< by vertex: one where sharp edges meet
+  std::vector<double> areas;    ///< of the groups, which have no names yet
 };
 Mesh mesh_of(const Complex& complex) {
   MeshData<3> mesh;
@@ -234,12 +252,82 @@ Mesh mesh_of(const Complex& complex) {
     patch.area += 0.5 * (points[facet[1]] - points[facet[0]]).cross(points[facet[2]] - points[facet[0]]).norm();
     patch.facets.push_back(facet);
   }
-  std::vector<Patch> by_area;
-  for (auto& [index, patch] : patches) by_area.push_back(std::move(patch));
-  std::ranges::stable_sort(by_area, std::ranges::greater{}, &Patch::area);
-  for (auto& patch : by_area)
-    mesh.groups.push_back({fmt::format("surface {}", mesh.groups.size() + 1), std::move(patch.facets)});
-  return {std::move(mesh), std::move(is_corner)};
+  std::vector<double> areas;
+  for (auto& [index, patch] : patches) {
+    mesh.groups.push_back({"", std::move(patch.facets)});
+    areas.push_back(patch.area);
+  }
+  return {std::move(mesh), std::move(is_corner), std::move(areas)};
+}
+
+/// Meshes side by side as one.
+Mesh together(std::vector<Mesh> bodies) {
+  if (bodies.size() == 1) return std::move(bodies.front());
+  Eigen::Index vertices = 0, cells = 0;
+  for (const Mesh& body : bodies) {
+    vertices += body.data.vertices.cols();
+    cells += body.data.cells.cols();
+  }
+  Mesh all;
+  all.data.vertices.resize(3, vertices);
+  all.data.cells.resize(4, cells);
+  vertices = cells = 0;
+  for (Mesh& body : bodies) {
+    const auto first = static_cast<Index>(vertices);
+    all.data.vertices.middleCols(vertices, body.data.vertices.cols()) = body.data.vertices;
+    all.data.cells.middleCols(cells, body.data.cells.cols()) = body.data.cells.array() + first;
+    vertices += body.data.vertices.cols();
+    cells += body.data.cells.cols();
+    for (auto& group : body.data.groups) {
+      for (auto& facet : group.facets)
+        for (Index& v : facet) v += first;
+      all.data.groups.push_back(std::move(group));
+    }
+    all.areas.insert(all.areas.end(), body.areas.begin(), body.areas.end());
+  }
+  return all;
+}
+
+/// Names the groups "surface 1", "surface 2", ..., the largest first.
+void name_groups(Mesh& mesh) {
+  std::vector<std::size_t> order(mesh.areas.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::ranges::greater{}, [&](std::size_t g) { return mesh.areas[g]; });
+  std::vector<MeshData<3>::Group> groups;
+  for (const std::size_t g : order)
+    groups.push_back({fmt::format("surface {}", groups.size() + 1), std::move(mesh.data.groups[g].facets)});
+  mesh.data.groups = std::move(groups);
+}
+
+/// The mesh of one body, of which there may be none left if it is small.
+Mesh mesh_body(Surface& surface, const SurfaceMeshOptions& options) {
+  const double size = options.size;
+  auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
+  CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
+
+  const double distance = options.distance > 0.0 ? options.distance : size / 20.0;
+  mark_sharp_edges(surface, options.feature_angle, distance, size);
+  CGAL::Random random(0);
+  Domain domain(surface, &random);
+  add_curves(surface, domain);
+  // Radii of the circumscribed circles and balls, of which an edge of an equilateral triangle is 1.73 and of a regular
+  // tetrahedron 1.63 times longer.
+  const Criteria criteria(CGAL::parameters::edge_size = size, CGAL::parameters::facet_angle = 20.0,
+                          CGAL::parameters::facet_size = 0.6 * size, CGAL::parameters::facet_distance = distance,
+                          CGAL::parameters::cell_radius_edge_ratio = 3.0, CGAL::parameters::cell_size = 0.65 * size);
+  Complex complex;
+  CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);
+  insert_initial_points(surface, domain, complex);
+  namespace par = CGAL::parameters;
+  CGAL::refine_mesh_3(complex, domain, criteria, par::no_lloyd(), par::no_odt(), par::no_perturb(),
+                      par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
+  if (complex.number_of_cells_in_complex() == 0) return {};
+  Mesh mesh = mesh_of(complex);
+  complex.clear();
+  // Exudation moves no point of a flat side, nor where all four are of the boundary.
+  internal::peel_flat_cells(mesh.data);
+  internal::inflate_flat_cells(mesh.data, 0.1 * distance, mesh.is_corner);
+  return mesh;
 }
 
 /// Says why the tetrahedra do not fill the volume enclosed, and what to do about it.
@@ -272,32 +360,16 @@ MeshData<3> mesh_surface(const SurfaceSoup& soup, const SurfaceMeshOptions& opti
   const double enclosed = std::abs(CGAL::to_double(CGAL::Polygon_mesh_processing::volume(surface)));
   require_memory(12e3 * enclosed / std::pow(size, 3), fmt::format("surface: a mesh of size {:g}", size),
                  "use a larger size");
-  auto part_of = surface.add_property_map<Surface::Face_index, std::size_t>("f:part", 0).first;
-  CGAL::Polygon_mesh_processing::connected_components(surface, part_of);
-
-  const double distance = options.distance > 0.0 ? options.distance : size / 20.0;
-  mark_sharp_edges(surface, options.feature_angle, distance);
-  CGAL::Random random(0);
-  Domain domain(surface, &random);
-  add_curves(surface, domain);
-  // Radii of the circumscribed circles and balls, of which an edge of an equilateral triangle is 1.73 and of a regular
-  // tetrahedron 1.63 times longer.
-  const Criteria criteria(CGAL::parameters::edge_size = size, CGAL::parameters::facet_angle = 20.0,
-                          CGAL::parameters::facet_size = 0.6 * size, CGAL::parameters::facet_distance = distance,
-                          CGAL::parameters::cell_radius_edge_ratio = 3.0, CGAL::parameters::cell_size = 0.65 * size);
-  Complex complex;
-  CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);
-  insert_initial_points(surface, domain, complex);
-  namespace par = CGAL::parameters;
-  CGAL::refine_mesh_3(complex, domain, criteria, par::no_lloyd(), par::no_odt(), par::no_perturb(),
-                      par::exude(par::sliver_bound = 3.0), par::no_reset_c3t3());
-  if (complex.number_of_cells_in_complex() == 0)
-    throw InputError(fmt::format("surface: {}", too_coarse(0.0, enclosed, options)));
-  auto [mesh, is_corner] = mesh_of(complex);
-  complex.clear();
-  // Exudation moves no point of a flat side, nor where all four are of the boundary.
-  internal::peel_flat_cells(mesh);
-  internal::inflate_flat_cells(mesh, 0.1 * distance, is_corner);
+  // Bodies one by one: no gap between them is so narrow that it could be closed, or cost more cells than a wide one.
+  std::vector<Mesh> bodies;
+  for (Surface& body : internal::separate_bodies(surface)) {
+    internal::refuse_costly_gaps(internal::soup_of(body), enclosed, options);
+    bodies.push_back(mesh_body(body, options));
+  }
+  Mesh all = together(std::move(bodies));
+  if (all.data.cells.cols() == 0) throw InputError(fmt::format("surface: {}", too_coarse(0.0, enclosed, options)));
+  name_groups(all);
+  MeshData<3> mesh = std::move(all.data);
   const FineMesh<3> body(mesh);
   constexpr double most_lost = 0.1;
   if (const double filled = body.volumes().sum(); std::abs(filled - enclosed) > most_lost * enclosed)

@@ -34,8 +34,8 @@ template <int Dim> auto fields(GreyImage<Dim>& image) {
   return std::tie(size, spacing, origin, values);
 }
 template <int Dim> auto fields(MadeMesh<Dim>& made) {
-  auto& [mesh, reports, remarks, size, image, region_of_label] = made;
-  return std::tie(mesh, reports, remarks, size, image, region_of_label);
+  auto& [mesh, reports, remarks, warnings, size, image, region_of_label] = made;
+  return std::tie(mesh, reports, remarks, warnings, size, image, region_of_label);
 }
 template <int Dim> auto fields(BodySummary<Dim>& body) {
   auto& [name, num_cells, volume, box] = body;

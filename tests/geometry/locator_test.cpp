@@ -125,5 +125,17 @@ TEST(Locator, RoundingOutsideIsInsideAndMoreNamesTheNearestVertex) {
   EXPECT_INPUT_ERROR(locate(box, Vec<3>(-1.0, -1.0, -1.0)), "the nearest fine vertex is (0, 0, 0)");
 }
 
+TEST(Locator, PointsOutsideByTheRoundingOfFilesAreOnTheBoundary) {
+  const FineMesh<3> box(solids::box({1.0, 2.0, 2.0}, 0.5));  // of diagonal 3
+  const Vec<3> low = box.vertices().rowwise().minCoeff(), high = box.vertices().rowwise().maxCoeff();
+  const Vec<3> side(high.x(), 0.5 * (low.y() + high.y()) + 0.1, 0.5 * (low.z() + high.z()) + 0.2);
+  const Location<3> there = locate<3>(box, side + Vec<3>(2.9e-6, 0, 0));
+  EXPECT_GE(there.at.minCoeff(), 0.0);
+  Vec<3> found = Vec<3>::Zero();
+  for (int i = 0; i < 4; ++i) found += there.at[i] * box.vertex(box.cells()(i, there.cell));
+  EXPECT_LT((found - side).norm(), 1e-12);
+  EXPECT_INPUT_ERROR(locate<3>(box, side + Vec<3>(3.1e-6, 0, 0)), "lies outside the body");
+}
+
 }  // namespace
 }  // namespace efree

@@ -245,6 +245,23 @@ TEST(GmshSolid, StepBodiesThatTouchShareTheirFacetsInTheUnitOfTheFile) {
   const FineMesh<3> metres(read_gmsh<3>(file("metre.stp", text), {.size = 0.3}));
   EXPECT_NEAR(metres.volumes().sum(), 1.25, 1e-9);
   EXPECT_LE(metres.size(), 0.3 * (1.0 + 1e-12));
+  // In centimetres, as a multiple of another unit under whatever name.
+  for (const char* name : {"CENTIMETRE", "cm"}) {
+    std::string centi = text;
+    for (std::size_t at = 0;
+         (at = centi.find("LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.)", at)) != std::string::npos;) {
+      const std::string unit = "CONVERSION_BASED_UNIT('" + std::string(name) + "',#9001)LENGTH_UNIT()NAMED_UNIT(#9003)";
+      centi.replace(at, 44, unit);
+      at += unit.size();
+    }
+    const std::size_t end = centi.rfind("ENDSEC;");
+    centi.insert(end,
+                 "#9001=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(10.),#9002);\n"
+                 "#9002=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));\n"
+                 "#9003=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n");
+    const FineMesh<3> converted(read_gmsh<3>(file("centimetre.stp", centi), {.size = 0.3}));
+    EXPECT_NEAR(converted.volumes().sum(), 1.25, 1e-9) << name;
+  }
   EXPECT_INPUT_ERROR(read_gmsh<3>(file("half.step", text.substr(0, text.size() / 2)), {.size = 0.3}),
                      "half.step: Could not read file");
 }
@@ -281,7 +298,26 @@ TEST(GmshSolid, RefusesWrongInput) {
            "5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n$EndNodes\n$Elements\n1\n1 5 2 0 1 1 2 3 4 5 6 7 8\n"
            "$EndElements\n");
   EXPECT_EQ(gmsh_dimension(msh), 3);
-  EXPECT_INPUT_ERROR(read_gmsh<3>(msh), "expected 4-node tetrahedra only");
+  EXPECT_INPUT_ERROR(read_gmsh<3>(msh), "has elements \"Hexahedron 8\", expected tetrahedra only; mesh it with tetra");
+}
+
+TEST(GmshSolid, SecondOrderTetrahedraAreReadByTheirCornerNodes) {
+  const std::string geo =
+      "SetFactory(\"OpenCASCADE\"); Box(1) = {0, 0, 0, 2, 1, 1}; Physical Volume(\"bar\") = {1};\n"
+      "Physical Surface(\"end\") = {1}; Mesh.MeshSizeMax = 0.5;\n";
+  const std::string first = file("first.msh", ""), second = file("second.msh", "");
+  read_gmsh<3>(file("first.geo", geo + "Mesh 3; Save \"" + first + "\";\n"), {.size = 1.0, .trust = true});
+  read_gmsh<3>(file("second.geo", geo + "Mesh 3; SetOrder 2; Save \"" + second + "\";\n"),
+               {.size = 1.0, .trust = true});
+  int order = 0;
+  const FineMesh<3> linear(read_gmsh<3>(first, {}, &order));
+  EXPECT_EQ(order, 1);
+  const FineMesh<3> corners(read_gmsh<3>(second, {}, &order));
+  EXPECT_EQ(order, 2);
+  EXPECT_EQ(corners.num_cells(), linear.num_cells());
+  EXPECT_EQ(corners.num_vertices(), linear.num_vertices());
+  EXPECT_NEAR(corners.volumes().sum(), 2.0, 1e-9);
+  EXPECT_EQ(corners.group("end").size(), linear.group("end").size());
 }
 
 TEST(GmshPlane, PhysicalSurfacesAreRegionsWithAndWithoutASize) {

@@ -5,6 +5,7 @@
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/geometry/meshing/surface_image.hpp"
 #include "meshes.hpp"
+#include "surfaces.hpp"
 
 #include <Eigen/LU>
 #include <cmath>
@@ -14,6 +15,8 @@
 namespace efree {
 namespace {
 
+using namespace efree::test;
+
 constexpr double pi = std::numbers::pi;
 
 std::string file(const std::string& name, const std::string& text) {
@@ -21,55 +24,6 @@ std::string file(const std::string& name, const std::string& text) {
       testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
   std::ofstream(path, std::ios::binary) << text;
   return path;
-}
-
-/// Surface of the box [low, high], every triangle with three points of its own as in an STL file.
-SurfaceSoup box_surface(const Vec<3>& low, const Vec<3>& high) {
-  SurfaceSoup soup;
-  std::vector<Vec<3>> points;
-  const auto corner = [&](int bits) {
-    return Vec<3>(bits & 1 ? high.x() : low.x(), bits & 2 ? high.y() : low.y(), bits & 4 ? high.z() : low.z());
-  };
-  const int quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
-  for (const auto& q : quads)
-    for (const auto& t : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
-      const Index first = static_cast<Index>(points.size());
-      for (const int k : t) points.push_back(corner(k));
-      soup.triangles.push_back({first, first + 1, first + 2});
-    }
-  soup.points.resize(3, static_cast<Index>(points.size()));
-  for (std::size_t v = 0; v < points.size(); ++v) soup.points.col(static_cast<Index>(v)) = points[v];
-  return soup;
-}
-
-/// Sphere of `n` rings with 2n points each.
-SurfaceSoup sphere_surface(const Vec<3>& centre, double radius, int n) {
-  SurfaceSoup soup;
-  soup.points.resize(3, 2 + (n - 1) * 2 * n);
-  soup.points.col(0) = centre + Vec<3>(0, 0, radius);
-  soup.points.col(1) = centre - Vec<3>(0, 0, radius);
-  const auto at = [&](int ring, int k) { return ring == 0 ? 0 : ring == n ? 1 : 2 + (ring - 1) * 2 * n + k % (2 * n); };
-  for (int ring = 1; ring < n; ++ring)
-    for (int k = 0; k < 2 * n; ++k) {
-      const double theta = pi * ring / n, phi = pi * k / n;
-      soup.points.col(at(ring, k)) =
-          centre + radius * Vec<3>(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
-    }
-  for (int ring = 0; ring < n; ++ring)
-    for (int k = 0; k < 2 * n; ++k) {
-      if (ring > 0) soup.triangles.push_back({at(ring, k), at(ring + 1, k), at(ring, k + 1)});
-      if (ring < n - 1) soup.triangles.push_back({at(ring, k + 1), at(ring + 1, k), at(ring + 1, k + 1)});
-    }
-  return soup;
-}
-
-SurfaceSoup together(const SurfaceSoup& a, const SurfaceSoup& b) {
-  SurfaceSoup soup = a;
-  const Index shift = static_cast<Index>(a.points.cols());
-  soup.points.conservativeResize(3, shift + b.points.cols());
-  soup.points.rightCols(b.points.cols()) = b.points;
-  for (const auto& t : b.triangles) soup.triangles.push_back({t[0] + shift, t[1] + shift, t[2] + shift});
-  return soup;
 }
 
 TEST(Surface, AStepFarBelowTheMeshSizeIsNoSharpEdge) {
@@ -158,6 +112,11 @@ TEST(Surface, BodiesThatTouchInAPointOrAnEdgeAreApart) {
     EXPECT_NEAR(summary.volume, 2.0, 1e-9) << touching;
     EXPECT_NEAR(summary.boundary, 12.0, 1e-9) << touching;
   }
+  // Bodies with a common face: by the same triangles or by others, a file with no open edge.
+  SurfaceSoup next = box_surface({1, 0, 0}, {2, 1, 1});
+  EXPECT_INPUT_ERROR(mesh_surface(together(box, next), {.size = 0.4}), "bodies that meet in a common face");
+  for (Vec<3> p; auto&& x : next.points.colwise()) p = x, x << p.x(), 1.0 - p.y(), p.z();  // the other diagonals
+  EXPECT_INPUT_ERROR(mesh_surface(together(box, next), {.size = 0.4}), "bodies that meet in a common face");
   // A shared part of a side is more than touching.
   EXPECT_INPUT_ERROR(mesh_surface(together(box, box_surface({1, 0.2, 0.2}, {2, 0.8, 0.8})), {.size = 0.4}),
                      "the surface meets itself");
@@ -257,6 +216,26 @@ TEST(SurfaceOnLattice, ShellsInsideThatFaceInwardAreCavities) {
   SurfaceSoup turned = together(box, pore);
   for (auto& t : turned.triangles) std::swap(t[0], t[1]);
   EXPECT_NEAR(on_lattice(turned, 0.05).volume, volume, 0.01);
+}
+
+TEST(SurfaceOnLattice, ShellsInsideOthersAreCavitiesWhicheverWayTheyFace) {
+  const SurfaceSoup hollow = together(box_surface({0, 0, 0}, {1, 1, 1}), sphere_surface({0.5, 0.5, 0.5}, 0.3, 24)),
+                    core = together(hollow, box_surface({0.4, 0.4, 0.4}, {0.6, 0.6, 0.6}));  // loose in the cavity
+  const double cavity = 4.0 / 3.0 * pi * 0.027;
+  const SurfaceLattice mesh = mesh_surface_on_lattice(hollow, 0.05);
+  EXPECT_NEAR(summarize<3>(mesh.mesh).volume, 1.0 - cavity, 0.01);
+  EXPECT_EQ(mesh.shells_turned, 1);
+  EXPECT_EQ(mesh.turned, static_cast<Index>(hollow.triangles.size()) - 12);
+  const SurfaceLattice within = mesh_surface_on_lattice(core, 0.05);
+  EXPECT_NEAR(summarize<3>(within.mesh).volume, 1.0 - cavity + 0.008, 0.01);
+  EXPECT_EQ(summarize<3>(within.mesh).num_components, 2);
+  EXPECT_EQ(within.shells_turned, 1);
+  // A body of its own that faces inward.
+  SurfaceSoup apart = sphere_surface({3, 0.5, 0.5}, 0.4, 24);
+  for (auto& t : apart.triangles) std::swap(t[0], t[1]);
+  const SurfaceLattice two = mesh_surface_on_lattice(together(box_surface({0, 0, 0}, {1, 1, 1}), apart), 0.05);
+  EXPECT_EQ(summarize<3>(two.mesh).num_components, 2);
+  EXPECT_EQ(two.shells_turned, 1);
 }
 
 TEST(SurfaceOnLattice, ClosesHolesAndTurnsTrianglesAndSaysSo) {

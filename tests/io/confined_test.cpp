@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/internal/confined.hpp"
 
+#include "efree/core/internal/reading_bound.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/case_file.hpp"
 #include "efree/io/inspect.hpp"
 #include "workspace.hpp"
+
+#include <gmock/gmock.h>
 
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -114,6 +117,28 @@ TEST(Confined, WorkThatDoesNotEndIsEnded) {
             "f.x: the test's reader failed: it was not done after 0.3 s (--mesh-time-limit)");
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
   EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child is left";
+}
+
+TEST(Confined, ReadersThatGoRoundForEverEndByTheLengthOfTheFile) {
+  const Workspace work;
+  work.write("a.brep", "short");
+  Confinement automatic = of("a.brep");
+  automatic.limits.seconds.reset();
+  const auto spin = [&](double limit) {
+    return [&, limit]() -> std::string {
+      const internal::ReadingTime bound((work / "a.brep").string(), limit);
+      const auto start = std::chrono::steady_clock::now();
+      while (std::chrono::steady_clock::now() - start < std::chrono::seconds(limit < 1.0 ? 20 : 0)) {
+      }
+      return "read";
+    };
+  };
+  EXPECT_THAT(refusal(automatic, spin(0.1)), ::testing::HasSubstr("should be read in less time: it is damaged, or"));
+  EXPECT_EQ(run_confined(automatic, spin(5.0)), "read");
+  // Whoever says how long it may take is believed.
+  Confinement told = of("a.brep");
+  told.limits.seconds = 0.5;
+  EXPECT_THAT(refusal(told, spin(0.1)), ::testing::HasSubstr("not done after 0.5 s"));
 }
 
 TEST(Confined, WhoeverWaitsIsAskedAgainAndAgainAndCanEndIt) {

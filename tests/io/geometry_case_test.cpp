@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Cases on every kind of geometry: shapes, label images, surfaces; in the plane and in space.
+#include "../geometry/surfaces.hpp"
 #include "efree/core/error.hpp"
 #include "efree/io/case_file.hpp"
 #include "workspace.hpp"
@@ -11,6 +12,7 @@
 #include <vtkPointData.h>
 #include <vtkUnstructuredGrid.h>
 #include <vtkXMLUnstructuredGridReader.h>
+#include <algorithm>
 #include <cmath>
 #include <regex>
 
@@ -749,6 +751,75 @@ TEST(SurfaceCase, AHoleIsClosedOnALattice) {
   EXPECT_GT(seen["facts"]["closed_fraction"], 0.0);
   work.write("case.toml", replaced(text, "\"lattice\" }", "\"lattice\", wrap = true }"));
   expect_matches(complaint<3>(work), R"(^case.toml:.*wrap has no meaning for a surface on a lattice)");
+}
+
+/// OFF file of a surface.
+std::string off(const SurfaceSoup& soup) {
+  std::ostringstream text;
+  text.precision(10);
+  text << "OFF\n" << soup.points.cols() << ' ' << soup.triangles.size() << " 0\n";
+  for (const auto& x : soup.points.colwise()) text << x.x() << ' ' << x.y() << ' ' << x.z() << '\n';
+  for (const auto& t : soup.triangles) text << "3 " << t[0] << ' ' << t[1] << ' ' << t[2] << '\n';
+  return text.str();
+}
+
+TEST(SurfaceCase, ASlitThatTheMeshClosesIsAWarningOfResultAndInspection) {
+  const Workspace work(R"([geometry]
+file = "fork.off"
+mesh_size = 1
+surface = { mesher = "lattice" }
+[basis]
+kind = "p1"
+[material]
+E = 1000
+nu = 0.3
+[[boundary]]
+on = { box = [[-1, -1, -1], [0.6, 5, 4.9]] }
+displacement = [0, 0, 0]
+[[boundary]]
+on = { box = [[-1, -1, 5.2], [0.6, 5, 11]] }
+traction = [0, 0, 1e-3]
+)");
+  work.write("fork.off", off(fork_surface(0.03)));
+  const auto run = work.efree(solve_here);
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto reports = json(work / "out/result.json")["reports"];
+  EXPECT_EQ(reports["closed_gaps"], 1);
+  const std::string told = "closes 1 gap of the surface, 0.03 wide at (";
+  const auto has = [&](const nlohmann::json& texts) {
+    return std::ranges::any_of(
+        texts, [&](const auto& text) { return text.template get<std::string>().find(told) != std::string::npos; });
+  };
+  EXPECT_TRUE(has(reports["warnings"])) << reports;
+  EXPECT_NE(run.output.find(told), std::string::npos) << run.output;
+  ASSERT_EQ(work.efree({"inspect", "case.toml", "--out", "seen"}).status, 0);
+  EXPECT_TRUE(has(json(work / "seen/inspection.json")["remarks"]));
+  // The file alone has no mesh yet.
+  ASSERT_EQ(work.efree({"inspect", "fork.off", "--out", "file"}).status, 0);
+  const auto seen = json(work / "file/inspection.json");
+  EXPECT_EQ(seen["facts"]["narrow_gaps"], 1);
+  EXPECT_NEAR(seen["facts"]["narrowest_gap"], 0.03, 1e-6);
+}
+
+TEST(SurfaceCase, BodiesWithAGapBetweenThemAreNotOne) {
+  const Workspace work(R"([geometry]
+file = "two.off"
+mesh_size = 2
+[material]
+E = 1000
+nu = 0
+[[boundary]]
+on = { plane = { point = [0, 0, 0], normal = [1, 0, 0] } }
+displacement = [0, 0, 0]
+[[boundary]]
+on = { plane = { point = [8.00001, 0, 0], normal = [1, 0, 0] } }
+traction = [10, 0, 0]
+)");
+  SurfaceSoup two = together(box_surface({0, 0, 0}, {4, 2, 2}), box_surface({4.00001, 0, 0}, {8.00001, 2, 2}));
+  work.write("two.off", off(two));
+  const auto run = work.efree(solve_here);
+  EXPECT_EQ(run.status, 2) << run.output;
+  EXPECT_NE(run.output.find("free"), std::string::npos) << run.output;
 }
 
 // --- shapes and graded clouds ----------------------------------------------------------------------------------------

@@ -28,4 +28,7 @@ std::vector<std::pair<typename Surface::Face_index, typename Surface::Face_index
 /// The oriented boundary of a body. Throws InputError as mesh_surface does.
 template <class Surface> Surface closed_surface(const SurfaceSoup& soup);
 
+/// A closed surface body by body: each with its cavities. Points and faces keep their order.
+template <class Surface> std::vector<Surface> separate_bodies(const Surface& closed);
+
 }  // namespace efree::internal

@@ -2,12 +2,14 @@
 #include "efree/geometry/meshing/internal/cad_import.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/reading_bound.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gmsh.h>
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -22,11 +24,59 @@ std::string upper(std::string text) {
 
 double unit_length(const std::string& path, const std::map<std::string, double>& units, const std::string& key) {
   const auto unit = units.find(key);
-  if (unit == units.end()) throw InputError(fmt::format("{}: the length unit \"{}\" is not known", path, key));
+  if (unit == units.end())
+    throw InputError(
+        fmt::format("{}: the length unit \"{}\" is not known; export the file in millimetres or metres", path, key));
   return unit->second;
 }
 
 constexpr double inch = 25.4;
+
+/// The text of an entity of a STEP file without blanks, from ";#12=" to the next semicolon; empty if there is none.
+std::string step_entity(const std::string& text, const std::string& number) {
+  const std::size_t at = text.find(';' + number + '=');
+  return at == std::string::npos ? "" : text.substr(at, text.find(';', at + 1) - at);
+}
+
+/// A unit of length of a STEP file: an SI unit, or one that is a multiple of another unit, by the factor the file gives
+/// (ISO 10303-41; its name may be any, e.g. 'CENTIMETRE').
+double step_length(const std::string& path, const std::string& text, const std::string& entity, int depth = 0) {
+  const std::string converted = "CONVERSION_BASED_UNIT('", si = "SI_UNIT(", measure = "LENGTH_MEASURE(";
+  if (const std::size_t at = entity.find(converted); at != std::string::npos) {
+    const std::size_t begin = at + converted.size(), quote = std::min(entity.find('\'', begin), entity.size());
+    if (entity.compare(quote, 2, "',") == 0 && depth < 8) {
+      const std::size_t end = std::min(entity.find(')', quote), entity.size());
+      const std::string factor = step_entity(text, entity.substr(quote + 2, end - quote - 2));
+      if (const std::size_t value = factor.find(measure); value != std::string::npos)
+        if (const std::size_t unit = factor.find("),", value); unit != std::string::npos) {
+          const double times = std::strtod(factor.c_str() + value + measure.size(), nullptr);
+          const std::string of = step_entity(text, factor.substr(unit + 2, factor.find(')', unit + 2) - unit - 2));
+          if (times > 0.0 && !of.empty()) return times * step_length(path, text, of, depth + 1);
+        }
+    }
+    return unit_length(path,
+                       {{"INCH", inch},
+                        {"FOOT", 12.0 * inch},
+                        {"MILE", 63360.0 * inch},
+                        {"MIL", 1e-3 * inch},
+                        {"MILLIMETRE", 1.0},
+                        {"CENTIMETRE", 10.0},
+                        {"METRE", 1000.0}},
+                       upper(entity.substr(begin, quote - begin)));
+  }
+  const std::size_t prefix = entity.find(si);
+  if (prefix == std::string::npos) return unit_length(path, {}, entity);
+  const std::size_t begin = prefix + si.size();
+  return unit_length(path,
+                     {{"$", 1000.0},
+                      {".MILLI.", 1.0},
+                      {".CENTI.", 10.0},
+                      {".DECI.", 100.0},
+                      {".KILO.", 1e6},
+                      {".MICRO.", 1e-3},
+                      {".NANO.", 1e-6}},
+                     entity.substr(begin, entity.find(',', begin) - begin));
+}
 
 /// ISO 10303-21: the unit is named by the first GLOBAL_UNIT_ASSIGNED_CONTEXT that names a LENGTH_UNIT.
 double step_unit(const std::string& path, std::istream& file) {
@@ -38,35 +88,9 @@ double step_unit(const std::string& path, std::istream& file) {
     const std::size_t end = text.find(')', at);
     while (at < end) {
       const std::size_t next = std::min(text.find(',', at), end);
-      const std::size_t unit = text.find(';' + text.substr(at, next - at) + '=');
+      const std::string entity = step_entity(text, text.substr(at, next - at));
       at = next + 1;
-      if (unit == std::string::npos) continue;
-      const std::string entity = text.substr(unit, text.find(';', unit + 1) - unit);
-      if (entity.find("LENGTH_UNIT()") == std::string::npos) continue;
-      const std::string converted = "CONVERSION_BASED_UNIT('", si = "SI_UNIT(";
-      if (const std::size_t name = entity.find(converted); name != std::string::npos) {
-        const std::size_t begin = name + converted.size();
-        return unit_length(path,
-                           {{"INCH", inch},
-                            {"FOOT", 12.0 * inch},
-                            {"MILE", 63360.0 * inch},
-                            {"MIL", 1e-3 * inch},
-                            {"MILLIMETRE", 1.0},
-                            {"METRE", 1000.0}},
-                           upper(entity.substr(begin, entity.find('\'', begin) - begin)));
-      }
-      if (const std::size_t prefix = entity.find(si); prefix != std::string::npos) {
-        const std::size_t begin = prefix + si.size();
-        return unit_length(path,
-                           {{"$", 1000.0},
-                            {".MILLI.", 1.0},
-                            {".CENTI.", 10.0},
-                            {".DECI.", 100.0},
-                            {".KILO.", 1e6},
-                            {".MICRO.", 1e-3},
-                            {".NANO.", 1e-6}},
-                           entity.substr(begin, entity.find(',', begin) - begin));
-      }
+      if (entity.find("LENGTH_UNIT()") != std::string::npos) return step_length(path, text, entity);
     }
   }
   return 1.0;
@@ -123,7 +147,10 @@ double declared_unit(const std::string& path) {
 
 double import_cad(const GmshSession& session, const std::string& path) {
   gmsh::vectorpair shapes;
-  gmsh::model::occ::importShapes(path, shapes, /*highestDimOnly=*/true);
+  {
+    const ReadingTime bound(path);
+    gmsh::model::occ::importShapes(path, shapes, /*highestDimOnly=*/true);
+  }
   session.check();
   if (!shapes.empty() && shapes.front().first == 2) {
     gmsh::vectorpair sewn;

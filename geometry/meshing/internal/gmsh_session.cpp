@@ -17,10 +17,21 @@
 namespace efree::internal {
 namespace {
 
-/// gmsh's numbers of first-order elements: line, triangle, tetrahedron.
-constexpr int simplex_type[] = {15, 1, 2, 4};
-constexpr const char* simplex_name[] = {"points", "2-node lines", "3-node triangles", "4-node tetrahedra"};
+constexpr const char* simplex_name[] = {"points", "lines", "triangles", "tetrahedra"};
 constexpr const char* entity_name[] = {"point", "curve", "surface", "volume"};
+
+/// What gmsh knows of a type of elements.
+struct ElementType {
+  std::string name;
+  int order = 0, nodes = 0, corners = 0;
+};
+ElementType element_type(int type) {
+  ElementType of;
+  int dim = 0;
+  std::vector<double> places;
+  gmsh::model::mesh::getElementProperties(type, of.name, dim, of.order, of.nodes, places, of.corners);
+  return of;
+}
 
 }  // namespace
 
@@ -202,9 +213,27 @@ template <int Dim> Vec<Dim> GmshNodes<Dim>::at(std::size_t tag) {
 }
 
 std::vector<std::size_t> gmsh_simplices(int dim, int entity) {
-  std::vector<std::size_t> elements, nodes;
-  gmsh::model::mesh::getElementsByType(simplex_type[dim], elements, nodes, entity);
-  return nodes;
+  std::vector<int> types;
+  gmsh::model::mesh::getElementTypes(types, dim, entity);
+  std::vector<std::size_t> corners;
+  for (const int type : types) {
+    const ElementType of = element_type(type);
+    if (of.corners != dim + 1) continue;
+    std::vector<std::size_t> elements, nodes;
+    gmsh::model::mesh::getElementsByType(type, elements, nodes, entity);
+    for (std::size_t first = 0; first + of.nodes <= nodes.size(); first += of.nodes)  // corners come first
+      for (int k = 0; k <= dim; ++k) corners.push_back(nodes[first + k]);
+  }
+  return corners;
+}
+
+int highest_order(int dim) {
+  std::vector<int> types;
+  gmsh::model::mesh::getElementTypes(types, dim);
+  int order = 0;
+  for (const int type : types)
+    if (const ElementType of = element_type(type); of.corners == dim + 1) order = std::max(order, of.order);
+  return order;
 }
 
 template <int Dim>
@@ -218,9 +247,12 @@ MeshData<Dim> gmsh_mesh(const GmshSession& session, double size, const std::vect
       std::vector<int> types;
       gmsh::model::mesh::getElementTypes(types, Dim, entity);
       for (const int type : types)
-        if (type != simplex_type[Dim])
-          session.fail(fmt::format("{} {} has elements of gmsh's type {}, expected {} only", entity_name[Dim], entity,
-                                   type, simplex_name[Dim]));
+        if (const ElementType of = element_type(type); of.corners != Dim + 1)
+          session.fail(fmt::format(
+              "{} {} has elements \"{}\", expected {} only; mesh it with {} (in gmsh without Recombine and transfinite "
+              "{}), or give the geometry (.geo, .step) instead of the mesh",
+              entity_name[Dim], entity, of.name, simplex_name[Dim], simplex_name[Dim],
+              Dim == 2 ? "quadrangles" : "hexahedra"));
       const auto found = gmsh_simplices(Dim, entity);
       corners.insert(corners.end(), found.begin(), found.end());
     }

@@ -78,8 +78,11 @@ template <int Dim> class GmshNodes {
   bool has_plane_ = false;
 };
 
-/// Nodes of all first-order simplices of an entity, dim + 1 after dim + 1.
+/// Corner nodes of all simplices of an entity, dim + 1 after dim + 1.
 std::vector<std::size_t> gmsh_simplices(int dim, int entity);
+
+/// The highest order of the simplices of this dimension; 0 if there are none.
+int highest_order(int dim);
 
 /// Reads the mesh that gmsh holds, splits edges longer than `size` (0: none), and cuts it open along the physical
 /// curves (surfaces in 3D) named in `slits`.
