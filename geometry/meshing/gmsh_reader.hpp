@@ -2,7 +2,7 @@
 /// Fine meshes from gmsh and CAD files.
 #pragma once
 
-#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 
 #include <map>
 #include <string>
@@ -13,6 +13,10 @@ namespace efree {
 /// How gmsh reads and meshes a file.
 struct GmshOptions {
   double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
+  /// > 0: facets are no farther from a curved surface than this fraction of the thickness of the wall, or of the radius
+  /// of curvature if that is less: for nearly all of them, and at most 60 000 that only this asks for. 0: at least 16
+  /// to a full turn, of .geo files with their own sizes as many as these say.
+  double sagitta = 0.0;
   /// Values for the .geo file's DefineNumber parameters, by full name ("Parameters/radius") or its last part
   /// ("radius").
   std::map<std::string, double> parameters{};
@@ -49,6 +53,8 @@ struct GmshOptions {
 /// no physical group, an unknown parameter, a size or parameters for a .msh file, a script that does more than describe
 /// geometry, CAD without a body, and for everything that gmsh itself reports as an error, in its words.
 template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {});
+/// The same with the offsets of its facets from the curves and surfaces of the file; of a .msh file there are none.
+template <int Dim> CurvedMesh<Dim> read_curved_gmsh(const std::string& path, const GmshOptions& options = {});
 
 /// 3 if the file holds volumes (always for CAD files, which are not opened), else 2. `trust`, and what it throws, as
 /// for read_gmsh.
