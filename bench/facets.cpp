@@ -146,10 +146,8 @@ std::vector<Body<2>> planar_bodies() {
       "160 holes",
       {16, 24, 48},
       [](int turn) {
-        const double sagitta = 1.0 - std::cos(pi / turn);
         PlanarDomain domain = shapes::plate_with_random_holes(10.0, 160, 0.04, 0.4, 0.03, 1, 10.0);
-        // As many chords to each hole, whatever the ligaments.
-        (void)sagitta;
+        // As many chords to each hole, whatever its size and its ligaments.
         for (Polyline& chain : domain.boundary) {
           if (chain.name != "holes") continue;
           Vec<2> centre = Vec<2>::Zero();
@@ -201,7 +199,7 @@ std::vector<Body<3>> solid_bodies() {
                   traction<3>(Cavity::stress(x), Vec<3>::Unit(d)).dot(Cavity::displacement(x));
       }
   return {{"sphere 1 to 2",
-           {16, 24, 32},
+           {12, 16, 24},
            [=](int turn) { return solids::thick_sphere(1.0, 2.0, size_of(2.0, turn), size_of(1.0, turn)); },
            model,
            symmetric,
@@ -210,7 +208,7 @@ std::vector<Body<3>> solid_bodies() {
            0,
            1},
           {"spherical cavity",
-           {16, 24, 32},
+           {12, 16, 24},
            [=](int turn) { return solids::spherical_cavity(1.0, Cavity::half_width, 1.0, size_of(1.0, turn)); },
            {.material = LinearElastic(Cavity::material), .essential = Essential::strong},
            symmetric,
@@ -219,13 +217,13 @@ std::vector<Body<3>> solid_bodies() {
            0,
            1},
           {"torus",
-           {16, 24, 32},
+           {12, 16, 20},
            [=](int turn) { return solids::half_torus(2.0, 0.5, size_of(0.5, turn)); },
            model,
            {clamp<3>("start")},
            {.tractions = {tension<3>("end", 1.0)}, .body_force = {}},
            0.0,
-           56,
+           32,
            1}};
 }
 
