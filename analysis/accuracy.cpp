@@ -77,7 +77,7 @@ template <int Dim> double excess_of_cells(const Settings<Dim>& settings, const R
 }
 
 /// Share of their sagittas that facets should have: their part of the energy falls like these, and so do their parts of
-/// the errors of probes and reactions. At least a sixteenth; 1: they are fine enough.
+/// the errors of probes and reactions. At least a sixteenth, in space a fifth; 1: they are fine enough.
 template <int Dim> double flatter(const Settings<Dim>& settings, const Result<Dim>& result) {
   const double geometry = result.estimates->geometry;
   if (geometry == 0.0) return 1.0;
@@ -86,7 +86,7 @@ template <int Dim> double flatter(const Settings<Dim>& settings, const Result<Di
   if (settings.accuracy > 0.0 && geometry <= share_of_facets * aim(settings)) share = 1.0;
   if (const double missed = missed_goals(settings, result); missed > 1.0)
     share = std::min(share, 1.0 / (missed * missed));
-  return std::clamp(share, 1.0 / 16.0, 1.0);
+  return std::clamp(share, Dim == 2 ? 1.0 / 16.0 : 1.0 / 5.0, 1.0);
 }
 
 /// A mesh of about so many cells, made once or twice more if the first is far from that; 0 cells: as it comes.
@@ -101,9 +101,11 @@ template <int Dim> PreparedMesh<Dim> prepare_about(MeshSource<Dim>& source, doub
     other.size *= std::pow(ratio, 1.0 / Dim);
     PreparedMesh<Dim> next = prepare(other, settings, monitor);
     const double then = next.mesh->num_cells() / cells;
-    if (std::abs(std::log(then)) >= std::abs(std::log(ratio))) break;
+    const double was = std::abs(std::log(ratio)), is = std::abs(std::log(then));
+    if (is >= was) break;
     source = std::move(other);
     mesh = std::move(next);
+    if (is > 0.5 * was) break;  // outlines dictate their cells
   }
   return mesh;
 }
