@@ -46,4 +46,8 @@ Vector sagittas(const Matrix& offsets);
 /// Vertices lie on it; its normals there are the means of those of the facets around.
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh);
 
+/// split_long_edges with the offsets of the facets' halves, which stay where the facet was: those of points on quadratic
+/// facets. Facets that belong to no group have offsets along split edges only.
+template <int Dim> CurvedMesh<Dim> split_long_edges(CurvedMesh<Dim> curved, double longest);
+
 }  // namespace efree

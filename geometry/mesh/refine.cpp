@@ -2,6 +2,7 @@
 #include "efree/geometry/mesh/refine.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -2,7 +2,7 @@
 /// Meshes made finer.
 #pragma once
 
-#include "efree/geometry/mesh/boundary_offsets.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 namespace efree {
 
@@ -11,8 +11,5 @@ namespace efree {
 /// bound (longest-edge bisection; Rivara 1984). Deterministic, O(n log n) for each pass over the mesh; few passes if
 /// few edges are too long. Throws InputError if `longest` is not positive or a cell's vertex is out of range.
 template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double longest);
-/// The same, with the offsets of the facets' halves, which stay where the facet was: those of points on quadratic
-/// facets. Facets that belong to no group have offsets along split edges only.
-template <int Dim> CurvedMesh<Dim> split_long_edges(CurvedMesh<Dim> curved, double longest);
 
 }  // namespace efree
