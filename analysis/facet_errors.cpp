@@ -20,7 +20,7 @@ constexpr double bending = 6.0;
 /// By facet: sagitta over the thickness of the wall, or over the radius of curvature if that is less.
 template <int Dim> Vector relative_sagittas(const FineMesh<Dim>& mesh, const Matrix& offsets, const Vector& thickness) {
   Vector relative = Vector::Zero(mesh.num_facets());
-  const Vector heights = sagittas(offsets);
+  const Vector heights = sagittas(mesh, offsets);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     if (heights[f] == 0.0) continue;
     double longest = 0.0;
@@ -100,7 +100,7 @@ template <int Dim> void add_facet_errors(const Settings<Dim>& settings, Result<D
       if (extreme.of == "von_mises" && extreme.error)
         *extreme.error += std::min(1.0, bending * around(space, extreme.place, relative)) * extreme.value;
   }
-  warn_of_walls(*result.mesh, relative, thickness, sagittas(result.offsets), result);
+  warn_of_walls(*result.mesh, relative, thickness, sagittas(*result.mesh, result.offsets), result);
 }
 
 template std::optional<ShapeDerivative<2>> shape_derivative<2>(const Settings<2>&, const Result<2>&,

@@ -94,7 +94,7 @@ template <int Dim> void tabulate(Body<Dim> body) {
   if (body.energy == 0.0) {
     const auto [mesh, offsets] = prepared(body.reference);
     const auto fine = answer(body, mesh, offsets);
-    body.energy = fine.energy + fine.change;
+    body.energy = converged(body, mesh, fine.energy) + fine.change;
   }
   for (const int turn : body.turns) {
     const auto [mesh, offsets] = prepared(turn);

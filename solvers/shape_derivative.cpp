@@ -6,6 +6,7 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/core/parallel.hpp"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -33,30 +34,35 @@ template <int Dim> Eigen::Matrix<double, facet_points<Dim>, Dim> facet_slopes(co
   return dN;
 }
 
-/// Gradients of the barycentric coordinates along facet f: Dim x Dim, column = vertex of the facet [1/length].
-template <int Dim> Mat<Dim> facet_gradients(const FineMesh<Dim>& mesh, Index f) {
-  Eigen::Matrix<double, Dim, Dim - 1> edges;
-  for (int k = 1; k < Dim; ++k) edges.col(k - 1) = mesh.vertex(mesh.facets()(k, f)) - mesh.vertex(mesh.facets()(0, f));
-  const Eigen::Matrix<double, Dim, Dim - 1> dual = edges * (edges.transpose() * edges).inverse();
-  Mat<Dim> gradients;
-  gradients.template rightCols<Dim - 1>() = dual;
-  gradients.col(0) = -dual.rowwise().sum();
-  return gradients;
+/// The area vector of a facet's surface beside a point of it, over the area of the facet. `offsets`: as vectors, column
+/// = point of the facet.
+template <int Dim>
+Vec<Dim> area_vector(const FineMesh<Dim>& mesh, Index f, const Points<Dim>& offsets, const Vec<Dim>& at) {
+  Points<Dim> corners(Dim, Dim);
+  for (int k = 0; k < Dim; ++k) corners.col(k) = mesh.vertex(mesh.facets()(k, f));
+  const Mat<Dim> by_barycentric = corners + offsets * facet_slopes<Dim>(at);
+  if constexpr (Dim == 2) {
+    const Vec<2> along = by_barycentric.col(1) - by_barycentric.col(0);
+    return Vec<2>(along.y(), -along.x()) / mesh.facet_measure(f);
+  } else {
+    const Vec<3> a = by_barycentric.col(1) - by_barycentric.col(0), b = by_barycentric.col(2) - by_barycentric.col(0);
+    return 0.5 * a.cross(b) / mesh.facet_measure(f);
+  }
 }
 
 /// A displacement at a point of a facet.
 template <int Dim> struct FacetState {
   Vec<Dim> u;
-  Vec<Dim> slope;  ///< derivative along the normal
+  Mat<Dim> gradient;  ///< du_i / dX_j
   Voigt<Dim> strain, stress;
 };
 
 /// A point of the facet rule on a curved facet.
 template <int Dim> struct FacetPoint {
   typename FineSpace<Dim>::Barycentric at;  ///< in the facet's cell
-  Vec<Dim> x, on_surface;                   ///< position, and that of the surface beyond it
+  Vec<Dim> x, shift;                        ///< position, and from it to the surface
   double weight;                            ///< area that the point stands for
-  double offset;                            ///< to the surface
+  double offset;                            ///< to the surface along the normal
   Vec<Dim> area;                            ///< normal of the surface, times its area over the facet's
 };
 
@@ -87,19 +93,16 @@ template <int Dim> struct ShapeDerivative<Dim>::Impl {
       if (number[f] >= 0) body(number[f]);
   }
 
-  void add_facet(Index f, const Vec<facet_points<Dim>>& offsets) {
+  void add_facet(Index f, const Points<Dim>& offsets) {
     const auto& rule = space.facet_rule();
     const FineMesh<Dim>& mesh = space.mesh();
     const Vec<Dim> n = mesh.facet_normal(f);
-    const Mat<Dim> gradients = facet_gradients(mesh, f);
     for (Index q = 0; q < rule.weights.size(); ++q) {
       const Vec<Dim> on_facet = rule.points.col(q);
       const auto at = space.facet_point(f, on_facet);
-      const Vec<Dim> x = space.position(mesh.facet_cell(f), at);
-      const double offset = offsets.dot(facet_functions<Dim>(on_facet));
-      const Vec<Dim> area = n - gradients * (facet_slopes<Dim>(on_facet).transpose() * offsets);
-      points.push_back(
-          {at, x, x + offset * n, mesh.facet_measure(f) * rule.weights[q] * space.measure(x), offset, area});
+      const Vec<Dim> x = space.position(mesh.facet_cell(f), at), shift = offsets * facet_functions<Dim>(on_facet);
+      points.push_back({at, x, shift, mesh.facet_measure(f) * rule.weights[q] * space.measure(x), shift.dot(n),
+                        area_vector(mesh, f, offsets, on_facet)});
     }
     number[f] = static_cast<Index>(curved.size());
     curved.push_back(f);
@@ -160,7 +163,7 @@ template <int Dim> struct ShapeDerivative<Dim>::Impl {
       const Vec<Dim> rest = t - traction<Dim>(C * strain_of<Dim>(H), n);
       G += acoustic.partialPivLu().solve(rest) * n.transpose();
     }
-    out.slope = G * n;
+    out.gradient = G;
     out.strain = strain_of<Dim>(H);
     out.stress = C * out.strain;
     return out;
@@ -171,7 +174,7 @@ template <int Dim> struct ShapeDerivative<Dim>::Impl {
     double work = a.stress.dot(b.strain);
     if (held[k]) {
       const Vec<Dim> n = normal(k);
-      work -= traction<Dim>(a.stress, n).dot(b.slope) + traction<Dim>(b.stress, n).dot(a.slope);
+      work -= traction<Dim>(a.stress, n).dot(b.gradient * n) + traction<Dim>(b.stress, n).dot(a.gradient * n);
     }
     return work;
   }
@@ -187,7 +190,7 @@ template <int Dim> struct ShapeDerivative<Dim>::Impl {
     if (held[k]) return work;
     const double area = point.area.norm();
     for (const auto& load : on)
-      work += area * load.traction(point.on_surface, point.area / area).dot(of.u + point.offset * of.slope) -
+      work += area * load.traction(point.x + point.shift, point.area / area).dot(of.u + of.gradient * point.shift) -
               load.traction(point.x, n).dot(of.u);
     return work;
   }
@@ -216,11 +219,11 @@ template <int Dim> ShapeDerivative<Dim>::ShapeDerivative(const FineSpace<Dim>& s
                                                          const std::vector<TiedFacets>& ties)
     : impl_(new Impl{.space = space, .materials = materials}) {
   const FineMesh<Dim>& mesh = space.mesh();
-  require(offsets.cols() == mesh.num_facets() && offsets.rows() == facet_points<Dim>,
+  require(offsets.cols() == mesh.num_facets() && offsets.rows() == Dim * facet_points<Dim>,
           "shape derivative: offsets of every facet expected");
   impl_->number.assign(mesh.num_facets(), -1);
   for (Index f = 0; f < mesh.num_facets(); ++f)
-    if (!offsets.col(f).isZero(0.0)) impl_->add_facet(f, offsets.col(f));
+    if (!offsets.col(f).isZero(0.0)) impl_->add_facet(f, offsets.col(f).reshaped(Dim, facet_points<Dim>));
   impl_->held.assign(impl_->curved.size(), 0);
   impl_->sprung.resize(impl_->curved.size());
   for (Restraint<Dim>& restraint : restraints(conditions)) {

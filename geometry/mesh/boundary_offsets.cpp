@@ -53,23 +53,28 @@ template <int Dim> class OffsetFinder {
 }  // namespace
 
 template <int Dim> Matrix facet_offsets(const FineMesh<Dim>& mesh, const BoundaryOffsets<Dim>& boundary) {
-  Matrix offsets = Matrix::Zero(facet_points<Dim>, mesh.num_facets());
+  Matrix offsets = Matrix::Zero(Dim * facet_points<Dim>, mesh.num_facets());
   if (boundary.points.cols() == 0) return offsets;
   const OffsetFinder<Dim> find(boundary);
   parallel_for(mesh.num_facets(), [&](Index f) {
-    const Vec<Dim> normal = mesh.facet_normal(f);
     const auto corner = [&](int k) { return mesh.vertex(mesh.facets()(k, f)); };
-    int row = 0;
-    for (; row < Dim; ++row) offsets(row, f) = find.at(corner(row)).dot(normal);
-    for (const auto& [i, j] : facet_edges<Dim>())
-      offsets(row++, f) = find.at(edge_midpoint<Dim>(corner(i), corner(j))).dot(normal);
+    int point = 0;
+    const auto put = [&](const Vec<Dim>& x) { offsets.col(f).template segment<Dim>(Dim * point++) = find.at(x); };
+    for (int k = 0; k < Dim; ++k) put(corner(k));
+    for (const auto& [i, j] : facet_edges<Dim>()) put(edge_midpoint<Dim>(corner(i), corner(j)));
   });
   return offsets;
 }
 
-Vector sagittas(const Matrix& offsets) {
-  if (offsets.cols() == 0) return {};
-  return offsets.cwiseAbs().colwise().maxCoeff().transpose();
+template <int Dim> Matrix normal_offsets(const FineMesh<Dim>& mesh, const Matrix& offsets) {
+  Matrix heights(facet_points<Dim>, mesh.num_facets());
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    heights.col(f) = offsets.col(f).reshaped(Dim, facet_points<Dim>).transpose() * mesh.facet_normal(f);
+  return heights;
+}
+
+template <int Dim> Vector sagittas(const FineMesh<Dim>& mesh, const Matrix& offsets) {
+  return normal_offsets(mesh, offsets).cwiseAbs().colwise().maxCoeff().transpose();
 }
 
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh) {
@@ -103,6 +108,10 @@ template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh
 
 template Matrix facet_offsets<2>(const FineMesh<2>&, const BoundaryOffsets<2>&);
 template Matrix facet_offsets<3>(const FineMesh<3>&, const BoundaryOffsets<3>&);
+template Matrix normal_offsets<2>(const FineMesh<2>&, const Matrix&);
+template Matrix normal_offsets<3>(const FineMesh<3>&, const Matrix&);
+template Vector sagittas<2>(const FineMesh<2>&, const Matrix&);
+template Vector sagittas<3>(const FineMesh<3>&, const Matrix&);
 template BoundaryOffsets<2> smooth_offsets<2>(const FineMesh<2>&);
 template BoundaryOffsets<3> smooth_offsets<3>(const FineMesh<3>&);
 

@@ -34,20 +34,23 @@ template <int Dim> Vec<Dim> edge_midpoint(const Vec<Dim>& a, const Vec<Dim>& b) 
 /// Number of points that a quadratic polynomial on a facet is given by.
 template <int Dim> inline constexpr int facet_points = Dim == 2 ? 3 : 6;
 
-/// Signed distances from boundary facets to the true surface along the outward normal, positive where the body reaches
-/// beyond the facet [length]: facet_points x num_facets, at the vertices of each facet, then at the midpoints of its
-/// edges ((0, 1), in space also (0, 2), (1, 2)). Between these the surface is a quadratic polynomial to third order.
+/// Vectors from boundary facets to the true surface [length]: (Dim * facet_points) x num_facets, at the vertices of
+/// each facet, then at the midpoints of its edges ((0, 1), in space also (0, 2), (1, 2)), one below the other. Facets
+/// that share an edge share its offsets, so that quadratic polynomials between them make a continuous surface.
 template <int Dim> Matrix facet_offsets(const FineMesh<Dim>& mesh, const BoundaryOffsets<Dim>& boundary);
 
-/// The largest distance to the true surface of each facet, without sign [length].
-Vector sagittas(const Matrix& offsets);
+/// Their components along the outward normals, positive where the body reaches beyond the facet [length]: facet_points
+/// x num_facets.
+template <int Dim> Matrix normal_offsets(const FineMesh<Dim>& mesh, const Matrix& offsets);
+/// The largest of these on each facet, without sign [length].
+template <int Dim> Vector sagittas(const FineMesh<Dim>& mesh, const Matrix& offsets);
 
 /// Offsets where nothing is known of the surface: as if it were smooth wherever facets meet at less than 40 degrees.
 /// Vertices lie on it; its normals there are the means of those of the facets around.
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh);
 
-/// split_long_edges with the offsets of the facets' halves, which stay where the facet was: those of points on quadratic
-/// facets. Facets that belong to no group have offsets along split edges only.
+/// split_long_edges with the offsets of the facets' halves, which stay where the facet was: those of points on
+/// quadratic facets. Facets that belong to no group have offsets along split edges only.
 template <int Dim> CurvedMesh<Dim> split_long_edges(CurvedMesh<Dim> curved, double longest);
 
 }  // namespace efree

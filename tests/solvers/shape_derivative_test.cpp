@@ -110,7 +110,7 @@ TEST(ShapeDerivative, OfTheEnergyIsHalfThatOfTheWork) {
   EXPECT_NEAR(work.sum, -2.0 * potential.sum, 1e-12 * potential.magnitude);
   EXPECT_GE(potential.size(), 0.1 * potential.magnitude);
   EXPECT_TRUE(
-      ShapeDerivative<2>(elements.space, Matrix::Zero(3, mesh.num_facets()), materials, supports, {}).is_flat());
+      ShapeDerivative<2>(elements.space, Matrix::Zero(6, mesh.num_facets()), materials, supports, {}).is_flat());
 }
 
 }  // namespace
