@@ -48,7 +48,7 @@ template <int Dim> struct Body {
 };
 
 template <int Dim> struct Answered {
-  double energy, mesh_error, change, seconds;
+  double energy, mesh_error, change, size, seconds;
   Index cells, facets;
 };
 
@@ -57,12 +57,14 @@ template <int Dim> Answered<Dim> answer(const Body<Dim>& body, const FineMesh<Di
   const auto elements = approximate<Dim>(mesh, {.kind = BasisKind::p2});
   const auto solution = ElasticSolver<Dim>(elements, body.model, body.supports).solve(body.loads);
   const auto materials = materials_of(body.model, mesh);
-  Answered<Dim> out{solution.strain_energy, 0.0, 0.0, 0.0, mesh.num_cells(), 0};
+  Answered<Dim> out{solution.strain_energy, 0.0, 0.0, 0.0, 0.0, mesh.num_cells(), 0};
   if (offsets.size() > 0) {
     const auto fields = recover_fields(elements, solution);
     out.mesh_error = recovery_error(elements, fields, materials).relative;
     const ShapeDerivative<Dim> derivative(elements.space, offsets, materials, body.supports, {});
-    out.change = -derivative.potential_energy(fields.displacement, body.loads).sum;
+    const ShapeChange change = derivative.potential_energy(fields.displacement, body.loads);
+    out.change = -change.sum;
+    out.size = change.size();
     out.facets = static_cast<Index>((offsets.colwise().squaredNorm().array() > 0.0).count());
   }
   out.seconds = cpu_seconds() - start;
@@ -101,10 +103,10 @@ template <int Dim> void tabulate(Body<Dim> body) {
     const auto found = answer(body, mesh, offsets);
     const double polygon = converged(body, mesh, found.energy);
     const double truth = body.energy - polygon, whole = body.energy - found.energy;
-    const double stated = found.mesh_error * found.mesh_error + std::abs(found.change) / found.energy;
+    const double stated = found.mesh_error * found.mesh_error + found.size / found.energy;
     std::printf("| %s | %d | %d | %.3g | %.3g | %.2f | %.2f | %.2f | %.2g |\n", body.name.c_str(), turn, found.cells,
                 100.0 * found.change / body.energy, 100.0 * truth / body.energy,
-                std::sqrt(std::abs(found.change / truth)), 1.0 - found.change / truth,
+                std::sqrt(found.size / std::abs(truth)), 1.0 - found.change / truth,
                 std::sqrt(stated / std::abs(whole / body.energy)), found.seconds);
     std::fflush(stdout);
   }
@@ -235,7 +237,7 @@ void walls() {
   const double radial = -1.0, hoop = mean * (1.0 + decay), axial = 2.0 * moduli.nu * mean;
   const double lame = std::sqrt(0.5 * ((radial - hoop) * (radial - hoop) + (hoop - axial) * (hoop - axial) +
                                        (axial - radial) * (axial - radial)));
-  std::printf("| sagitta / wall | chords | cells | von Mises / Lame - 1 [%%] | 6 sagitta / wall [%%] | s |\n");
+  std::printf("| sagitta / wall | chords | cells | von Mises / Lame - 1 [%%] | estimated [%%] | s |\n");
   for (const double sagitta : {0.35, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005}) {
     CurvedMesh<2> curved = triangulate_curved(shapes::annulus(inner, outer, 5.0, sagitta), {.size = 1.0});
     const FineMesh<2> mesh(std::move(curved.mesh));
@@ -251,7 +253,7 @@ void walls() {
     for (const auto& stress : fields.stress.colwise()) most = std::max(most, von_mises<2>(Voigt<2>(stress)));
     const double angle = std::acos(1.0 - sagitta * (outer - inner) / outer);
     std::printf("| %g | %.0f | %d | %.3g | %.3g | %.2g |\n", sagitta, std::ceil(pi / angle), mesh.num_cells(),
-                100.0 * (most / lame - 1.0), 600.0 * sagitta, cpu_seconds() - start);
+                100.0 * (most / lame - 1.0), 300.0 * sagitta, cpu_seconds() - start);
   }
 }
 

@@ -211,8 +211,8 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
 
 /// The mesh of sampled surfaces with the regions of its cells: parts between interfaces lie in one region each, that of
 /// their largest cell.
-CurvedMesh<2> triangulate_regions(const SampledSurfaces& sampled, double size) {
-  CurvedMesh<2> curved = triangulate_curved(sampled.domain, {.size = size});
+CurvedMesh<2> triangulate_regions(const SampledSurfaces& sampled, const TriangulateOptions& options) {
+  CurvedMesh<2> curved = triangulate_curved(sampled.domain, options);
   MeshData<2>& mesh = curved.mesh;
   mesh.region_names = sampled.region_names;
   if (sampled.region_names.size() == 1) return curved;
@@ -348,10 +348,13 @@ CurvedMesh<Dim> read(const GmshSession& session, const std::string& path, Format
     limit_sizes(options.size);
     gmsh::option::setNumber("Mesh.MinimumCirclePoints",
                             std::max(16.0, internal::gmsh_option("Mesh.MinimumCirclePoints")));
-    const auto fill = [&] { return triangulate_regions(sample_surfaces(session, options.slits), options.size); };
+    const auto fill = [&](const TriangulateOptions& how) {
+      return triangulate_regions(sample_surfaces(session, options.slits), how);
+    };
+    const TriangulateOptions careless{.size = 10.0 * model_diagonal(), .min_angle = 0.0};  // tells thicknesses as well
     internal::mesh_with_walls<2>(
-        session, options.sagitta, [&] { session.generate(1); }, [&] { return fill().mesh; });
-    return fill();
+        session, options.sagitta, [&] { session.generate(1); }, [&] { return fill(careless).mesh; });
+    return fill({.size = options.size});
   }
 }
 

@@ -146,37 +146,65 @@ template <int Dim> BoundaryOffsets<Dim> offsets_of(const std::vector<CurvedEdge<
   return out;
 }
 
+namespace {
+
+template <int Dim> std::array<double, Dim> key_of(const Vec<Dim>& x) {
+  std::array<double, Dim> key;
+  std::copy_n(x.data(), Dim, key.begin());
+  return key;
+}
+
+/// Calls visit(facet, edge) for the boundary facets that an edge is a side of, in 2D for those that it was split into.
+template <int Dim, class Visit>
+void for_each_facet(const FineMesh<Dim>& mesh, const std::vector<CurvedEdge<Dim>>& edges, const Visit& visit) {
+  if constexpr (Dim == 2) {
+    std::map<std::array<double, 2>, Index> vertices;
+    for (Index v = 0; v < mesh.num_vertices(); ++v)
+      if (mesh.on_boundary(v)) vertices.emplace(key_of<2>(mesh.vertex(v)), v);
+    for (const CurvedEdge<2>& edge : edges) {
+      const auto start = vertices.find(key_of<2>(edge.a));
+      const Vec<2> along = edge.b - edge.a;
+      for (Index at = start == vertices.end() ? -1 : start->second; at >= 0 && mesh.vertex(at) != edge.b;) {
+        Index next = -1;
+        for (const Index f : mesh.facets_of(at)) {
+          const Index other = mesh.facets()(mesh.facets()(0, f) == at ? 1 : 0, f);
+          const Vec<2> step = mesh.vertex(other) - mesh.vertex(at);
+          if (step.dot(along) < (1.0 - 1e-12) * step.norm() * along.norm()) continue;
+          visit(f, edge);
+          next = other;
+        }
+        at = next;
+      }
+    }
+  } else {
+    std::map<std::array<double, 3>, const CurvedEdge<3>*> at;
+    for (const auto& edge : edges) at.emplace(key_of<3>(edge_midpoint<3>(edge.a, edge.b)), &edge);
+    for (Index f = 0; f < mesh.num_facets(); ++f)
+      for (int i = 0; i < 3; ++i) {
+        const Vec<3> a = mesh.vertex(mesh.facets()(i, f)), b = mesh.vertex(mesh.facets()((i + 1) % 3, f));
+        if (const auto found = at.find(key_of<3>(edge_midpoint<3>(a, b))); found != at.end()) visit(f, *found->second);
+      }
+  }
+}
+
+}  // namespace
+
 template <int Dim> std::map<int, double> chords_of_walls(const MeshData<Dim>& data,
                                                          const std::vector<CurvedEdge<Dim>>& edges, double sagitta) {
-  using Key = std::array<double, Dim>;
-  const auto key_of = [](const Vec<Dim>& x) {
-    Key key;
-    std::copy_n(x.data(), Dim, key.begin());
-    return key;
-  };
-  std::map<Key, const CurvedEdge<Dim>*> at;
-  for (const auto& edge : edges) at.emplace(key_of(edge_midpoint<Dim>(edge.a, edge.b)), &edge);
-  if (at.empty()) return {};
+  if (edges.empty()) return {};
   const FineMesh<Dim> mesh(data);
   const Vector thickness = wall_thickness(mesh);
+  std::vector<std::pair<double, int>> of_facet(mesh.num_facets(), {infinity, -1});  // shortest chord, entity
+  for_each_facet<Dim>(mesh, edges, [&](Index f, const CurvedEdge<Dim>& edge) {
+    const double height = std::abs(edge.offset.dot(mesh.facet_normal(f))), length = (edge.b - edge.a).norm();
+    if (!(height > 1e-9 * length)) return;
+    const double radius = length * length / (8.0 * height);
+    const double chord = std::sqrt(8.0 * radius * sagitta * std::min(thickness[f], radius));
+    if (chord < of_facet[f].first) of_facet[f] = {chord, edge.entity};
+  });
   std::map<int, std::vector<std::pair<double, double>>> wanted;  // chords and areas
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    double chord = infinity;
-    int entity = -1;
-    for (int i = 0; i < Dim; ++i)
-      for (int j = i + 1; j < Dim; ++j) {
-        const auto found =
-            at.find(key_of(edge_midpoint<Dim>(mesh.vertex(mesh.facets()(i, f)), mesh.vertex(mesh.facets()(j, f)))));
-        if (found == at.end()) continue;
-        const CurvedEdge<Dim>& edge = *found->second;
-        const double height = std::abs(edge.offset.dot(mesh.facet_normal(f)));
-        if (!(height > 1e-9 * (edge.b - edge.a).norm())) continue;
-        const double radius = (edge.b - edge.a).squaredNorm() / (8.0 * height);
-        const double wall = std::min(thickness[f], radius);
-        if (const double c = std::sqrt(8.0 * radius * sagitta * wall); c < chord) chord = c, entity = edge.entity;
-      }
-    if (entity >= 0) wanted[entity].emplace_back(chord, mesh.facet_measure(f));
-  }
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    if (of_facet[f].second >= 0) wanted[of_facet[f].second].emplace_back(of_facet[f].first, mesh.facet_measure(f));
   std::map<int, double> chords;
   for (auto& [entity, facets] : wanted) {
     std::ranges::sort(facets);
