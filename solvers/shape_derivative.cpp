@@ -69,7 +69,7 @@ template <int Dim> struct FacetPoint {
 }  // namespace
 
 double ShapeChange::size() const {
-  return std::max(std::abs(sum), 0.1 * magnitude);
+  return std::max(std::abs(sum), 0.05 * magnitude);
 }
 
 template <int Dim> struct ShapeDerivative<Dim>::Impl {

@@ -18,7 +18,7 @@ struct ShapeChange {
   double sum = 0.0;        ///< with its sign
   double magnitude = 0.0;  ///< sum of the absolute values that facets contribute
 
-  /// An estimate of its size that does not trust cancellation beyond a tenth.
+  /// An estimate of its size that does not trust cancellation beyond a twentieth.
   double size() const;
 };
 
