@@ -41,6 +41,7 @@
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/input/surface_gaps.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/mesh/locator.hpp"
@@ -103,4 +104,5 @@
 #include "efree/solvers/newton.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 #include "efree/solvers/reactions.hpp"
+#include "efree/solvers/shape_derivative.hpp"
 #include "efree/solvers/static_analysis.hpp"

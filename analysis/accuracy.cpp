@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/analyse.hpp"
 #include "efree/analysis/internal/clock.hpp"
+#include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/memory.hpp"
@@ -32,7 +33,20 @@ double internal::refinement(const std::vector<Attempt>& attempts, int dim) {
     if (before.degree == last.degree)
       order = std::clamp((degree + weight * finer * lower) / (1.0 + weight * finer * finer), slowest, degree);
   }
-  return std::pow(std::min(2.25 * std::pow(last.excess, dim / order), 24.0), -1.0 / dim);
+  constexpr double more = 1.25, most = 12.0;
+  return std::pow(std::min(more * std::pow(last.excess, dim / order), most), -1.0 / dim);
+}
+
+double internal::forecast_seconds(const std::vector<Attempt>& attempts, Index cells) {
+  const Attempt& last = attempts.back();
+  double power = 1.2;
+  if (attempts.size() > 1) {
+    const Attempt& before = attempts[attempts.size() - 2];
+    const double more = std::log(static_cast<double>(last.cells) / before.cells);
+    if (before.degree == last.degree && more > 0.5 && before.seconds > 0.0)
+      power = std::clamp(std::log(last.seconds / before.seconds) / more, 1.0, 1.6);
+  }
+  return last.seconds * std::pow(static_cast<double>(cells) / last.cells, power);
 }
 
 namespace {
@@ -50,6 +64,52 @@ template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
   return std::pow((Dim == 2 ? 2.0 : 6.0) * mesh.volumes().sum() / mesh.num_cells(), 1.0 / Dim);
 }
 
+/// Of the error that is aimed at, what facets may leave, where finer ones can be had for themselves: a fifth of the
+/// energy, as they cost less than cells.
+constexpr double share_of_facets = 0.45;
+
+/// Error over what is aimed at, as excess, of all but facets that can be made finer for themselves.
+template <int Dim> double excess_of_cells(const Settings<Dim>& settings, const Result<Dim>& result, bool own_facets) {
+  if (!own_facets) return excess(settings, result);
+  const Estimates& errors = *result.estimates;
+  const double energy = std::hypot(errors.cloud, errors.mesh) / std::sqrt(1.0 - share_of_facets * share_of_facets);
+  return std::max(settings.accuracy > 0.0 ? energy / aim(settings) : 0.0, missed_goals(settings, result));
+}
+
+/// Share of their sagittas that facets should have: their part of the energy falls like these, and so do their parts of
+/// the errors of probes and reactions. At least a sixteenth, in space a fifth; 1: they are fine enough.
+template <int Dim> double flatter(const Settings<Dim>& settings, const Result<Dim>& result) {
+  const double geometry = result.estimates->geometry;
+  if (geometry == 0.0) return 1.0;
+  double share = 1.0;
+  if (settings.accuracy > 0.0) share = std::pow(0.9 * share_of_facets * aim(settings) / geometry, 2.0);
+  if (settings.accuracy > 0.0 && geometry <= share_of_facets * aim(settings)) share = 1.0;
+  if (const double missed = missed_goals(settings, result); missed > 1.0)
+    share = std::min(share, 1.0 / (missed * missed));
+  return std::clamp(share, Dim == 2 ? 1.0 / 16.0 : 1.0 / 5.0, 1.0);
+}
+
+/// A mesh of about so many cells, made once or twice more if the first is far from that; 0 cells: as it comes.
+template <int Dim> PreparedMesh<Dim> prepare_about(MeshSource<Dim>& source, double cells, const Settings<Dim>& settings,
+                                                   const Monitor& monitor) {
+  constexpr double near = 1.3;
+  PreparedMesh<Dim> mesh = prepare(source, settings, monitor);
+  for (int again = 0; again < 2 && cells > 0.0 && source.size > 0.0; ++again) {
+    const double ratio = mesh.mesh->num_cells() / cells;
+    if (ratio < near && ratio > 1.0 / near) break;
+    MeshSource<Dim> other = source;
+    other.size *= std::pow(ratio, 1.0 / Dim);
+    PreparedMesh<Dim> next = prepare(other, settings, monitor);
+    const double then = next.mesh->num_cells() / cells;
+    const double was = std::abs(std::log(ratio)), is = std::abs(std::log(then));
+    if (is >= was) break;
+    source = std::move(other);
+    mesh = std::move(next);
+    if (is > 0.5 * was) break;  // outlines dictate their cells
+  }
+  return mesh;
+}
+
 }  // namespace
 
 template <int Dim>
@@ -62,16 +122,28 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
   const bool fixed = source.says_its_size();
   MeshSource<Dim> trial = source;
   trial.coarsening = Dim == 2 ? 8.0 : 4.0;  // next to nothing, and quadratic cells may do there
+  if (trial.sagitta == 0.0 && !fixed) trial.sagitta = default_sagitta;
   std::optional<Result<Dim>> best;
-  double least = 0.0;  // excess, of the best
+  double least = 0.0;   // excess, of the best
+  double cells = 0.0;   // wanted of the next mesh; 0: as it comes
+  double before = 0.0;  // error by facets of the mesh before, if these were made finer since
   std::vector<Attempt> attempts;
   std::string why;
   for (;;) {
     const double begin = seconds();
-    const PreparedMesh<Dim> mesh = prepare(trial, settings, monitor);
+    const PreparedMesh<Dim> mesh = prepare_about(trial, cells, settings, monitor);
     if (is_on_cells(settings, mesh)) return analyse(prepare(source, settings, monitor), settings, monitor);
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
+    if (!attempts.empty()) {
+      const double forecast = forecast_seconds(attempts, mesh.mesh->num_cells());
+      if (seconds() + forecast > settings.time_limit) {
+        why = fmt::format("a mesh of {} cells would take about {:.3g} s, and the time limit is {:.3g} s",
+                          mesh.mesh->num_cells(), forecast, settings.time_limit);
+        break;
+      }
+      tell(fmt::format("next: {} cells, about {:.2g} s", mesh.mesh->num_cells(), forecast));
+    }
     Result<Dim> result;
     try {
       result = analyse(mesh, settings, monitor);
@@ -85,35 +157,45 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
       if (!best) throw InputError(said_at(where_said(settings, "accuracy"), why));
       break;
     }
-    const double error = result.estimates->total();
+    const Estimates errors = *result.estimates;
     const double beyond = excess(settings, result);
-    attempts.push_back(
-        {mesh.size, mesh.mesh->num_cells(), result.basis().space.degree(), error, seconds() - begin, beyond});
-    tell(fmt::format("{} cells of degree {}: error {:.2g} % in the energy norm{}, {:.2g} s", attempts.back().cells,
-                     attempts.back().degree, 100.0 * error, goals_text(settings, result), attempts.back().seconds));
+    // Sources that know nothing of facets have to make all cells finer.
+    const bool own_facets = mesh.surface_is_known && !(before > 0.0 && errors.geometry > 0.9 * before);
+    attempts.push_back({mesh.size, mesh.mesh->num_cells(), result.basis().space.degree(), errors.total(),
+                        seconds() - begin, excess_of_cells(settings, result, own_facets)});
+    tell(fmt::format("{} cells of degree {}: error {:.2g} % in the energy norm{}{}, {:.2g} s", attempts.back().cells,
+                     attempts.back().degree, 100.0 * errors.total(),
+                     errors.geometry > 0.0 ? fmt::format(" ({:.2g} % of facets)", 100.0 * errors.geometry) : "",
+                     goals_text(settings, result), attempts.back().seconds));
+    const double flattened = own_facets ? flatter(settings, result) : 1.0;
     if (!best || beyond < least) best = std::move(result), least = beyond;
     if (beyond <= 1.0) break;
     if (fixed) {
       why = mesh_is_said;
       break;
     }
-    double finer = refinement(attempts, Dim);
-    // As fine as memory allows, where that is less. Meshes turn out with two and a half times the cells meant at most.
-    const double room =
-        0.4 * usable_memory * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
-    if (room < 1.5) {
+    const bool same_cells = flattened < 1.0 && attempts.back().excess <= 1.0;
+    double finer = same_cells ? 1.0 : refinement(attempts, Dim);
+    const double room = usable_memory * available_memory() / (quadratic_bytes_per_cell<Dim> * attempts.back().cells);
+    // As fine as memory allows, where that is less. Meshes with finer facets turn out with more cells than meant.
+    const double allowed = flattened < 1.0 ? 0.4 * room : room / 1.3;
+    if (allowed < 1.25) {
       why = "a finer mesh would take more memory than there is";
       break;
     }
-    finer = std::max(finer, std::pow(room, -1.0 / Dim));
-    const double growth = std::pow(finer, -Dim);
-    if (seconds() + growth * attempts.back().seconds > settings.time_limit) {
-      why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s",
-                        growth * attempts.back().seconds, settings.time_limit);
+    finer = std::max(finer, std::pow(allowed, -1.0 / Dim));
+    const auto wanted = static_cast<Index>(std::min(2e9, attempts.back().cells * std::pow(finer, -Dim)));
+    if (const double forecast = forecast_seconds(attempts, wanted); seconds() + forecast > settings.time_limit) {
+      why = fmt::format("a finer mesh would take about {:.3g} s, and the time limit is {:.3g} s", forecast,
+                        settings.time_limit);
       break;
     }
+    before = flattened < 1.0 ? errors.geometry : 0.0;
+    if (flattened < 1.0)
+      trial.sagitta = flattened * std::min(trial.sagitta, largest_relative_sagitta(*mesh.mesh, mesh.offsets));
     // A boundary of many details has cells smaller than asked for: then only meshes below their size differ.
-    trial.size = finer * std::min(mesh.size, 1.5 * mean_edge(*mesh.mesh));
+    trial.size = same_cells ? mesh.size : finer * std::min(mesh.size, 1.5 * mean_edge(*mesh.mesh));
+    cells = flattened < 1.0 ? 0.0 : wanted;
   }
   best->attempts = std::move(attempts);
   if (!why.empty()) warn_of_misses(settings, why, *best);

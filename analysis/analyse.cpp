@@ -3,6 +3,7 @@
 
 #include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/corrected.hpp"
+#include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/located.hpp"
@@ -174,6 +175,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   const Monitor monitor = watching.timing(times);
   Result<Dim> result;
   result.mesh = mesh.mesh;
+  result.offsets = mesh.offsets;
   result.parts = mesh.parts;
   result.reports = mesh.reports;
   const double cpu_start = process_cpu_seconds();
@@ -209,6 +211,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
     answer_by_cloud(settings, result, monitor);
   });
   if (replaced) warn_of_overload(settings, *replaced, result);
+  add_facet_errors(settings, result);
   judge(settings, result);
   result.cpu_seconds = mesh.cpu_seconds + process_cpu_seconds() - cpu_start;
 

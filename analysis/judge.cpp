@@ -95,6 +95,9 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
   const std::string what =
       result.cells
           ? fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh)
+      : errors.geometry > std::max(errors.mesh, errors.cloud)
+          ? fmt::format("the facets of curved boundaries leave an error of about {:.2g} %: use a smaller mesh_size",
+                        100.0 * errors.geometry)
       : errors.cloud > errors.mesh
           ? fmt::format(
                 "the answer is {:.2g} % off that of the finite elements of its mesh: correct it "

@@ -15,6 +15,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <optional>
 
 namespace efree {
 namespace {
@@ -216,8 +217,12 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   const double cpu_start = process_cpu_seconds();
   {
     const Stage stage("mesh", monitor.timing(times));
+    std::optional<BoundaryOffsets<Dim>> boundary;
+    bool smooth = false;
     FineMesh<Dim> mesh = located(settings, source.where, [&] {
-      MadeMesh<Dim> made = source.mesh({mesh_size(source, settings), source.coarsening}, stage);
+      MadeMesh<Dim> made = source.mesh({mesh_size(source, settings), source.coarsening, source.sagitta}, stage);
+      boundary = std::move(made.boundary);
+      smooth = made.smooth;
       result.size = made.size;
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);
@@ -233,6 +238,9 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
     if (!settings.keeps_free_bodies) mesh = without_free_bodies(settings, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.size_is_said = source.says_its_size();
+    result.surface_is_known = boundary.has_value();
+    if (!boundary && smooth) boundary = smooth_offsets(mesh);
+    if (boundary) result.offsets = facet_offsets(mesh, *boundary);
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
   }
   if (monitor.times) monitor.times->add(times);

@@ -63,7 +63,10 @@ struct Estimates {
                        ///< same as `cloud`; without a cloud of linear elements; 0: finite elements solved at once
   double mesh;         ///< of these finite elements, by recovery; on cells of their grid, by coarser ones
   int corrections;     ///< iterations that led to the answer
-  double total() const { return std::hypot(cloud, mesh); }
+  /// Of the faceted approximation of curved boundaries: the root of the relative change of the potential energy if the
+  /// boundary moves from the facets to the true surface (ShapeDerivative); 0 where nothing is known of that.
+  double geometry = 0.0;
+  double total() const { return std::hypot(cloud, mesh, geometry); }
 };
 
 /// How far a cloud's forces and displacements are, at the end of its steps, from those of the finite elements of its
@@ -128,6 +131,7 @@ template <int Dim> struct Result : Answer<Dim> {
   /// the displacement, in the energy norm, relative to the mean energy density of the body. The root of its mean square
   /// over the volume is the error of the body in all.
   Vector error_density;
+  Matrix offsets;  ///< of the mesh's facets from the true surface (facet_offsets); empty: none are known
   std::vector<BoundaryPart> parts;                        ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
 

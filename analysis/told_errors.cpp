@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/internal/told_errors.hpp"
+
+#include "efree/analysis/internal/corrected.hpp"
+#include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -120,6 +123,8 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
                         }});
     }
   const RecoveryFits<Dim> fits = recovery_fits(reference.elements);
+  const auto shape = shape_derivative(settings, result, space, materials);
+  const auto loads = loads_of(settings, 0, answers.size());
   for (std::size_t first = 0; first < wanted.size(); first += cases_together) {
     stage.check();
     const std::span batch = std::span(wanted).subspan(first, std::min(cases_together, wanted.size() - first));
@@ -129,9 +134,11 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
     for (std::size_t w = 0; w < batch.size(); ++w) {
       const auto fields =
           recover_fields(reference.elements, evaluate(reference.elements, result.model, duals[w]), fits);
-      for (std::size_t k = batch[w].first; k < batch[w].end; ++k)
-        batch[w].tell(k, reference.value(functionals[w], duals[w], k),
-                      functional_error(reference.elements, *reference.fields[k], fields, materials));
+      for (std::size_t k = batch[w].first; k < batch[w].end; ++k) {
+        double left = functional_error(reference.elements, *reference.fields[k], fields, materials);
+        if (shape) left += shape->functional(reference.fields[k]->displacement, duals[w], loads[k]).size();
+        batch[w].tell(k, reference.value(functionals[w], duals[w], k), left);
+      }
     }
   }
 }

@@ -72,57 +72,63 @@ struct Parameter {
 template <int Dim> struct Shape {
   std::string_view name;
   std::vector<Parameter> parameters;
-  MeshData<Dim> (*make)(std::span<const double> p, double size);
-  bool arcs = false;  ///< which chords stand for, so that coarse meshes have another shape
+  CurvedMesh<Dim> (*make)(std::span<const double> p, double size, double sagitta);
+  bool arcs = false;  ///< whether it has some, so that coarse meshes have another shape
 };
 
-MeshData<2> filled(const PlanarDomain& domain, double size) {
-  return triangulate_data(domain, {.size = size});
+CurvedMesh<2> filled(const PlanarDomain& domain, double size) {
+  return triangulate_curved(domain, {.size = size});
 }
 
 template <int Dim> std::vector<Shape<Dim>> all_shapes();
 template <> std::vector<Shape<2>> all_shapes<2>() {
   using P = std::span<const double>;
   constexpr Interval count{1.0, 1e6, true, true}, seed{0.0, 0x1p53, true, true};
-  return {{"rectangle",
-           {{"width"}, {"height"}, {"x", any_number, 0.0}, {"y", any_number, 0.0}},
-           [](P p, double size) { return filled(shapes::rectangle(p[2], p[3], p[2] + p[0], p[3] + p[1]), size); }},
-          {"plate_with_hole",
-           {{"radius"}, {"half_width"}},
-           [](P p, double size) { return filled(shapes::quarter_plate_with_hole(p[0], p[1], size), size); },
-           true},
-          {"l_shape", {{"side"}}, [](P p, double size) { return filled(shapes::l_shape(p[0]), size); }},
-          {"cook", {}, [](P, double size) { return filled(shapes::cook(), size); }},
-          {"annulus",
-           {{"inner"}, {"outer"}},
-           [](P p, double size) { return filled(shapes::annulus(p[0], p[1], size), size); },
-           true},
-          {"random_holes",
-           {{"width"}, {"count", count, {}, true}, {"r_min"}, {"r_max"}, {"gap"}, {"seed", seed, 1.0, true}},
-           [](P p, double size) {
-             return filled(shapes::plate_with_random_holes(p[0], static_cast<int>(p[1]), p[2], p[3], p[4],
-                                                           static_cast<std::uint64_t>(p[5]), size),
-                           size);
-           },
-           true}};
+  return {
+      {"rectangle",
+       {{"width"}, {"height"}, {"x", any_number, 0.0}, {"y", any_number, 0.0}},
+       [](P p, double size, double) { return filled(shapes::rectangle(p[2], p[3], p[2] + p[0], p[3] + p[1]), size); }},
+      {"plate_with_hole",
+       {{"radius"}, {"half_width"}},
+       [](P p, double size, double sagitta) {
+         return filled(shapes::quarter_plate_with_hole(p[0], p[1], size, sagitta), size);
+       },
+       true},
+      {"l_shape", {{"side"}}, [](P p, double size, double) { return filled(shapes::l_shape(p[0]), size); }},
+      {"cook", {}, [](P, double size, double) { return filled(shapes::cook(), size); }},
+      {"annulus",
+       {{"inner"}, {"outer"}},
+       [](P p, double size, double sagitta) { return filled(shapes::annulus(p[0], p[1], size, sagitta), size); },
+       true},
+      {"random_holes",
+       {{"width"}, {"count", count, {}, true}, {"r_min"}, {"r_max"}, {"gap"}, {"seed", seed, 1.0, true}},
+       [](P p, double size, double sagitta) {
+         return filled(shapes::plate_with_random_holes(p[0], static_cast<int>(p[1]), p[2], p[3], p[4],
+                                                       static_cast<std::uint64_t>(p[5]), size, sagitta),
+                       size);
+       },
+       true}};
 }
 template <> std::vector<Shape<3>> all_shapes<3>() {
   using P = std::span<const double>;
-  return {{"box",
-           {{"width"}, {"depth"}, {"height"}},
-           [](P p, double size) {
-             return solids::box({p[0], p[1], p[2]}, size);
-           }},
-          {"spherical_cavity",
-           {{"radius"}, {"half_width"}, {"size_at_hole", not_negative, 0.0}},
-           [](P p, double size) { return solids::spherical_cavity(p[0], p[1], size, p[2]); }},
-          {"thick_cylinder",
-           {{"inner"}, {"outer"}, {"height"}, {"size_at_inner", not_negative, 0.0}},
-           [](P p, double size) { return solids::thick_cylinder(p[0], p[1], p[2], size, p[3]); }},
-          {"thick_sphere",
-           {{"inner"}, {"outer"}, {"size_at_inner", not_negative, 0.0}},
-           [](P p, double size) { return solids::thick_sphere(p[0], p[1], size, p[2]); }},
-          {"cylinder", {{"radius"}, {"height"}}, [](P p, double size) { return solids::cylinder(p[0], p[1], size); }}};
+  return {
+      {"box",
+       {{"width"}, {"depth"}, {"height"}},
+       [](P p, double size, double) {
+         return CurvedMesh<3>{solids::box({p[0], p[1], p[2]}, size)};
+       }},
+      {"spherical_cavity",
+       {{"radius"}, {"half_width"}, {"size_at_hole", not_negative, 0.0}},
+       [](P p, double size, double sagitta) { return solids::spherical_cavity(p[0], p[1], size, p[2], sagitta); }},
+      {"thick_cylinder",
+       {{"inner"}, {"outer"}, {"height"}, {"size_at_inner", not_negative, 0.0}},
+       [](P p, double size, double sagitta) { return solids::thick_cylinder(p[0], p[1], p[2], size, p[3], sagitta); }},
+      {"thick_sphere",
+       {{"inner"}, {"outer"}, {"size_at_inner", not_negative, 0.0}},
+       [](P p, double size, double sagitta) { return solids::thick_sphere(p[0], p[1], size, p[2], sagitta); }},
+      {"cylinder", {{"radius"}, {"height"}}, [](P p, double size, double sagitta) {
+         return solids::cylinder(p[0], p[1], size, sagitta);
+       }}};
 }
 
 template <int Dim> const Shape<Dim>* find_shape(const std::vector<Shape<Dim>>& shapes, const std::string& name) {
@@ -191,7 +197,10 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
     if (!shape.parameters[k].whole) longest = std::max(longest, values[k]);
   return [make = shape.make, values, longest, arcs = shape.arcs](const MeshSize& size) {
     MadeMesh<Dim> made;
-    made.mesh = make(values, size_or(arcs ? at_most(4.0, size) : size, longest / 20.0, made));
+    const double length = size_or(arcs ? at_most(4.0, size) : size, longest / 20.0, made);
+    CurvedMesh<Dim> curved = make(values, length, size.sagitta_or_natural());
+    made.mesh = std::move(curved.mesh);
+    made.boundary = std::move(curved.boundary);
     return made;
   };
 }
@@ -205,11 +214,16 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file,
   return [path = file.string(), options](const MeshSize& size) {
     GmshOptions sized = options;
     sized.size = size.length;
-    int order = 0;
-    MadeMesh<Dim> made{.mesh = read_gmsh<Dim>(path, sized, &order), .size = size.length};
-    if (order > 1)
+    sized.sagitta = size.sagitta_or_natural();
+    CurvedMesh<Dim> curved = read_curved_gmsh<Dim>(path, sized);
+    MadeMesh<Dim> made{.mesh = std::move(curved.mesh), .size = size.length};
+    if (lower_case(path).ends_with(".msh"))
+      made.smooth = true;
+    else
+      made.boundary = std::move(curved.boundary);
+    if (curved.order > 1)
       made.remarks.push_back(
-          fmt::format("elements of order {}: their corner nodes are read, edges become straight", order));
+          fmt::format("elements of order {}: their corner nodes are read, edges become straight", curved.order));
     return made;
   };
 }

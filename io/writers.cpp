@@ -161,6 +161,7 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
     json["estimates"]["energy"] = {{"cloud", answer.estimates->cloud},
                                    {"uncorrected", answer.estimates->uncorrected},
                                    {"mesh", answer.estimates->mesh},
+                                   {"geometry", answer.estimates->geometry},
                                    {"total", answer.estimates->total()}};
   json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
   json["probes"] = ordered_json::object();

@@ -2,9 +2,11 @@
 #include "efree/geometry/mesh/refine.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <array>
 #include <map>
 #include <tuple>
 #include <utility>
@@ -36,9 +38,55 @@ template <int Dim> std::vector<LongEdge> long_edges(const MeshData<Dim>& mesh, d
   return edges;
 }
 
-}  // namespace
+/// Offsets by their points, as edges are split.
+template <int Dim> class SplitOffsets {
+ public:
+  explicit SplitOffsets(const BoundaryOffsets<Dim>& boundary) {
+    for (Index k = 0; k < boundary.points.cols(); ++k) set(boundary.points.col(k), boundary.offsets.col(k));
+  }
+  BoundaryOffsets<Dim> offsets() const {
+    const auto count = static_cast<Index>(of_.size());
+    BoundaryOffsets<Dim> out{Points<Dim>(Dim, count), Points<Dim>(Dim, count)};
+    Index k = 0;
+    for (const auto& [point, offset] : of_) {
+      out.points.col(k) = Eigen::Map<const Vec<Dim>>(point.data());
+      out.offsets.col(k++) = offset;
+    }
+    return out;
+  }
+  void split_edge(const Vec<Dim>& a, const Vec<Dim>& b, const Vec<Dim>& middle) {
+    if (of_.empty()) return;
+    const Vec<Dim> at_a = at(a), at_b = at(b), at_middle = at(edge_midpoint<Dim>(a, b));
+    set(middle, at_middle);
+    set(edge_midpoint<Dim>(a, middle), 0.375 * at_a - 0.125 * at_b + 0.75 * at_middle);
+    set(edge_midpoint<Dim>(middle, b), 0.375 * at_b - 0.125 * at_a + 0.75 * at_middle);
+  }
+  /// The edge from the middle of ab to the third vertex of a triangle.
+  void split_facet(const Vec<Dim>& a, const Vec<Dim>& b, const Vec<Dim>& c, const Vec<Dim>& middle) {
+    if (of_.empty()) return;
+    set(edge_midpoint<Dim>(middle, c), -0.125 * (at(a) + at(b)) + 0.25 * at(edge_midpoint<Dim>(a, b)) +
+                                           0.5 * (at(edge_midpoint<Dim>(a, c)) + at(edge_midpoint<Dim>(b, c))));
+  }
 
-template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double longest) {
+ private:
+  using Key = std::array<double, Dim>;
+  static Key key(const Vec<Dim>& x) {
+    Key out;
+    std::copy_n(x.data(), Dim, out.begin());
+    return out;
+  }
+  Vec<Dim> at(const Vec<Dim>& x) const {
+    const auto found = of_.find(key(x));
+    return found == of_.end() ? Vec<Dim>(Vec<Dim>::Zero()) : found->second;
+  }
+  void set(const Vec<Dim>& x, const Vec<Dim>& offset) {
+    if (!offset.isZero(0.0)) of_[key(x)] = offset;
+  }
+
+  std::map<Key, Vec<Dim>> of_;
+};
+
+template <int Dim> MeshData<Dim> split(MeshData<Dim> mesh, double longest, SplitOffsets<Dim>& offsets) {
   if (!(longest > 0.0))
     throw InputError(fmt::format("split: the longest edge is {}, expected a positive length", longest));
   for (const Index v : mesh.cells.reshaped())
@@ -60,6 +108,7 @@ template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double lon
       const Index middle = first_point + static_cast<Index>(points.size());
       points.push_back(0.5 * (mesh.vertices.col(a) + mesh.vertices.col(b)));
       middles.emplace(std::pair(a, b), middle);
+      offsets.split_edge(mesh.vertices.col(a), mesh.vertices.col(b), points.back());
       for (std::size_t k = begin; k < end; ++k) {
         auto cell = mesh.cells.col(edges[k].cell);
         Eigen::Matrix<Index, Dim + 1, 1> second = cell;
@@ -83,6 +132,9 @@ template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double lon
         for (int i = 0; i < Dim; ++i)
           for (int j = 0; j < i; ++j)
             if (const auto middle = middles.find(std::minmax({facet[i], facet[j]})); middle != middles.end()) {
+              if constexpr (Dim == 3)
+                offsets.split_facet(mesh.vertices.col(facet[i]), mesh.vertices.col(facet[j]),
+                                    mesh.vertices.col(facet[3 - i - j]), mesh.vertices.col(middle->second));
               auto second = facet;
               second[i] = facet[j] = middle->second;
               group.facets.push_back(second);  // may move `facet`
@@ -94,7 +146,23 @@ template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double lon
   return mesh;
 }
 
+}  // namespace
+
+template <int Dim> MeshData<Dim> split_long_edges(MeshData<Dim> mesh, double longest) {
+  SplitOffsets<Dim> none({});
+  return split<Dim>(std::move(mesh), longest, none);
+}
+
+template <int Dim> CurvedMesh<Dim> split_long_edges(CurvedMesh<Dim> curved, double longest) {
+  SplitOffsets<Dim> offsets(curved.boundary);
+  curved.mesh = split<Dim>(std::move(curved.mesh), longest, offsets);
+  curved.boundary = offsets.offsets();
+  return curved;
+}
+
 template MeshData<2> split_long_edges<2>(MeshData<2>, double);
 template MeshData<3> split_long_edges<3>(MeshData<3>, double);
+template CurvedMesh<2> split_long_edges<2>(CurvedMesh<2>, double);
+template CurvedMesh<3> split_long_edges<3>(CurvedMesh<3>, double);
 
 }  // namespace efree

@@ -6,6 +6,7 @@
 #include "efree/core/internal/reading_bound.hpp"
 #include "efree/geometry/mesh/spatial_order.hpp"
 #include "efree/geometry/meshing/internal/cad_import.hpp"
+#include "efree/geometry/meshing/internal/curved_entities.hpp"
 #include "efree/geometry/meshing/internal/gmsh_script.hpp"
 #include "efree/geometry/meshing/internal/gmsh_session.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
@@ -62,12 +63,27 @@ void set_parameters(const GmshSession& session, const std::string& path,
   session.open(path);
 }
 
+/// From the middles of line elements to their curves, by their ends.
+using Bulges = std::map<std::array<double, 4>, Vec<2>>;
+std::array<double, 4> ends_key(const Vec<2>& a, const Vec<2>& b) {
+  return {a.x(), a.y(), b.x(), b.y()};
+}
+Bulges bulges_of(const std::vector<internal::CurvedEdge<2>>& edges) {
+  Bulges bulges;
+  for (const auto& edge : edges) bulges.emplace(ends_key(edge.a, edge.b), edge.offset);
+  return bulges;
+}
+
 /// The line elements of a curve as chains of points.
-void add_curve(int curve, const std::string& name, GmshNodes<2>& nodes, std::vector<Polyline>& out) {
+void add_curve(int curve, const std::string& name, const Bulges& bulges, GmshNodes<2>& nodes,
+               std::vector<Polyline>& out) {
   const auto ends = internal::gmsh_simplices(1, curve);
   for (std::size_t k = 0; k + 1 < ends.size(); k += 2) {
-    if (k == 0 || ends[k] != ends[k - 1]) out.push_back({name, {nodes.at(ends[k])}});
-    out.back().points.push_back(nodes.at(ends[k + 1]));
+    const Vec<2> a = nodes.at(ends[k]), b = nodes.at(ends[k + 1]);
+    if (k == 0 || ends[k] != ends[k - 1]) out.push_back({name, {a}});
+    out.back().points.push_back(b);
+    const auto bulge = bulges.find(ends_key(a, b));
+    out.back().bulges.push_back(bulge == bulges.end() ? Vec<2>(0.0, 0.0) : bulge->second);
   }
 }
 
@@ -143,6 +159,7 @@ void refuse_overlaps(const GmshSession& session, const std::vector<Outlined>& su
 
 SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<std::string>& slits) {
   GmshNodes<2> nodes(session);
+  const Bulges bulges = bulges_of(internal::curved_edges<2>(session));
   SampledSurfaces sampled;
   PlanarDomain& domain = sampled.domain;
   std::set<int> used;
@@ -159,9 +176,9 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
       gmsh::vectorpair entities;
       gmsh::model::getBoundary({{2, surface}}, entities, /*combined=*/false, /*oriented=*/false);
       for (const auto& [dim, curve] : entities) {
-        add_curve(curve, "", nodes, outline);
+        add_curve(curve, "", bulges, nodes, outline);
         used.insert(curve);
-        if (regions.size() > 1) add_curve(curve, interface_name, nodes, domain.embedded);
+        if (regions.size() > 1) add_curve(curve, interface_name, {}, nodes, domain.embedded);
       }
       Outlined& own = surfaces.emplace_back(Outlined{surface, {outline.begin() + first, outline.end()}, {}});
       for (const Polyline& chain : own.outline)
@@ -169,7 +186,7 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
       gmsh::model::mesh::getEmbedded(2, surface, entities);
       for (const auto& [dim, tag] : entities)
         if (dim == 1) {
-          add_curve(tag, "", nodes, domain.embedded);
+          add_curve(tag, "", {}, nodes, domain.embedded);
           used.insert(tag);
         } else {
           std::vector<std::size_t> tags;
@@ -187,17 +204,18 @@ SampledSurfaces sample_surfaces(const GmshSession& session, const std::vector<st
   for (const GmshPart& part : internal::physical_parts(1)) {
     const bool is_slit = std::ranges::find(slits, part.name) != slits.end();
     for (const int curve : part.entities)
-      if (used.contains(curve)) add_curve(curve, part.name, nodes, is_slit ? domain.slits : domain.embedded);
+      if (used.contains(curve)) add_curve(curve, part.name, {}, nodes, is_slit ? domain.slits : domain.embedded);
   }
   return sampled;
 }
 
 /// The mesh of sampled surfaces with the regions of its cells: parts between interfaces lie in one region each, that of
 /// their largest cell.
-MeshData<2> triangulate_regions(const SampledSurfaces& sampled, double size) {
-  MeshData<2> mesh = triangulate_data(sampled.domain, {.size = size});
+CurvedMesh<2> triangulate_regions(const SampledSurfaces& sampled, const TriangulateOptions& options) {
+  CurvedMesh<2> curved = triangulate_curved(sampled.domain, options);
+  MeshData<2>& mesh = curved.mesh;
   mesh.region_names = sampled.region_names;
-  if (sampled.region_names.size() == 1) return mesh;
+  if (sampled.region_names.size() == 1) return curved;
   std::set<std::pair<Index, Index>> interface;
   std::erase_if(mesh.groups, [&](const MeshData<2>::Group& group) {
     if (group.name != interface_name) return false;
@@ -231,7 +249,7 @@ MeshData<2> triangulate_regions(const SampledSurfaces& sampled, double size) {
       throw NumericalError(fmt::format("gmsh: no surface holds the point ({}, {})", point.x(), point.y()));
     for (const Index c : part) mesh.regions[c] = static_cast<Index>(region - sampled.outlines.begin());
   }
-  return mesh;
+  return curved;
 }
 
 /// Bounds gmsh's sizes. gmsh rounds the number of intervals of a curve, so that chords can be 1 % longer than told.
@@ -292,8 +310,14 @@ double model_diagonal() {
   return std::hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
 }
 
+/// A mesh along a space-filling curve.
+template <int Dim> CurvedMesh<Dim> ordered(CurvedMesh<Dim> curved) {
+  curved.mesh = in_spatial_order<Dim>(std::move(curved.mesh));
+  return curved;
+}
+
 template <int Dim>
-MeshData<Dim> read(const GmshSession& session, const std::string& path, Format format, const GmshOptions& options) {
+CurvedMesh<Dim> read(const GmshSession& session, const std::string& path, Format format, const GmshOptions& options) {
   if (format == Format::cad) {
     if constexpr (Dim == 2)
       session.fail("a CAD file holds solids, expected a planar .geo or .msh file");
@@ -301,32 +325,36 @@ MeshData<Dim> read(const GmshSession& session, const std::string& path, Format f
       const double unit = internal::import_cad(session, path);
       check_slits(session, Dim, options.slits);
       const double size = options.size > 0.0 ? options.size * unit : model_diagonal() / 20.0;
-      internal::generate_tetrahedra(session, size);
-      MeshData<3> mesh = internal::gmsh_mesh<3>(session, size, options.slits);
-      mesh.vertices /= unit;
-      return in_spatial_order<3>(std::move(mesh));
+      internal::generate_tetrahedra(session, size, options.sagitta);
+      return ordered<3>(internal::gmsh_mesh<3>(session, size, options.slits, unit));
     }
   }
   open(session, path, format);
   set_parameters(session, path, options.parameters);
   check_slits(session, Dim, options.slits);
-  if (format == Format::msh) return internal::gmsh_mesh<Dim>(session, 0.0, options.slits);
+  if (format == Format::msh) return {internal::gmsh_mesh<Dim>(session, 0.0, options.slits).mesh};
   if constexpr (Dim == 3) {
     if (internal::all_entities(3).empty()) session.fail("there is no volume in it");
-    internal::generate_tetrahedra(session, options.size);
-    return in_spatial_order<3>(internal::gmsh_mesh<3>(session, options.size, options.slits));
+    internal::generate_tetrahedra(session, options.size, options.sagitta);
+    return ordered<3>(internal::gmsh_mesh<3>(session, options.size, options.slits));
   } else {
     gmsh::option::setNumber("Mesh.ElementOrder", 1);
     if (options.size == 0.0) {
-      session.generate(2);
-      return in_spatial_order<2>(internal::gmsh_mesh<2>(session, 0.0, options.slits));
+      internal::mesh_with_walls<2>(
+          session, options.sagitta, [&] { session.generate(2); }, [&] { return internal::flat_gmsh_mesh<2>(session); });
+      return ordered<2>(internal::gmsh_mesh<2>(session, 0.0, options.slits));
     }
     internal::check_gmsh_size(session, options.size);
     limit_sizes(options.size);
     gmsh::option::setNumber("Mesh.MinimumCirclePoints",
                             std::max(16.0, internal::gmsh_option("Mesh.MinimumCirclePoints")));
-    session.generate(1);
-    return triangulate_regions(sample_surfaces(session, options.slits), options.size);
+    const auto fill = [&](const TriangulateOptions& how) {
+      return triangulate_regions(sample_surfaces(session, options.slits), how);
+    };
+    const TriangulateOptions careless{.size = 10.0 * model_diagonal(), .min_angle = 0.0};  // tells thicknesses as well
+    internal::mesh_with_walls<2>(
+        session, options.sagitta, [&] { session.generate(1); }, [&] { return fill(careless).mesh; });
+    return fill({.size = options.size});
   }
 }
 
@@ -344,7 +372,11 @@ template <class Body> auto in_session(const std::string& path, const Body& body)
 
 }  // namespace
 
-template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options, int* order) {
+template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options) {
+  return read_curved_gmsh<Dim>(path, options).mesh;
+}
+
+template <int Dim> CurvedMesh<Dim> read_curved_gmsh(const std::string& path, const GmshOptions& options) {
   const Format format = format_of(path);
   if (!(options.size >= 0.0))
     throw InputError(
@@ -357,9 +389,9 @@ template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOp
   if (format == Format::geo) check_last_line(path);
   if (format != Format::cad && !options.trust) internal::require_harmless(path);
   return in_session(path, [&](const GmshSession& session) {
-    MeshData<Dim> mesh = read<Dim>(session, path, format, options);
-    if (order) *order = internal::highest_order(Dim);
-    return mesh;
+    CurvedMesh<Dim> curved = read<Dim>(session, path, format, options);
+    curved.order = internal::highest_order(Dim);
+    return curved;
   });
 }
 
@@ -374,7 +406,9 @@ int gmsh_dimension(const std::string& path, bool trust) {
   });
 }
 
-template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&, int*);
-template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&, int*);
+template MeshData<2> read_gmsh<2>(const std::string&, const GmshOptions&);
+template MeshData<3> read_gmsh<3>(const std::string&, const GmshOptions&);
+template CurvedMesh<2> read_curved_gmsh<2>(const std::string&, const GmshOptions&);
+template CurvedMesh<3> read_curved_gmsh<3>(const std::string&, const GmshOptions&);
 
 }  // namespace efree

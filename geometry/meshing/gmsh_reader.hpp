@@ -2,7 +2,7 @@
 /// Fine meshes from gmsh and CAD files.
 #pragma once
 
-#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 
 #include <map>
 #include <string>
@@ -13,6 +13,10 @@ namespace efree {
 /// How gmsh reads and meshes a file.
 struct GmshOptions {
   double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
+  /// > 0: facets are no farther from a curved surface than this fraction of the thickness of the wall, or of the radius
+  /// of curvature if that is less: for nearly all of them, and at most 60 000 that only this asks for. 0: at least 16
+  /// to a full turn, of .geo files with their own sizes as many as these say.
+  double sagitta = 0.0;
   /// Values for the .geo file's DefineNumber parameters, by full name ("Parameters/radius") or its last part
   /// ("radius").
   std::map<std::string, double> parameters{};
@@ -44,15 +48,16 @@ struct GmshOptions {
 /// own, named "a & b". Coordinates are the file's numbers, in the length unit that a STEP or IGES file declares (in the
 /// first of them, if it mixes several). A file of surfaces only is sewn to bodies if they close.
 ///
-/// Of triangles (tetrahedra) of a higher order the corner nodes are read; `order`, if given, is set to the highest
-/// order there is.
+/// Of triangles (tetrahedra) of a higher order the corner nodes are read.
 ///
 /// Throws InputError for a file that is missing, unreadable, with elements other than triangles (tetrahedra) or none, a
 /// planar one not in one plane z = const, an entity in two regions, a name in `slits` that is no physical group, an
 /// unknown parameter, a size or parameters for a .msh file, a script that does more than describe geometry, CAD without
 /// a body, and for everything that gmsh itself reports as an error, in its words.
-template <int Dim>
-MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {}, int* order = nullptr);
+template <int Dim> MeshData<Dim> read_gmsh(const std::string& path, const GmshOptions& options = {});
+/// The same with the offsets of its facets from the curves and surfaces of the file (of a .msh file there are none) and
+/// the highest order of its elements.
+template <int Dim> CurvedMesh<Dim> read_curved_gmsh(const std::string& path, const GmshOptions& options = {});
 
 /// 3 if the file holds volumes (always for CAD files, which are not opened), else 2. `trust`, and what it throws, as
 /// for read_gmsh.

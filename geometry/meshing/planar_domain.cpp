@@ -61,12 +61,26 @@ struct Segment {
   Kind kind;
   Index name;                   // -1: none
   Index left = -1, right = -1;  // regions beside it
+  Index chord = -1;             // of Segments::chords; -1: it is no part of one
 
   std::pair<Index, Index> key() const { return std::minmax(a, b); }
 };
 
+/// A segment that stands for a curve through its ends.
+struct Chord {
+  Vec<2> a, b;
+  Vec<2> bulge;  // from its middle to the curve
+
+  /// From a point of the chord to the curve, as if that were a parabola.
+  Vec<2> offset(const Vec<2>& x) const {
+    const double t = (x - a).dot(b - a) / (b - a).squaredNorm();
+    return 4.0 * t * (1.0 - t) * bulge;
+  }
+};
+
 struct Segments {
   std::vector<Vec<2>> points;
+  std::vector<Chord> chords{};
   std::vector<Segment> segments;
   std::vector<std::string> names;
   double tolerance = 0.0;  // points closer than this are one
@@ -93,9 +107,17 @@ void add_chains(const std::vector<Polyline>& chains, Kind kind, Segments& out) {
     // A slit that is a single fine edge between two tips would have no vertex to open at.
     if (kind == Kind::slit && points.size() == 2) points.insert(points.begin() + 1, 0.5 * (points[0] + points[1]));
     if (points.size() == 1) points.push_back(points[0]);
+    const bool curved = kind == Kind::boundary && !chain.bulges.empty();
+    if (curved && chain.bulges.size() + 1 != points.size())
+      throw InputError(fmt::format("domain: chain \"{}\" has {} bulges, expected one for each of its {} segments",
+                                   chain.name, chain.bulges.size(), points.size() - 1));
     const Index name = name_number(out.names, chain.name), first = static_cast<Index>(out.points.size());
-    for (Index k = 0; k + 1 < static_cast<Index>(points.size()); ++k)
+    for (Index k = 0; k + 1 < static_cast<Index>(points.size()); ++k) {
       out.segments.push_back({first + k, first + k + 1, kind, name});
+      if (!curved || chain.bulges[k].isZero(0.0)) continue;
+      out.segments.back().chord = static_cast<Index>(out.chords.size());
+      out.chords.push_back({points[k], points[k + 1], chain.bulges[k]});
+    }
     out.points.insert(out.points.end(), points.begin(), points.end());
   }
 }
@@ -231,7 +253,8 @@ void resolve_contacts(Segments& s) {
     Segment rest = s.segments[i];
     for (; cut != cuts.end() && cut->segment == i; ++cut) {
       if (cut->point == rest.a) continue;
-      pieces.push_back({rest.a, cut->point, rest.kind, rest.name});
+      pieces.push_back(rest);
+      pieces.back().b = cut->point;
       rest.a = cut->point;
     }
     pieces.push_back(rest);
@@ -561,6 +584,31 @@ std::vector<std::array<Index, 2>> name_facets(const Cdt& cdt, const std::vector<
   return cut;
 }
 
+/// Offsets of the fine edges that lie on chords.
+BoundaryOffsets<2> offsets_of(const Cdt& cdt, const std::vector<Cdt::Vertex_handle>& handles, const Segments& s,
+                              const Edges& edges, const MeshData<2>& mesh) {
+  std::vector<std::pair<Vec<2>, Vec<2>>> found;
+  const auto add = [&](const Vec<2>& x, const Chord& chord) {
+    if (const Vec<2> offset = chord.offset(x); offset.norm() > 1e-9 * chord.bulge.norm()) found.emplace_back(x, offset);
+  };
+  if (!s.chords.empty())
+    for_each_fine_edge(cdt, handles, edges, [&](Index number, const Cdt::Edge& edge) {
+      const auto row = edges.segments[number];
+      const auto curved = std::ranges::find_if(row, [](const Segment& segment) { return segment.chord >= 0; });
+      if (curved == row.end()) return;
+      const Vec<2> a = mesh.vertices.col(edge.first->vertex(Cdt::cw(edge.second))->info().number),
+                   b = mesh.vertices.col(edge.first->vertex(Cdt::ccw(edge.second))->info().number);
+      for (const Vec<2>& x : {a, b, edge_midpoint<2>(a, b)}) add(x, s.chords[curved->chord]);
+    });
+  const auto count = static_cast<Index>(found.size());
+  BoundaryOffsets<2> out{Points<2>(2, count), Points<2>(2, count)};
+  for (Index k = 0; k < count; ++k) {
+    out.points.col(k) = found[k].first;
+    out.offsets.col(k) = found[k].second;
+  }
+  return out;
+}
+
 /// Gives every face inside the domain the region beside the chains around it.
 void mark_regions(const std::vector<Cdt::Vertex_handle>& handles, const Segments& s, const Edges& edges, Cdt& cdt) {
   for (auto f = cdt.all_faces_begin(); f != cdt.all_faces_end(); ++f) f->info().region = -1;
@@ -628,7 +676,7 @@ MeshData<2> internal::triangulate_regions(const PlanarRegions& plane, const Tria
   return cut_open<2>(std::move(mesh), boundary);  // opens nothing but vertices in which parts of the body touch
 }
 
-MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOptions& options) {
+CurvedMesh<2> triangulate_curved(const PlanarDomain& domain, const TriangulateOptions& options) {
   check_options(options);
   Segments segments = collect_segments(domain);
   resolve_contacts(segments);
@@ -643,7 +691,12 @@ MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOption
   MeshData<2> mesh;
   number_mesh(cdt, mesh);
   const auto cut = name_facets(cdt, handles, segments, edges, mesh);
-  return cut_open<2>(std::move(mesh), cut);
+  BoundaryOffsets<2> offsets = offsets_of(cdt, handles, segments, edges, mesh);
+  return {cut_open<2>(std::move(mesh), cut), std::move(offsets)};
+}
+
+MeshData<2> triangulate_data(const PlanarDomain& domain, const TriangulateOptions& options) {
+  return triangulate_curved(domain, options).mesh;
 }
 
 FineMesh<2> triangulate(const PlanarDomain& domain, const TriangulateOptions& options) {
@@ -655,26 +708,44 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-/// Points of a circular arc around `centre`, both ends included, chords no longer than `size` and at least 16 a turn.
-std::vector<Vec<2>> arc(const Vec<2>& centre, double radius, double from, double to, double size) {
+/// How finely an arc is sampled.
+struct ArcSampling {
+  double size;       // longest chord
+  double sagitta;    // largest distance between chord and arc, over the wall or the radius if that is less; 0: any
+  double thickness;  // of the wall beside it
+};
+
+/// A circular arc around `centre`, both ends included, of at least 16 chords a turn.
+Polyline arc(std::string name, const Vec<2>& centre, double radius, double from, double to,
+             const ArcSampling& sampling) {
+  const double size = sampling.size;
   if (!(size > 0.0)) throw InputError(fmt::format("shape: size is {}, expected a positive length", size));
+  if (!(sampling.sagitta >= 0.0 && sampling.sagitta < 1.0))
+    throw InputError(fmt::format("shape: sagitta is {}, expected a share of the wall from 0 to 1", sampling.sagitta));
   constexpr double most = 1e7;
   const double angle = std::abs(to - from);
-  const double wanted = std::ceil(std::max(8.0 * angle / pi, angle * radius / size) - 1e-9);
+  double wanted = std::max(8.0 * angle / pi, angle * radius / size);
+  if (sampling.sagitta > 0.0) {
+    const double height = sampling.sagitta * std::min(1.0, sampling.thickness / radius);  // over the radius
+    wanted = std::max(wanted, 0.5 * angle / std::acos(1.0 - height));
+  }
+  wanted = std::ceil(wanted - 1e-9);
   if (!(wanted <= most))
     throw InputError(fmt::format("shape: size {} makes {:.2g} chords of an arc of radius {}, expected no more than {}",
                                  size, wanted, radius, most));
   const int chords = static_cast<int>(wanted);
-  std::vector<Vec<2>> points;
+  Polyline out{std::move(name), {}};
+  const double step = (to - from) / chords, height = radius * (1.0 - std::cos(0.5 * step));
   for (int k = 0; k <= chords; ++k) {
-    const double at = from + (to - from) * k / chords;
-    points.push_back(centre + radius * Vec<2>(std::cos(at), std::sin(at)));
+    const double at = from + (to - from) * k / chords, middle = at - 0.5 * step;
+    out.points.push_back(centre + radius * Vec<2>(std::cos(at), std::sin(at)));
+    if (k > 0) out.bulges.push_back(height * Vec<2>(std::cos(middle), std::sin(middle)));
   }
-  return points;
+  return out;
 }
 
-Polyline circle(std::string name, const Vec<2>& centre, double radius, double size) {
-  Polyline out{std::move(name), arc(centre, radius, 0.0, 2.0 * pi, size)};
+Polyline circle(std::string name, const Vec<2>& centre, double radius, const ArcSampling& sampling) {
+  Polyline out = arc(std::move(name), centre, radius, 0.0, 2.0 * pi, sampling);
   out.points.back() = out.points.front();
   return out;
 }
@@ -694,16 +765,15 @@ PlanarDomain rectangle(double x0, double y0, double x1, double y1) {
   return polygon({{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}}, {"bottom", "right", "top", "left"});
 }
 
-PlanarDomain quarter_plate_with_hole(double radius, double half_width, double size) {
+PlanarDomain quarter_plate_with_hole(double radius, double half_width, double size, double sagitta) {
   if (!(radius > 0.0 && radius < half_width))
     throw InputError(fmt::format("quarter plate: radius {} and half width {}, expected 0 < radius < half width", radius,
                                  half_width));
   PlanarDomain domain =
       polygon({{radius, 0.0}, {half_width, 0.0}, {half_width, half_width}, {0.0, half_width}, {0.0, radius}},
               {"bottom", "right", "top", "left", "hole"});
-  std::vector<Vec<2>> hole = arc({0.0, 0.0}, radius, 0.5 * pi, 0.0, size);
-  hole.front() = {0.0, radius};
-  domain.boundary.back().points = hole;
+  domain.boundary.back() = arc("hole", {0.0, 0.0}, radius, 0.5 * pi, 0.0, {size, sagitta, half_width - radius});
+  domain.boundary.back().points.front() = {0.0, radius};
   return domain;
 }
 
@@ -718,11 +788,12 @@ PlanarDomain cook() {
   return polygon({{0.0, 0.0}, {48.0, 44.0}, {48.0, 60.0}, {0.0, 44.0}}, {"bottom", "right", "top", "left"});
 }
 
-PlanarDomain annulus(double inner, double outer, double size) {
+PlanarDomain annulus(double inner, double outer, double size, double sagitta) {
   if (!(inner > 0.0 && inner < outer))
     throw InputError(fmt::format("annulus: radii {} and {}, expected 0 < inner < outer", inner, outer));
+  const ArcSampling sampling{size, sagitta, outer - inner};
   return {
-      .boundary = {circle("inner", {0.0, 0.0}, inner, size), circle("outer", {0.0, 0.0}, outer, size)},
+      .boundary = {circle("inner", {0.0, 0.0}, inner, sampling), circle("outer", {0.0, 0.0}, outer, sampling)},
   };
 }
 
@@ -733,7 +804,7 @@ PlanarDomain slit_rectangle(double x0, double y0, double x1, double y1, Vec<2> a
 }
 
 PlanarDomain plate_with_random_holes(double width, int count, double r_min, double r_max, double gap,
-                                     std::uint64_t seed, double size) {
+                                     std::uint64_t seed, double size, double sagitta) {
   if (!(r_min > 0.0 && r_min <= r_max && gap > 0.0 && 2.0 * (r_max + gap) < width && count >= 0))
     throw InputError(fmt::format(
         "holes: count {}, radii {} to {}, gap {} in width {}, expected 0 < r_min <= r_max, gap > 0, and room for one",
@@ -764,7 +835,12 @@ PlanarDomain plate_with_random_holes(double width, int count, double r_min, doub
       at.y() = uniform(r + gap, width - r - gap);
     } while (!fits(at));
     centres.push_back(at);
-    domain.boundary.push_back(circle("holes", at, r, size));
+  }
+  for (std::size_t k = 0; k < centres.size(); ++k) {
+    double ligament = std::min({centres[k].x(), centres[k].y(), width - centres[k].x(), width - centres[k].y()});
+    for (std::size_t other = 0; other < centres.size(); ++other)
+      if (other != k) ligament = std::min(ligament, (centres[other] - centres[k]).norm() - radii[other]);
+    domain.boundary.push_back(circle("holes", centres[k], radii[k], {size, sagitta, ligament - radii[k]}));
   }
   return domain;
 }

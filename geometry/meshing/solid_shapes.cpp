@@ -50,8 +50,8 @@ void name_surfaces(const GmshSession& session, const SurfaceName& name) {
 }
 
 /// Meshes what `build` makes with OpenCASCADE. `shape`: its name and sizes, with which messages begin.
-MeshData<3> mesh(
-    const std::string& shape, double size, const std::function<void()>& build, const SurfaceName& name,
+CurvedMesh<3> mesh(
+    const std::string& shape, double size, double sagitta, const std::function<void()>& build, const SurfaceName& name,
     const std::function<void()>& sizes = [] {}) {
   if (!(size > 0.0)) throw InputError(fmt::format("{}: size is {}, expected a positive length", shape, size));
   const GmshSession session(shape);
@@ -61,8 +61,10 @@ MeshData<3> mesh(
     occ::synchronize();
     name_surfaces(session, name);
     sizes();
-    internal::generate_tetrahedra(session, size);
-    return in_spatial_order<3>(internal::gmsh_mesh<3>(session, size, {}));
+    internal::generate_tetrahedra(session, size, sagitta);
+    CurvedMesh<3> curved = internal::gmsh_mesh<3>(session, size, {});
+    curved.mesh = in_spatial_order<3>(std::move(curved.mesh));
+    return curved;
   } catch (const std::string& message) {
     session.fail(message);
   }
@@ -108,12 +110,12 @@ MeshData<3> box(const Vec<3>& lengths, double size) {
     throw InputError(
         fmt::format("box: lengths {}, {}, {}, expected positive ones", lengths.x(), lengths.y(), lengths.z()));
   return mesh(
-      fmt::format("box of {:g} x {:g} x {:g}", lengths.x(), lengths.y(), lengths.z()), size,
+      fmt::format("box of {:g} x {:g} x {:g}", lengths.x(), lengths.y(), lengths.z()), size, 0.0,
       [&] { occ::addBox(0.0, 0.0, 0.0, lengths.x(), lengths.y(), lengths.z()); },
       [&](const Vec<3>& x) { return side_name(x, lengths); });
 }
 
-MeshData<3> spherical_cavity(double radius, double half_width, double size, double size_at_hole) {
+CurvedMesh<3> spherical_cavity(double radius, double half_width, double size, double size_at_hole, double sagitta) {
   if (!(radius > 0.0 && radius < half_width))
     throw InputError(fmt::format("spherical cavity: radius {} and half width {}, expected 0 < radius < half width",
                                  radius, half_width));
@@ -125,11 +127,13 @@ MeshData<3> spherical_cavity(double radius, double half_width, double size, doub
   const auto name = [&](const Vec<3>& x) {
     return std::abs(x.norm() - radius) < 1e-9 * radius ? "cavity" : side_name(x, Vec<3>::Constant(half_width));
   };
-  return mesh(fmt::format("spherical cavity of radius {:g} and half width {:g}", radius, half_width), size, build, name,
+  return mesh(fmt::format("spherical cavity of radius {:g} and half width {:g}", radius, half_width), size, sagitta,
+              build, name,
               [&] { grade(size_at_hole, size, "Sqrt(x*x+y*y+z*z)", radius, 3.0 * radius, eighth(radius)); });
 }
 
-MeshData<3> thick_cylinder(double inner, double outer, double height, double size, double size_at_inner) {
+CurvedMesh<3> thick_cylinder(double inner, double outer, double height, double size, double size_at_inner,
+                             double sagitta) {
   if (!(inner > 0.0 && inner < outer && height > 0.0))
     throw InputError(
         fmt::format("thick cylinder: radii {} and {}, height {}, expected 0 < inner < outer and a positive height",
@@ -145,11 +149,12 @@ MeshData<3> thick_cylinder(double inner, double outer, double height, double siz
     if (!side.empty()) return side;
     return std::hypot(x.x(), x.y()) < 0.5 * (inner + outer) ? "inner" : "outer";
   };
-  return mesh(fmt::format("thick cylinder of radii {:g} and {:g} and height {:g}", inner, outer, height), size, build,
-              name, [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y)", inner, outer, quarter * inner * height); });
+  return mesh(fmt::format("thick cylinder of radii {:g} and {:g} and height {:g}", inner, outer, height), size, sagitta,
+              build, name,
+              [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y)", inner, outer, quarter * inner * height); });
 }
 
-MeshData<3> thick_sphere(double inner, double outer, double size, double size_at_inner) {
+CurvedMesh<3> thick_sphere(double inner, double outer, double size, double size_at_inner, double sagitta) {
   if (!(inner > 0.0 && inner < outer))
     throw InputError(fmt::format("thick sphere: radii {} and {}, expected 0 < inner < outer", inner, outer));
   check_size_at(size_at_inner, "thick sphere", "inner wall");
@@ -163,11 +168,11 @@ MeshData<3> thick_sphere(double inner, double outer, double size, double size_at
     if (!side.empty()) return side;
     return x.norm() < 0.5 * (inner + outer) ? "inner" : "outer";
   };
-  return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, build, name,
+  return mesh(fmt::format("thick sphere of radii {:g} and {:g}", inner, outer), size, sagitta, build, name,
               [&] { grade(size_at_inner, size, "Sqrt(x*x+y*y+z*z)", inner, outer, eighth(inner)); });
 }
 
-MeshData<3> cylinder(double radius, double height, double size) {
+CurvedMesh<3> cylinder(double radius, double height, double size, double sagitta) {
   if (!(radius > 0.0 && height > 0.0))
     throw InputError(fmt::format("cylinder: radius {} and height {}, expected positive ones", radius, height));
   const auto name = [&](const Vec<3>& x) -> std::string {
@@ -175,8 +180,22 @@ MeshData<3> cylinder(double radius, double height, double size) {
     return std::abs(x.z()) < tolerance ? "bottom" : std::abs(x.z() - height) < tolerance ? "top" : "side";
   };
   return mesh(
-      fmt::format("cylinder of radius {:g} and height {:g}", radius, height), size,
+      fmt::format("cylinder of radius {:g} and height {:g}", radius, height), size, sagitta,
       [&] { occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, radius); }, name);
+}
+
+CurvedMesh<3> half_torus(double radius, double section, double size, double sagitta) {
+  if (!(section > 0.0 && section < radius))
+    throw InputError(
+        fmt::format("half torus: radius {} and section {}, expected 0 < section < radius", radius, section));
+  const auto name = [&](const Vec<3>& x) -> std::string {
+    if (std::abs(x.y()) > 1e-9 * radius || std::hypot(std::abs(x.x()) - radius, x.z()) > 0.999 * section)
+      return "surface";
+    return x.x() > 0.0 ? "start" : "end";
+  };
+  return mesh(
+      fmt::format("half torus of radius {:g} and section {:g}", radius, section), size, sagitta,
+      [&] { occ::addTorus(0.0, 0.0, 0.0, radius, section, -1, std::numbers::pi); }, name);
 }
 
 }  // namespace efree::solids

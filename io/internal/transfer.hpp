@@ -25,6 +25,10 @@ template <int Dim> auto fields(MeshData<Dim>& mesh) {
   auto& [vertices, cells, groups, regions, region_names] = mesh;
   return std::tie(vertices, cells, groups, regions, region_names);
 }
+template <int Dim> auto fields(BoundaryOffsets<Dim>& boundary) {
+  auto& [points, offsets] = boundary;
+  return std::tie(points, offsets);
+}
 template <int Dim> auto fields(LabelImage<Dim>& image) {
   auto& [size, spacing, origin, labels, grey] = image;
   return std::tie(size, spacing, origin, labels, grey);
@@ -34,8 +38,8 @@ template <int Dim> auto fields(GreyImage<Dim>& image) {
   return std::tie(size, spacing, origin, values);
 }
 template <int Dim> auto fields(MadeMesh<Dim>& made) {
-  auto& [mesh, reports, remarks, warnings, size, image, region_of_label] = made;
-  return std::tie(mesh, reports, remarks, warnings, size, image, region_of_label);
+  auto& [mesh, reports, remarks, warnings, size, image, region_of_label, boundary, smooth] = made;
+  return std::tie(mesh, reports, remarks, warnings, size, image, region_of_label, boundary, smooth);
 }
 template <int Dim> auto fields(BodySummary<Dim>& body) {
   auto& [name, num_cells, volume, box] = body;

@@ -6,6 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
 #include "efree/geometry/mesh/refine.hpp"
+#include "efree/geometry/meshing/internal/curved_entities.hpp"
 
 #include <fmt/format.h>
 #include <gmsh.h>
@@ -68,6 +69,12 @@ void GmshSession::generate(int dim) const {
   if ((high.array() > low.array()).any()) require_extent<3>(low, high, subject_);
   gmsh::model::mesh::generate(dim);
   check();
+}
+
+void GmshSession::forget() const {
+  gmsh::model::mesh::clear();
+  gmsh::logger::stop();
+  gmsh::logger::start();
 }
 
 void GmshSession::fail(const std::string& what) const {
@@ -163,7 +170,7 @@ double total_measure(int dim) {
 
 }  // namespace
 
-void generate_tetrahedra(const GmshSession& session, double size) {
+void generate_tetrahedra(const GmshSession& session, double size, double sagitta) {
   const auto set = [](const char* name, double value) { gmsh::option::setNumber(name, value); };
   // HXT (10) takes a fraction of Delaunay's (1) time but orders its points by their addresses in memory, so that no two
   // of its meshes are the same.
@@ -186,7 +193,8 @@ void generate_tetrahedra(const GmshSession& session, double size) {
     set("Mesh.MeshSizeFromCurvature", std::max(16.0, gmsh_option("Mesh.MeshSizeFromCurvature")));
     set("Mesh.MinimumCirclePoints", std::max(16.0, gmsh_option("Mesh.MinimumCirclePoints")));
   }
-  session.generate(3);
+  mesh_with_walls<3>(
+      session, sagitta, [&] { session.generate(3); }, [&] { return flat_gmsh_mesh<3>(session); });
 }
 
 template <int Dim> GmshNodes<Dim>::GmshNodes(const GmshSession& session) : session_(session) {
@@ -236,8 +244,7 @@ int highest_order(int dim) {
   return order;
 }
 
-template <int Dim>
-MeshData<Dim> gmsh_mesh(const GmshSession& session, double size, const std::vector<std::string>& slits) {
+template <int Dim> MeshData<Dim> flat_gmsh_mesh(const GmshSession& session) {
   GmshNodes<Dim> nodes(session);
   MeshData<Dim> mesh;
   const std::vector<GmshPart> regions = region_parts(session, Dim);
@@ -291,17 +298,27 @@ MeshData<Dim> gmsh_mesh(const GmshSession& session, double size, const std::vect
     }
     mesh.groups.push_back(std::move(group));
   }
-  if (size > 0.0) mesh = split_long_edges<Dim>(std::move(mesh), size);
+  return mesh;
+}
+
+template <int Dim>
+CurvedMesh<Dim> gmsh_mesh(const GmshSession& session, double size, const std::vector<std::string>& slits, double unit) {
+  CurvedMesh<Dim> curved{flat_gmsh_mesh<Dim>(session), offsets_of(curved_edges<Dim>(session), unit)};
+  curved.mesh.vertices /= unit;
+  if (size > 0.0) curved = split_long_edges<Dim>(std::move(curved), size / unit);
   std::vector<std::array<Index, Dim>> cut;
-  for (const auto& group : mesh.groups)
+  for (const auto& group : curved.mesh.groups)
     if (std::ranges::find(slits, group.name) != slits.end())
       cut.insert(cut.end(), group.facets.begin(), group.facets.end());
-  return cut_open<Dim>(std::move(mesh), cut);
+  curved.mesh = cut_open<Dim>(std::move(curved.mesh), cut);
+  return curved;
 }
 
 template class GmshNodes<2>;
 template class GmshNodes<3>;
-template MeshData<2> gmsh_mesh<2>(const GmshSession&, double, const std::vector<std::string>&);
-template MeshData<3> gmsh_mesh<3>(const GmshSession&, double, const std::vector<std::string>&);
+template MeshData<2> flat_gmsh_mesh<2>(const GmshSession&);
+template MeshData<3> flat_gmsh_mesh<3>(const GmshSession&);
+template CurvedMesh<2> gmsh_mesh<2>(const GmshSession&, double, const std::vector<std::string>&, double);
+template CurvedMesh<3> gmsh_mesh<3>(const GmshSession&, double, const std::vector<std::string>&, double);
 
 }  // namespace efree::internal

@@ -2,7 +2,7 @@
 /// What the parts of this room that use gmsh share: a session of it, sizes, and the mesh that it holds.
 #pragma once
 
-#include "efree/geometry/mesh/fine_mesh.hpp"
+#include "efree/geometry/mesh/boundary_offsets.hpp"
 
 #include <set>
 #include <string>
@@ -26,6 +26,8 @@ class GmshSession {
   void open(const std::string& path) const;
   /// Triangulates curves (1), surfaces (2), volumes (3).
   void generate(int dim) const;
+  /// Drops the mesh and what gmsh has complained of; the geometry stays.
+  void forget() const;
   [[noreturn]] void fail(const std::string& what) const;
 
  private:
@@ -61,8 +63,9 @@ constexpr double finer_than_told = 1.2;
 void check_gmsh_size(const GmshSession& session, double size);
 
 /// Tetrahedra for all volumes, fast and careless: Delaunay, no optimisation, at least 16 elements to a full turn of a
-/// curved surface. size > 0: at most that, with the finer sizes that the model has; 0: the model's own. One thread.
-void generate_tetrahedra(const GmshSession& session, double size);
+/// curved surface. size > 0: at most that, with the finer sizes that the model has; 0: the model's own. `sagitta` > 0:
+/// fine enough for thin curved walls (mesh_with_walls). One thread.
+void generate_tetrahedra(const GmshSession& session, double size, double sagitta = 0.0);
 
 /// Coordinates of mesh nodes by gmsh's tags. In 2D the nodes asked for must lie in one plane z = const.
 template <int Dim> class GmshNodes {
@@ -85,8 +88,10 @@ std::vector<std::size_t> gmsh_simplices(int dim, int entity);
 int highest_order(int dim);
 
 /// Reads the mesh that gmsh holds, splits edges longer than `size` (0: none), and cuts it open along the physical
-/// curves (surfaces in 3D) named in `slits`.
-template <int Dim>
-MeshData<Dim> gmsh_mesh(const GmshSession& session, double size, const std::vector<std::string>& slits);
+/// curves (surfaces in 3D) named in `slits`. Coordinates are divided by `unit`, after `size` has been compared.
+template <int Dim> CurvedMesh<Dim> gmsh_mesh(const GmshSession& session, double size,
+                                             const std::vector<std::string>& slits, double unit = 1.0);
+/// The same as it is, without offsets.
+template <int Dim> MeshData<Dim> flat_gmsh_mesh(const GmshSession& session);
 
 }  // namespace efree::internal

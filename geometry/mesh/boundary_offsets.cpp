@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/geometry/mesh/boundary_offsets.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+/// Vertices of a facet whose midpoints are its points after its vertices.
+template <int Dim> constexpr auto facet_edges() {
+  using Ends = std::array<int, 2>;
+  if constexpr (Dim == 2)
+    return std::array<Ends, 1>{{{0, 1}}};
+  else
+    return std::array<Ends, 3>{{{0, 1}, {0, 2}, {1, 2}}};
+}
+
+template <int Dim> bool is_before(const Vec<Dim>& a, const Vec<Dim>& b) {
+  return std::lexicographical_compare(a.data(), a.data() + Dim, b.data(), b.data() + Dim);
+}
+
+/// Finds offsets by their points.
+template <int Dim> class OffsetFinder {
+ public:
+  explicit OffsetFinder(const BoundaryOffsets<Dim>& boundary) : boundary_(boundary), order_(boundary.points.cols()) {
+    require(boundary.points.cols() == boundary.offsets.cols(), "boundary offsets: one for each point expected");
+    std::iota(order_.begin(), order_.end(), 0);
+    std::ranges::sort(order_, [&](Index i, Index j) { return is_before(point(i), point(j)); });
+  }
+  /// Zero where there is none.
+  Vec<Dim> at(const Vec<Dim>& x) const {
+    const auto found = std::ranges::lower_bound(
+        order_, x, [](const auto& a, const auto& b) { return is_before<Dim>(a, b); },
+        [&](Index i) { return point(i); });
+    if (found == order_.end() || point(*found) != x) return Vec<Dim>::Zero();
+    return boundary_.offsets.col(*found);
+  }
+
+ private:
+  Vec<Dim> point(Index i) const { return boundary_.points.col(i); }
+
+  const BoundaryOffsets<Dim>& boundary_;
+  std::vector<Index> order_;
+};
+
+}  // namespace
+
+template <int Dim> Matrix facet_offsets(const FineMesh<Dim>& mesh, const BoundaryOffsets<Dim>& boundary) {
+  Matrix offsets = Matrix::Zero(Dim * facet_points<Dim>, mesh.num_facets());
+  if (boundary.points.cols() == 0) return offsets;
+  const OffsetFinder<Dim> find(boundary);
+  parallel_for(mesh.num_facets(), [&](Index f) {
+    const auto corner = [&](int k) { return mesh.vertex(mesh.facets()(k, f)); };
+    int point = 0;
+    const auto put = [&](const Vec<Dim>& x) { offsets.col(f).template segment<Dim>(Dim * point++) = find.at(x); };
+    for (int k = 0; k < Dim; ++k) put(corner(k));
+    for (const auto& [i, j] : facet_edges<Dim>()) put(edge_midpoint<Dim>(corner(i), corner(j)));
+  });
+  return offsets;
+}
+
+template <int Dim> Matrix normal_offsets(const FineMesh<Dim>& mesh, const Matrix& offsets) {
+  Matrix heights(facet_points<Dim>, mesh.num_facets());
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    heights.col(f) = offsets.col(f).reshaped(Dim, facet_points<Dim>).transpose() * mesh.facet_normal(f);
+  return heights;
+}
+
+template <int Dim> Vector sagittas(const FineMesh<Dim>& mesh, const Matrix& offsets) {
+  return normal_offsets(mesh, offsets).cwiseAbs().colwise().maxCoeff().transpose();
+}
+
+template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh) {
+  const double smooth = std::cos(40.0 * std::numbers::pi / 180.0);
+  std::vector<Vec<Dim>> points, offsets;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const Vec<Dim> own = mesh.facet_normal(f);
+    std::array<Vec<Dim>, Dim> normals;
+    for (int k = 0; k < Dim; ++k) {
+      normals[k].setZero();
+      for (const Index g : mesh.facets_of(mesh.facets()(k, f)))
+        if (const Vec<Dim> other = mesh.facet_normal(g); other.dot(own) > smooth)
+          normals[k] += mesh.facet_measure(g) * other;
+      normals[k].normalize();
+    }
+    for (const auto& [i, j] : facet_edges<Dim>()) {
+      const Vec<Dim> a = mesh.vertex(mesh.facets()(i, f)), b = mesh.vertex(mesh.facets()(j, f));
+      const double height = (normals[j] - normals[i]).dot(b - a) / 8.0;
+      if (std::abs(height) < 1e-12 * (b - a).norm()) continue;
+      points.push_back(edge_midpoint<Dim>(a, b));
+      offsets.push_back(height * (normals[i] + normals[j]).normalized());
+    }
+  }
+  BoundaryOffsets<Dim> out{Points<Dim>(Dim, std::ssize(points)), Points<Dim>(Dim, std::ssize(points))};
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    out.points.col(static_cast<Index>(k)) = points[k];
+    out.offsets.col(static_cast<Index>(k)) = offsets[k];
+  }
+  return out;
+}
+
+template Matrix facet_offsets<2>(const FineMesh<2>&, const BoundaryOffsets<2>&);
+template Matrix facet_offsets<3>(const FineMesh<3>&, const BoundaryOffsets<3>&);
+template Matrix normal_offsets<2>(const FineMesh<2>&, const Matrix&);
+template Matrix normal_offsets<3>(const FineMesh<3>&, const Matrix&);
+template Vector sagittas<2>(const FineMesh<2>&, const Matrix&);
+template Vector sagittas<3>(const FineMesh<3>&, const Matrix&);
+template BoundaryOffsets<2> smooth_offsets<2>(const FineMesh<2>&);
+template BoundaryOffsets<3> smooth_offsets<3>(const FineMesh<3>&);
+
+}  // namespace efree
