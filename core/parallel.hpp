@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The only place that knows OpenMP. Work is cut into chunks that do not depend on the number of threads, and every
-/// chunk writes to its own output, so results are bitwise the same on any number of threads.
+/// Loops on several threads, the only place that knows threads. Work is cut into chunks that do not depend on the
+/// number of threads, and every chunk writes to its own output, so results are bitwise the same on any number of
+/// threads.
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -9,18 +10,18 @@
 
 namespace efree {
 
-/// Number of threads used by parallel_for from now on, at least 1. BLAS always runs on one (its sums must not depend on
-/// threads).
+/// Sets the number of threads that loops of the calling thread use, the caller included. Throws InputError below 1. It
+/// begins as OpenMP's: OMP_NUM_THREADS, else the number of processors. BLAS always runs on one thread (its sums must
+/// not depend on threads).
 void set_num_threads(int threads);
-int num_threads();  ///< threads that parallel_for uses
+/// Number of threads that loops of the calling thread use.
+int num_threads();
 
-/// Calls body(begin, end) on consecutive ranges that cover [0, n), each at most `chunk` long; ranges run concurrently.
-/// The first exception (in range order) is rethrown. Put scratch memory inside body: one allocation per chunk.
+/// Calls body(begin, end) on consecutive ranges that cover [0, n), each at most `chunk` long; ranges run concurrently,
+/// but for those of a loop inside a loop. All ranges run; then the first exception (in range order) is rethrown. Put
+/// scratch memory inside body: one allocation per chunk. Idle threads sleep: beside other work on the machine several
+/// threads take no longer than one.
 void parallel_chunks(Index n, Index chunk, const std::function<void(Index begin, Index end)>& body);
-
-/// Calls work() with the threads of libraries that it calls held back: CHOLMOD asks for four of them at every small
-/// block of a factor, however many there are to be, and they only wait for each other.
-void on_one_thread(const std::function<void()>& work);
 
 /// Calls body(i) for all i in [0, n), concurrently in chunks of 256.
 template <class Body> void parallel_for(Index n, const Body& body) {
