@@ -443,11 +443,38 @@ int read_output(const Section& time) {
   return time.choice<int>("output", {{"last", 0}, {"all", 1}}, std::nullopt);
 }
 
+/// [time] until: a probe or a reaction of the case, and bounds.
+template <int Dim> PathEnd read_until(const Section& time, const Case<Dim>& of) {
+  const Section until = time.section("until", {"probe", "reaction", "component", "above", "below"});
+  if (until.has("probe") == until.has("reaction"))
+    until.fail("", "until has exactly one of probe, reaction: what is looked at, by its name");
+  if (!until.has("above") && !until.has("below"))
+    until.fail("", "until has no bound: expected above or below, a number that ends the path once it is passed");
+  const char* key = until.has("probe") ? "probe" : "reaction";
+  PathEnd end{until.has("probe") ? PathEnd::Of::probe : PathEnd::Of::reaction, until.text(key)};
+  std::vector<std::string_view> names;
+  if (end.of == PathEnd::Of::probe) {
+    for (const auto& probe : of.probes) names.push_back(probe.name);
+  } else {
+    for (const auto& reaction : of.reactions) names.push_back(reaction.name);
+    for (const auto& support : of.supports) names.push_back(support.on);
+  }
+  if (names.empty()) until.fail(key, fmt::format("the case has no {}", key));
+  if (std::ranges::find(names, end.name) == names.end())
+    until.fail(key, fmt::format("there is no {} \"{}\"; {}", key, end.name, internal::suggestion(end.name, names)));
+  std::vector<std::pair<std::string_view, int>> components{{"length", -1}, {"x", 0}, {"y", 1}};
+  if (Dim == 3) components.emplace_back("z", 2);
+  end.component = until.choice<int>("component", components, -1);
+  if (until.has("above")) end.above = until.number("above", any_number);
+  if (until.has("below")) end.below = until.number("below", any_number);
+  return end;
+}
+
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
   const Section section =
-      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "output"});
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "until", "output"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -502,7 +529,7 @@ CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesy
   toml::table rest = table;
   if (toml::table* time = rest["time"].as_table()) {
     const toml::table all = *time;
-    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control"}) {
+    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control", "until"}) {
       how.add(key).add(text_of(all[key]));
       time->erase(key);
     }
@@ -572,6 +599,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   read_extremes(analysis, result);
   if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
   read_probes(probes, result);
+  if (result.time && root.section("time", {}).has("until"))
+    result.time->until = read_until(root.section("time", {}), result);
   if (root.has("accuracy"))
     read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
   result.mark = mark_of(*table, result.time && result.time->acting,
