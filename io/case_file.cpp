@@ -64,7 +64,7 @@ template <int Dim> class BoundaryReader {
 
   void read_support(const Section& entry, const std::string& on, std::string_view kind) {
     if (kind == "displacement") {
-      refuse_if_held(entry, kind, on, normal);
+      refuse_if_claimed(entry, kind, on, normal);
       const auto components = entry.template expressions<Dim>(kind);
       if (std::ranges::count(components, "free") == Dim)
         entry.fail(kind, "displacement leaves every component free, expected a value for one of them");
@@ -76,7 +76,7 @@ template <int Dim> class BoundaryReader {
       }
       result_.supports.push_back(std::move(condition));
     } else if (kind == "normal_displacement") {
-      for (int i = 0; i < Dim; ++i) refuse_if_held(entry, kind, on, component[i]);
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
       claim(entry, kind, on, normal);
       result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
     }
@@ -91,11 +91,11 @@ template <int Dim> class BoundaryReader {
       return field;
     };
     if (kind == "normal_stiffness") {
-      for (int i = 0; i < Dim; ++i) refuse_if_held(entry, kind, on, component[i]);
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
       claim(entry, kind, on, normal);
       result_.supports.push_back({on, {}, nothing, stiffness(entry.expression(kind))});
     } else if (kind == "stiffness") {
-      refuse_if_held(entry, kind, on, normal);
+      refuse_if_claimed(entry, kind, on, normal);
       std::array<std::string, Dim> along;
       if (entry.table().get(kind)->is_array())
         along = entry.template expressions<Dim>(kind);
@@ -165,7 +165,7 @@ template <int Dim> class BoundaryReader {
     } else if (kind == "pressure") {
       refuse_if_held(entry, kind, on, normal);
       int held = 0;
-      for (int i = 0; i < Dim; ++i) held += claimed_.contains({on, component[i]});
+      for (int i = 0; i < Dim; ++i) held += claimed(on, component[i], true) != nullptr;
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
       const auto value = expressions_.field(entry.expression(kind), entry.where(kind));
       if (entry.boolean("follower", false))
@@ -198,21 +198,47 @@ template <int Dim> class BoundaryReader {
                       found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
     return found.front();
   }
+  /// What is prescribed on a part: held rigidly, or by springs, which bear loads.
+  struct Claim {
+    std::string where;
+    bool rigid;
+  };
   void claim(const Section& entry, std::string_view key, const std::string& on, const std::string& what) {
-    const auto [earlier, is_new] = claimed_.try_emplace({on, what}, entry.where(key));
-    if (!is_new) entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, on, earlier->second));
+    const bool rigid = key == "displacement" || key == "normal_displacement";
+    for (const std::string& part : places_.parts(on)) {
+      const auto [earlier, is_new] = claimed_.try_emplace({part, what}, Claim{entry.where(key), rigid});
+      if (!is_new)
+        entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, part, earlier->second.where));
+    }
   }
+  /// Another support of the part, or of one of its parts; of this kind only if it is to be rigid.
+  const Claim* claimed(const std::string& on, const std::string& what, bool rigid) const {
+    for (const std::string& part : places_.parts(on))
+      if (const auto found = claimed_.find({part, what}); found != claimed_.end() && (found->second.rigid || !rigid))
+        return &found->second;
+    return nullptr;
+  }
+  /// Of supports, which springs exclude, too.
+  void refuse_if_claimed(const Section& entry, std::string_view key, const std::string& on,
+                         const std::string& what) const {
+    refuse(entry, key, on, what, claimed(on, what, false));
+  }
+  /// Of loads, which springs bear.
   void refuse_if_held(const Section& entry, std::string_view key, const std::string& on,
                       const std::string& what) const {
-    if (const auto held = claimed_.find({on, what}); held != claimed_.end())
+    refuse(entry, key, on, what, claimed(on, what, true));
+  }
+  static void refuse(const Section& entry, std::string_view key, const std::string& on, const std::string& what,
+                     const Claim* by) {
+    if (by)
       entry.fail(key, fmt::format("{} on \"{}\" contradicts the {} prescribed at {}, expected one of them", key, on,
-                                  what, held->second));
+                                  what, by->where));
   }
 
   const Expressions<Dim>& expressions_;
   PlaceReader<Dim>& places_;
   Case<Dim>& result_;
-  std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
+  std::map<std::pair<std::string, std::string>, Claim> claimed_;  ///< by boundary and what is prescribed
 };
 
 template <int Dim> void read_load_cases(const std::vector<Section>& sections, const Section::Keys& keys,
