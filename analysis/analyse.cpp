@@ -10,6 +10,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
+#include "efree/assembly/follower_pressure.hpp"
 #include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/finite.hpp"
@@ -184,6 +185,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
       settings.cases.empty()) {
     Settings<Dim> linear = given;
     linear.regime = Regime::linear;
+    linear.loads = at_rest(std::move(linear.loads));
     linear.cells = OnCells::never;
     linear = with_defaults(linear, mesh);
     if (located(settings, settings.where, [&] { return linear_is_enough(linear, settings, result, monitor); })) {

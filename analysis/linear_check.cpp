@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 namespace efree {
 
@@ -15,7 +16,7 @@ std::string text_of(const LinearCheck& check) {
   std::string text = fmt::format(
       "strains up to {:.2g}, rotations up to {:.2g} degrees{}", check.strain, 180.0 / std::numbers::pi * check.rotation,
       check.overload > 1.0 ? fmt::format(", stresses up to {:.3g} times what the material bears", check.overload) : "");
-  if (!check.failure.empty()) return fmt::format("{}: {}", text, check.failure);
+  if (!check.failure.empty()) return check.strain > 0.0 ? fmt::format("{}: {}", text, check.failure) : check.failure;
   if (check.negative_pivots > 0) text += ", and the tangent there is not positive definite";
   if (check.same) return fmt::format("off by nothing ({})", text);
   return fmt::format("off by {:.2g} % of the largest displacement, {:.2g} % of the largest stress ({})",
@@ -127,7 +128,13 @@ LinearCheck check_linear(const Settings<Dim>& full, const Result<Dim>& result, c
   LinearBeside<Dim> beside(equations, full.regime_tolerance);
   Cholesky factor;
   TangentSolver tangent(beside.equations(), factor);
-  return beside(newton(beside.equations(), tangent, beside.equations().rest(), 1.0).state);
+  std::optional<State> linear;
+  try {
+    linear = newton(beside.equations(), tangent, beside.equations().rest(), 1.0).state;
+  } catch (const NumericalError& error) {
+    return {.time = 1.0, .failure = fmt::format("linear elasticity has no answer: {}", error.what())};
+  }
+  return beside(*linear);
 }
 
 template <int Dim> void warn_of_overload(const Settings<Dim>& settings, const ElasticModel& full, Result<Dim>& result) {

@@ -2,6 +2,7 @@
 /// Errors of paths through time by a coarser cloud.
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
+#include "efree/assembly/follower_pressure.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -28,9 +29,20 @@ template <int Dim> Settings<Dim> coarser(const Settings<Dim>& settings, const Re
   other.approximation.interpolation = result.approximation.space.degree();
   other.approximation.grading.scale *= coarsening;
   if (!other.time) other.time.emplace();
+  if (result.regime == Regime::linear) {
+    other.loads = at_rest(std::move(other.loads));
+    if (auto& acting = other.time->acting)
+      acting = [all = std::move(acting)](double time) {
+        Acting<Dim> then = all(time);
+        then.loads = at_rest(std::move(then.loads));
+        return then;
+      };
+  }
   auto& stops = other.time->path.stops;
   stops.clear();
   for (const auto& step : result.history) stops.push_back(step.time);
+  other.time->until.reset();
+  other.time->path.until = [last = stops.back()](const PathStep& step) { return step.now.state.time >= last; };
   return other;
 }
 

@@ -90,6 +90,23 @@ template <int Dim> std::vector<Parameter> region_densities(const Settings<Dim>& 
   return densities;
 }
 
+/// The facets of several of these parts, ascending. Throws InputError for one that is not among them nor in the mesh.
+template <int Dim> std::vector<Index> united(const FineMesh<Dim>& mesh,
+                                             const std::vector<typename FineMesh<Dim>::Group>& groups,
+                                             const std::vector<std::string>& parts) {
+  std::vector<Index> all;
+  for (const std::string& part : parts) {
+    const auto found = std::ranges::find(groups, part, &FineMesh<Dim>::Group::name);
+    if (found == groups.end())
+      mesh.group(part);
+    else
+      all.insert(all.end(), found->facets.begin(), found->facets.end());
+  }
+  std::ranges::sort(all);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
 /// The parts of the boundary that have names and do not tie regions to each other, those that the settings select, and
 /// one of all slits if there is more than one region.
 template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const Settings<Dim>& settings,
@@ -119,7 +136,8 @@ template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const
       if (std::ranges::find(groups, selected.name, &Group::name) != groups.end())
         throw InputError(
             fmt::format("the mesh has a part named \"{}\", which this selection would be called", selected.name));
-      groups.push_back({selected.name, select_facets(mesh, selected.how, open_interface)});
+      groups.push_back({selected.name, selected.parts.empty() ? select_facets(mesh, selected.how, open_interface)
+                                                              : united(mesh, groups, selected.parts)});
       if (groups.back().facets.empty())
         throw InputError(
             fmt::format("the selection \"{}\" is empty: no facet of the boundary, whose vertices lie in "
@@ -181,8 +199,9 @@ FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> m
       fmt::format("{} bod{} with {:.2g} % of the volume", count, count == 1 ? "y" : "ies", 100.0 * fraction);
   result.reports.push_back({"free_bodies", count});
   result.reports.push_back({"free_bodies_fraction", fraction});
-  result.remarks.push_back(fmt::format("{} neither held nor loaded, the largest around ({:.4g}): left out", what,
-                                       fmt::join(bodies.centres.col(largest), ", ")));
+  result.remarks.push_back(fmt::format("{} neither held nor loaded and left out, the largest is the {}; {}", what,
+                                       describe_body(mesh, bodies, largest),
+                                       describe_neighbour(mesh, bodies, largest)));
   FineMesh<Dim> rest(extract(mesh, kept));
   const auto remains = [&](const std::string& name) {
     return std::ranges::find(rest.groups(), name, &FineMesh<Dim>::Group::name) != rest.groups().end();

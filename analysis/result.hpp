@@ -144,6 +144,8 @@ template <int Dim> struct Result : Answer<Dim> {
   /// HistoryPart says, columns as those of stresses. Zero where a region has no such thing.
   std::vector<std::pair<std::string, Matrix>> remembered;
   std::string stopped;  ///< why it did not come to its end; empty if it did
+  /// Largest distance of the cloud from displacements that are prescribed, at the end, over the largest displacement.
+  double gap = 0.0;
   std::optional<CloudAlone> cloud_alone{};
   std::optional<PathErrors> path_errors{};  ///< where the finite elements find no way, and a coarser cloud does
   /// If the body was not stable on its way: how it gave way at the first step at which it was not, at the degrees of

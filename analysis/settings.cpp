@@ -4,7 +4,17 @@
 #include "efree/analysis/internal/located.hpp"
 #include "efree/core/error.hpp"
 
+#include <fmt/format.h>
+
 namespace efree {
+
+std::string text_of(const PathEnd& end) {
+  std::string text = fmt::format("{} \"{}\"", end.of == PathEnd::Of::probe ? "probe" : "reaction", end.name);
+  if (end.component >= 0) text += fmt::format(" {}", "xyz"[end.component]);
+  if (end.above) text += fmt::format(" rises above {:.6g}", *end.above);
+  if (end.below) text += fmt::format("{} falls below {:.6g}", end.above ? " or" : "", *end.below);
+  return text;
+}
 
 template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings) {
   if (settings.cases.empty()) return {settings.loads};

@@ -44,6 +44,7 @@ template <int Dim> struct NamedSelection {
   std::string name;
   Selection<Dim> how;
   std::string where{};
+  std::vector<std::string> parts{};  ///< unless empty: the union of these parts instead of `how`
 };
 /// Loads that act together, by themselves: a case.
 template <int Dim> struct LoadCase {
@@ -55,9 +56,20 @@ template <int Dim> struct Acting {
   std::vector<DisplacementCondition<Dim>> supports;
   Loads<Dim> loads;  ///< but for their density
 };
+/// The end of a path by a component of the displacement of a probe or of a reaction: the first step at which it is
+/// beyond a bound that it was not beyond before. At the beginning it is 0.
+struct PathEnd {
+  enum class Of { probe, reaction } of;
+  std::string name;    ///< of the probe; of the reaction, or the part whose reaction it is
+  int component = -1;  ///< -1: the length
+  std::optional<double> above{}, below{};
+};
+/// What it is the end of, and where, for people.
+std::string text_of(const PathEnd& end);
 /// How an analysis goes through pseudo-time.
 template <int Dim> struct TimeSettings {
   PathOptions path{};
+  std::optional<PathEnd> until{};                    ///< besides path.end
   std::function<Acting<Dim>(double time)> acting{};  ///< empty: settings.supports and loads, in proportion to the time
 };
 /// A probe or a reaction and the error it may have, relative to its size.

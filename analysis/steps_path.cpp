@@ -3,6 +3,7 @@
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
+#include "efree/assembly/follower_pressure.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/core/internal/setting_error.hpp"
@@ -105,6 +106,21 @@ template <int Dim> void warn_of_instability(Result<Dim>& result) {
   }
 }
 
+/// Notes how far held boundaries are from what is prescribed, and warns where that is more than a per cent.
+template <int Dim> void warn_of_gap(const NonlinearEquilibrium<Dim>& equations, const State& at, Result<Dim>& result) {
+  constexpr double bearable = 0.01;
+  const auto& shape = equations.approximation().shape;
+  const double moved =
+      interpolate(shape, Points<Dim>(at.u.reshaped(Dim, shape.num_nodes()))).colwise().norm().maxCoeff();
+  if (!(moved > 0.0)) return;
+  result.gap = equations.largest_gap(at) / moved;
+  if (result.gap > bearable)
+    result.warnings.push_back(
+        fmt::format("boundaries are up to {:.2g} % of the largest displacement away from what is prescribed on them: "
+                    "analysis.essential = \"strong\" holds them at the nodes, a smaller spacing brings them nearer",
+                    100.0 * result.gap));
+}
+
 /// Tells a body and its functions from others.
 template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
   return Fingerprint()
@@ -113,6 +129,63 @@ template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approxima
       .add(approximation.quadrature.points)
       .add(approximation.quadrature.weights)
       .value();
+}
+
+/// The end of a path that is told by a probe or a reaction.
+template <int Dim> class EndOfPath {
+ public:
+  /// Throws InputError for a name that the settings do not have.
+  EndOfPath(const Settings<Dim>& settings, const PathEnd& end) : end_(end) {
+    const bool is_probe = end.of == PathEnd::Of::probe;
+    const auto found = std::ranges::find(settings.probes, end.name, &Probe<Dim>::name);
+    probe_ = static_cast<std::size_t>(found - settings.probes.begin());
+    const bool is_reaction =
+        std::ranges::find(settings.reactions, end.name, &Reaction::name) != settings.reactions.end() ||
+        std::ranges::find(settings.supports, end.name, &DisplacementCondition<Dim>::on) != settings.supports.end();
+    if (is_probe ? found == settings.probes.end() : !is_reaction)
+      throw SettingError("time.until",
+                         fmt::format("until: there is no {} \"{}\"", is_probe ? "probe" : "reaction", end.name));
+  }
+  double value(const HistoryStep<Dim>& step) const {
+    const Vec<Dim> all =
+        end_.of == PathEnd::Of::probe ? step.probes[probe_] : Vec<Dim>(step.reactions.at(end_.name).force);
+    return end_.component < 0 ? all.norm() : all[end_.component];
+  }
+  /// Whether the last step is beyond a bound that the beginning or an earlier one was not beyond.
+  bool is_passed(const std::vector<HistoryStep<Dim>>& history) const {
+    if (history.empty()) return false;
+    const auto passed = [&](const auto& is_beyond) {
+      return is_beyond(value(history.back())) &&
+             (!is_beyond(0.0) ||
+              !std::ranges::all_of(history, is_beyond, [&](const auto& step) { return value(step); }));
+    };
+    return (end_.above && passed([&](double value) { return value > *end_.above; })) ||
+           (end_.below && passed([&](double value) { return value < *end_.below; }));
+  }
+
+ private:
+  PathEnd end_;
+  std::size_t probe_ = 0;
+};
+
+/// Stiffness against the load, relative to that at the beginning, on a plateau.
+constexpr double plateau = 1e-3;
+
+/// Whether it has been less since half of the work was done: by the range of the load and the work done there, against
+/// those of the first step.
+template <int Dim> bool is_on_plateau(const std::vector<HistoryStep<Dim>>& history) {
+  const auto work = [](const HistoryStep<Dim>& step) { return step.stored + step.dissipated; };
+  const HistoryStep<Dim>&first = history.front(), &last = history.back();
+  double low = last.time, high = last.time;
+  for (auto step = history.rbegin(); step != history.rend(); ++step) {
+    low = std::min(low, step->time);
+    high = std::max(high, step->time);
+    if (work(*step) > 0.5 * work(last)) continue;
+    const double compliance = 2.0 * work(first) / (first.time * first.time);
+    const double rise = compliance * std::max(std::abs(low), std::abs(high)) * (high - low);
+    return compliance > 0.0 && rise < plateau * (work(last) - work(*step));
+  }
+  return false;
 }
 
 /// An analysis on its way through time: by linear elasticity as long as that is enough, if the settings leave that
@@ -124,18 +197,26 @@ template <int Dim> class Walk {
        const Monitor& monitor)
       : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
     if (settings.time) path_ = settings.time->path;
+    if (settings.time && settings.time->until) end_.emplace(settings, *settings.time->until);
     for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
     begin();
   }
 
   /// Comes to the end, or to where it cannot go on: result.stopped.
   void go() {
+    if (end_ && end_->is_passed(there_.history)) return;  // by an earlier run
+    if (end_ || path_.control == Control::arc_length)
+      path_.until = [this, more = path_.until](const PathStep& step) { return is_end() || (more && more(step)); };
     if (there_.agreed) {
       if (const std::string why = not_linear(); !why.empty()) take_over(why);
     } else if (settings_.regime == Regime::automatic && path_.control == Control::arc_length && monitor_.say) {
       monitor_.say("model: by arc length, which is for limit points, the full model is taken");
     }
     if (!there_.agreed) follow_full();
+    if (end_ && result_.stopped.empty() && !end_->is_passed(there_.history))
+      result_.warnings.push_back(fmt::format(
+          "the path is at its end, t = {:.6g}, before {}: it is {:.6g} there; a later time.end lets it go on",
+          there_.at.time, text_of(settings_.time->until.value()), end_->value(there_.history.back())));
   }
 
   /// The model that goes on, or did to the end.
@@ -240,18 +321,39 @@ template <int Dim> class Walk {
                                    : fmt::format("time {:.6g}, up to which both agree to rounding", agreed.time)));
   }
 
+  /// Whether the path ends at its last step: where it is told to, or on a plateau.
+  bool is_end() {
+    const auto& history = there_.history;
+    if (end_) {
+      if (!end_->is_passed(history)) return false;
+      if (monitor_.say)
+        monitor_.say(fmt::format("the path ends at t = {:.6g}: {}, it is {:.6g}", there_.at.time,
+                                 text_of(settings_.time->until.value()), end_->value(history.back())));
+      return true;
+    }
+    if (!is_on_plateau(history)) return false;
+    stop(fmt::format(
+        "limit load reached at t = {:.6g}: along the arc the stiffness against the load is less than {:.2g} % of "
+        "that at the beginning while the work doubles; say what ends the path: [time] until = {{ probe = "
+        "..., above = ... }}",
+        there_.at.time, 100.0 * plateau));
+    return true;
+  }
+
+  /// Ends the analysis with what it has; without a step it has none.
+  void stop(const std::string& why) {
+    if (there_.history.empty()) throw NumericalError(why);
+    result_.stopped = result_.refusal = why;
+  }
+
   void follow_full() {
-    const auto stopped = [&](const std::string& why) {
-      if (there_.history.empty()) throw NumericalError(why);
-      result_.stopped = result_.refusal = why;
-    };
     try {
       follow_on([&](const PathStep& step) { note(step); });
     } catch (const PathError& error) {
-      stopped(error.what());
+      stop(error.what());
     } catch (const InputError& error) {  // an expression that is not finite at some time
       if (there_.history.empty() || telling_) throw;
-      stopped(error.what());
+      stop(error.what());
     }
   }
 
@@ -337,6 +439,7 @@ template <int Dim> class Walk {
   PathOptions path_;
   Checkpoint<Dim> there_;
   std::unique_ptr<LinearBeside<Dim>> beside_;  ///< while linear elasticity is enough
+  std::optional<EndOfPath<Dim>> end_;
   std::optional<RecoveryFits<Dim>> fits_;
   int recovered_at_ = 0;  ///< step whose fields the result has
   bool telling_ = false;
@@ -386,10 +489,14 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
   walk.finish();
   const NonlinearEquilibrium<Dim>& equations = walk.equations();
   result.balance = {equations.reactions(walk.at()), equations.applied(walk.at())};
-  if (const std::string unknown = estimate_steps(settings, program_of(settings), walk.at(), result, monitor);
+  Program<Dim> program = program_of(settings);
+  if (&equations != &full)  // linear ones took over
+    program.loads = [loads = std::move(program.loads)](double time) { return at_rest(loads(time)); };
+  if (const std::string unknown = estimate_steps(settings, std::move(program), walk.at(), result, monitor);
       !unknown.empty())
     tell_path_errors(settings, unknown, result, monitor);
   warn_of_instability(result);
+  warn_of_gap(equations, walk.at(), result);
   if (options.kind == BasisKind::p1 &&
       (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
     result.warnings.push_back(

@@ -64,6 +64,12 @@ void Display::detail(const std::string& how_far) {
   fmt::print(stderr, "{}\n", how_far);
 }
 
+void Display::line(const std::string& message) {
+  if (quiet_) return;
+  clear_bar();
+  fmt::print(stderr, "{}\n", message);
+}
+
 void Display::say(const std::string& message) {
   finish_line();
   clear_bar();

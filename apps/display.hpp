@@ -25,6 +25,8 @@ class Display {
   Monitor::Progress waiting();
   /// How far the stage is, in words: beside the bar, elsewhere a line every ten seconds.
   void detail(const std::string& how_far);
+  /// A line about the stage under way, which goes on.
+  void line(const std::string& message);
   /// A message of its own line, said even if quiet.
   void say(const std::string& message);
   /// The stage that began last.

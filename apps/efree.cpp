@@ -169,7 +169,8 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
     const auto say = [&](const std::string& remark) {
       if (!options.quiet) display.say(remark);
     };
-    const Monitor monitor{.progress = progress, .say = say};
+    const Monitor monitor{
+        .progress = progress, .say = say, .detail = [&](const std::string& how_far) { display.line(how_far); }};
     if (options.resume) {
       analysis.steps.from = record.resume();
       say(fmt::format("goes on from step {} at time {:.6g}", analysis.steps.from->at.steps,

@@ -24,7 +24,13 @@ template <int Dim> struct Bodies {
 template <int Dim> Bodies<Dim> find_bodies(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
                                            const std::vector<TiedFacets>& ties = {});
 
-/// Throws InputError that names every rigid motion the restraints leave free, for each body (of many, the largest).
+/// A body for messages: the centre of mass and, if the mesh has several regions, those that it is made of.
+template <int Dim> std::string describe_body(const FineMesh<Dim>& mesh, const Bodies<Dim>& bodies, Index body);
+/// For messages: the body whose boundary is nearest to that of this one, and the distance [length].
+template <int Dim> std::string describe_neighbour(const FineMesh<Dim>& mesh, const Bodies<Dim>& bodies, Index body);
+
+/// Throws InputError that names every rigid motion the restraints leave free, for each body (of many, the largest) with
+/// its nearest neighbour.
 template <int Dim> void require_restrained(const FineSpace<Dim>& space, const std::vector<Restraint<Dim>>& restraints,
                                            const std::vector<TiedFacets>& ties = {});
 

@@ -32,6 +32,15 @@ Vec<Dim> change(const typename FollowerPressures<Dim>::Now& now, const ShapeRow<
 
 }  // namespace
 
+template <int Dim> Loads<Dim> at_rest(Loads<Dim> loads) {
+  for (const FollowerPressure<Dim>& follower : loads.followers) {
+    loads.tractions.push_back(pressure<Dim>(follower.on, follower.pressure));
+    loads.tractions.back().kind = "follower_pressure";
+  }
+  loads.followers.clear();
+  return loads;
+}
+
 template <int Dim> FollowerPressures<Dim>::FollowerPressures(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                              const std::vector<FollowerPressure<Dim>>& on) {
   struct Entry {
@@ -170,6 +179,8 @@ std::vector<std::pair<std::string, Resultant<Dim>>> FollowerPressures<Dim>::resu
   return result;
 }
 
+template Loads<2> at_rest<2>(Loads<2>);
+template Loads<3> at_rest<3>(Loads<3>);
 template class FollowerPressures<2>;
 template class FollowerPressures<3>;
 

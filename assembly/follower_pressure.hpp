@@ -13,6 +13,10 @@
 
 namespace efree {
 
+/// The same loads with these pressures on the area and along the normal at rest, to first order in displacements: as
+/// tractions of the kind "follower_pressure".
+template <int Dim> Loads<Dim> at_rest(Loads<Dim> loads);
+
 /// The parts of a boundary under such pressures, f_a = - int phi_a p J F^-T N dA (Nanson's formula; Bonet & Wood 2008,
 /// section 8.5), F from the displacement of the fine mesh, axisymmetric with the stretch of the hoops. In the plane
 /// pressures are forces per length as it is and per thickness at rest.

@@ -148,6 +148,19 @@ PrescribedMotion<Dim> HeldGradient<Dim>::prescribed(const std::vector<Restraint<
   return result;
 }
 
+template <int Dim>
+double HeldGradient<Dim>::largest_gap(const std::vector<Restraint<Dim>>& restraints, const Points<Dim>& U) const {
+  const Points<Dim> u = interpolate(shape_, U);
+  double largest = 0.0;
+  Constraints<Dim>(space_, by_kind(restraints)[0], {}).for_each([&](const Constraint<Dim>& constraint) {
+    const BoundaryPoint<Dim>& point = constraint.sides.front().point;
+    Vec<Dim> there = Vec<Dim>::Zero();
+    for (std::size_t i = 0; i < point.dofs.size(); ++i) there += point.N[i] * u.col(point.dofs[i]);
+    largest = std::max(largest, (constraint.directions * there - constraint.value).norm());
+  });
+  return largest;
+}
+
 template <int Dim> Resultants<Dim> HeldGradient<Dim>::reactions(const std::vector<Restraint<Dim>>& restraints,
                                                                 const Gradients<Dim>& P, const Points<Dim>& U,
                                                                 bool moved) const {

@@ -57,6 +57,9 @@ template <int Dim> class HeldGradient {
   const SymmetricMatrix& penalty() const { return penalty_; }
   /// What restraints on the same parts prescribe. Throws InputError for values that are not finite.
   PrescribedMotion<Dim> prescribed(const std::vector<Restraint<Dim>>& restraints) const;
+  /// The largest distance of a body whose coefficients are U from what the restraints prescribe, at points of the
+  /// boundary [length]; springs aside.
+  double largest_gap(const std::vector<Restraint<Dim>>& restraints, const Points<Dim>& U) const;
   /// By part: the force and moment by which stresses P (column = point) and penalties hold a body, whose coefficients
   /// are U, at what the restraints prescribe. Moments are about the origin, of forces where the boundary is now if
   /// `moved`. So they balance the loads as far as U solves the equations.

@@ -60,11 +60,13 @@ void Stage::check() const {
 }
 
 Monitor Stage::within() const {
-  if (!monitor_.cancelled) return {};
-  return {.cancelled = [this] {
-    check();
-    return false;
-  }};
+  Monitor result{.detail = monitor_.detail};
+  if (monitor_.cancelled)
+    result.cancelled = [this] {
+      check();
+      return false;
+    };
+  return result;
 }
 
 }  // namespace efree

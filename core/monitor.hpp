@@ -52,8 +52,8 @@ class Stage {
   void tick(double fraction) const;
   /// Asks whether the run is to end.
   void check() const;
-  /// For what is a part of this stage: it can be cancelled, in this one's name, but is neither told of nor timed. Not
-  /// to be used longer than the stage.
+  /// For what is a part of this stage: it can be cancelled, in this one's name, and says how far it is, but is neither
+  /// announced nor timed. Not to be used longer than the stage.
   Monitor within() const;
 
  private:

@@ -64,7 +64,7 @@ template <int Dim> class BoundaryReader {
 
   void read_support(const Section& entry, const std::string& on, std::string_view kind) {
     if (kind == "displacement") {
-      refuse_if_held(entry, kind, on, normal);
+      refuse_if_claimed(entry, kind, on, normal);
       const auto components = entry.template expressions<Dim>(kind);
       if (std::ranges::count(components, "free") == Dim)
         entry.fail(kind, "displacement leaves every component free, expected a value for one of them");
@@ -76,7 +76,7 @@ template <int Dim> class BoundaryReader {
       }
       result_.supports.push_back(std::move(condition));
     } else if (kind == "normal_displacement") {
-      for (int i = 0; i < Dim; ++i) refuse_if_held(entry, kind, on, component[i]);
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
       claim(entry, kind, on, normal);
       result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
     }
@@ -91,11 +91,11 @@ template <int Dim> class BoundaryReader {
       return field;
     };
     if (kind == "normal_stiffness") {
-      for (int i = 0; i < Dim; ++i) refuse_if_held(entry, kind, on, component[i]);
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
       claim(entry, kind, on, normal);
       result_.supports.push_back({on, {}, nothing, stiffness(entry.expression(kind))});
     } else if (kind == "stiffness") {
-      refuse_if_held(entry, kind, on, normal);
+      refuse_if_claimed(entry, kind, on, normal);
       std::array<std::string, Dim> along;
       if (entry.table().get(kind)->is_array())
         along = entry.template expressions<Dim>(kind);
@@ -165,7 +165,7 @@ template <int Dim> class BoundaryReader {
     } else if (kind == "pressure") {
       refuse_if_held(entry, kind, on, normal);
       int held = 0;
-      for (int i = 0; i < Dim; ++i) held += claimed_.contains({on, component[i]});
+      for (int i = 0; i < Dim; ++i) held += claimed(on, component[i], true) != nullptr;
       if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
       const auto value = expressions_.field(entry.expression(kind), entry.where(kind));
       if (entry.boolean("follower", false))
@@ -198,21 +198,47 @@ template <int Dim> class BoundaryReader {
                       found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
     return found.front();
   }
+  /// What is prescribed on a part: held rigidly, or by springs, which bear loads.
+  struct Claim {
+    std::string where;
+    bool rigid;
+  };
   void claim(const Section& entry, std::string_view key, const std::string& on, const std::string& what) {
-    const auto [earlier, is_new] = claimed_.try_emplace({on, what}, entry.where(key));
-    if (!is_new) entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, on, earlier->second));
+    const bool rigid = key == "displacement" || key == "normal_displacement";
+    for (const std::string& part : places_.parts(on)) {
+      const auto [earlier, is_new] = claimed_.try_emplace({part, what}, Claim{entry.where(key), rigid});
+      if (!is_new)
+        entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, part, earlier->second.where));
+    }
   }
+  /// Another support of the part, or of one of its parts; of this kind only if it is to be rigid.
+  const Claim* claimed(const std::string& on, const std::string& what, bool rigid) const {
+    for (const std::string& part : places_.parts(on))
+      if (const auto found = claimed_.find({part, what}); found != claimed_.end() && (found->second.rigid || !rigid))
+        return &found->second;
+    return nullptr;
+  }
+  /// Of supports, which springs exclude, too.
+  void refuse_if_claimed(const Section& entry, std::string_view key, const std::string& on,
+                         const std::string& what) const {
+    refuse(entry, key, on, what, claimed(on, what, false));
+  }
+  /// Of loads, which springs bear.
   void refuse_if_held(const Section& entry, std::string_view key, const std::string& on,
                       const std::string& what) const {
-    if (const auto held = claimed_.find({on, what}); held != claimed_.end())
+    refuse(entry, key, on, what, claimed(on, what, true));
+  }
+  static void refuse(const Section& entry, std::string_view key, const std::string& on, const std::string& what,
+                     const Claim* by) {
+    if (by)
       entry.fail(key, fmt::format("{} on \"{}\" contradicts the {} prescribed at {}, expected one of them", key, on,
-                                  what, held->second));
+                                  what, by->where));
   }
 
   const Expressions<Dim>& expressions_;
   PlaceReader<Dim>& places_;
   Case<Dim>& result_;
-  std::map<std::pair<std::string, std::string>, std::string> claimed_;  ///< where, by boundary and what is prescribed
+  std::map<std::pair<std::string, std::string>, Claim> claimed_;  ///< by boundary and what is prescribed
 };
 
 template <int Dim> void read_load_cases(const std::vector<Section>& sections, const Section::Keys& keys,
@@ -443,11 +469,38 @@ int read_output(const Section& time) {
   return time.choice<int>("output", {{"last", 0}, {"all", 1}}, std::nullopt);
 }
 
+/// [time] until: a probe or a reaction of the case, and bounds.
+template <int Dim> PathEnd read_until(const Section& time, const Case<Dim>& of) {
+  const Section until = time.section("until", {"probe", "reaction", "component", "above", "below"});
+  if (until.has("probe") == until.has("reaction"))
+    until.fail("", "until has exactly one of probe, reaction: what is looked at, by its name");
+  if (!until.has("above") && !until.has("below"))
+    until.fail("", "until has no bound: expected above or below, a number that ends the path once it is passed");
+  const char* key = until.has("probe") ? "probe" : "reaction";
+  PathEnd end{until.has("probe") ? PathEnd::Of::probe : PathEnd::Of::reaction, until.text(key)};
+  std::vector<std::string_view> names;
+  if (end.of == PathEnd::Of::probe) {
+    for (const auto& probe : of.probes) names.push_back(probe.name);
+  } else {
+    for (const auto& reaction : of.reactions) names.push_back(reaction.name);
+    for (const auto& support : of.supports) names.push_back(support.on);
+  }
+  if (names.empty()) until.fail(key, fmt::format("the case has no {}", key));
+  if (std::ranges::find(names, end.name) == names.end())
+    until.fail(key, fmt::format("there is no {} \"{}\"; {}", key, end.name, internal::suggestion(end.name, names)));
+  std::vector<std::pair<std::string_view, int>> components{{"length", -1}, {"x", 0}, {"y", 1}};
+  if (Dim == 3) components.emplace_back("z", 2);
+  end.component = until.choice<int>("component", components, -1);
+  if (until.has("above")) end.above = until.number("above", any_number);
+  if (until.has("below")) end.below = until.number("below", any_number);
+  return end;
+}
+
 /// [time]: the steps, and what acts at each time if something depends on it.
 template <int Dim>
 TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
   const Section section =
-      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "output"});
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "until", "output"});
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
@@ -502,7 +555,7 @@ CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesy
   toml::table rest = table;
   if (toml::table* time = rest["time"].as_table()) {
     const toml::table all = *time;
-    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control"}) {
+    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control", "until"}) {
       how.add(key).add(text_of(all[key]));
       time->erase(key);
     }
@@ -572,6 +625,8 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
   read_extremes(analysis, result);
   if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
   read_probes(probes, result);
+  if (result.time && root.section("time", {}).has("until"))
+    result.time->until = read_until(root.section("time", {}), result);
   if (root.has("accuracy"))
     read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
   result.mark = mark_of(*table, result.time && result.time->acting,

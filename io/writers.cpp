@@ -365,6 +365,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                     {"negative_pivots", last.negative_pivots}};
     for (const auto& [name, values] : result.remembered)
       if (values.rows() == 1) json["path"]["largest"][name] = values.maxCoeff();
+    json["path"]["gap"] = result.gap;
     if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
   }
   if (result.errors) json["errors"] = errors_json(*result.errors);

@@ -636,9 +636,6 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     condensation.follow(forces, of);
     return of;
   };
-  // Linear elements do not hold the cloud's answer and are nearer than it: begun with what is held alone all iterates
-  // are in the spaces they are the best of, so that their energy is off by the square of their error.
-  if (first.is_of_elements) supports.keep_held(u);
   // Where nothing pulls nothing moves, whatever rounding there is in the start.
   if (supports.held(u).isZero(0.0)) {
     Points<Dim> pulls = f;
@@ -684,29 +681,56 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     }
     return square;
   };
-  // The best answer in the first space around it.
-  const Level<Dim>* level = &problem.first;
-  if (u.isZero(0.0))
-    g = Points<Dim>::Zero(Dim, u.cols());
-  else
-    co_await in_step.multiply(u, g);
-  Points<Dim> of_start;  // K start, if that is where iterations begin
-  if (start == u) of_start = g;
-  residual();
-  co_await in_step.solve(*level->space, r, z);
-  result.taken.push_back(dot<Dim>(r, z));
-  add<Dim>(u, 1.0, z);
-  co_await in_step.multiply(z, q);
-  add<Dim>(g, 1.0, q);
-  const double one_by_one = problem.energy_one_by_one(u);
-  double scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
-  residual();
-
   // Of u . K u what is not in springs, or else holds the boundary weakly.
   const auto strained = [&](double work, const Points<Dim>& of) {
     if (problem.weak.matrix.size() == 0) return work;
     return work - 2.0 * energy_held_weakly(with_all(of)(Eigen::all, problem.nodes.at));
   };
+
+  const Level<Dim>* level = &problem.first;
+  // Linear elements do not hold the cloud's answer and are mostly nearer than it: begun with what is held alone all
+  // iterates are in the spaces they are the best of, so that their energy is off by the square of their error. That of
+  // quadratic functions may be nearer than they ever come: it is what there is, if its error is small enough, or else
+  // is compared with them.
+  Points<Dim> given, pull_of_given;
+  double off_given = 0.0;  // squared error that coarse solution and smoother see
+  bool suffices = false;
+  if (level->is_of_elements) {
+    if (!is_lifted(approximation) && !u.isZero(0.0)) {
+      given = u;
+      co_await in_step.multiply(given, pull_of_given);
+      g = pull_of_given;
+      residual();
+      co_await in_step.solve(*level->space, r, z);
+      off_given = dot<Dim>(r, z);
+      co_await in_step.multiply(z, q);
+      subtract_from<Dim>(r, q);
+      problem.supports.release(q);
+      co_await in_step.smooth(level->degree, q, z);
+      off_given = std::max(0.0, off_given + dot<Dim>(q, z));
+      suffices = options.iterations < 0 &&
+                 off_given < options.tolerance * options.tolerance * strained(dot<Dim>(given, pull_of_given), given);
+    }
+    if (!suffices) supports.keep_held(u);
+  }
+  // The best answer in the first space around it.
+  if (u.isZero(0.0))
+    g = Points<Dim>::Zero(Dim, u.cols());
+  else if (!suffices)
+    co_await in_step.multiply(u, g);
+  Points<Dim> of_start;  // K start, if that is where iterations begin
+  if (start == u) of_start = g;
+  residual();
+  if (!suffices) {
+    co_await in_step.solve(*level->space, r, z);
+    result.taken.push_back(dot<Dim>(r, z));
+    add<Dim>(u, 1.0, z);
+    co_await in_step.multiply(z, q);
+    add<Dim>(g, 1.0, q);
+  }
+  const double one_by_one = problem.energy_one_by_one(u);
+  double scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
+  residual();
 
   // The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
   const bool open = options.iterations < 0;
@@ -725,7 +749,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   if (wanted == 0) take();
   double rz = 0.0;
   Points<Dim> rest;
-  for (int k = 1; k <= last; ++k) {
+  for (int k = 1; !suffices && k <= last; ++k) {
     stage.check();
     co_await in_step.smooth(level->degree, r, z);
     co_await in_step.multiply(z, q);
@@ -796,11 +820,24 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
       recent.clear();
     }
   }
-  const double beyond = recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
+  const double beyond = suffices ? off_given : recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
   const double work = dot<Dim>(u, g);
   if (answer.size() == 0) take();
   double after = beyond;
   for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
+  residual();
+  if (given.size() > 0 && !suffices) {
+    // How much more potential energy there is in what was given than in the last iterate: half of what its squared
+    // error is larger.
+    const double more = dot<Dim>(given - u, pull_of_given - g) - 2.0 * dot<Dim>(given - u, r);
+    if (more + beyond < after) {
+      answer = std::move(given);
+      answer_work = dot<Dim>(answer, pull_of_given);
+      if (end.is_term) end.forces = pull_of_given;
+      result.iterations = 0;
+      after = std::min(after, std::max(off_given, more + beyond));
+    }
+  }
 
   u = with_all(std::move(u));
   answer = with_all(std::move(answer));
@@ -814,7 +851,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
   else
     co_await in_step.multiply(off, q);
   if (end.is_term) end.off = q + g - end.forces;
-  result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) + beyond);
+  result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) - 2.0 * dot<Dim>(off, r) + beyond);
   result.error = relative(after);
   result.strain_energy = 0.5 * (answer_work + condensation.work(answer, answer));
   for (const double one : taken) result.taken.push_back(one);

@@ -42,6 +42,8 @@ class Equations {
   /// Forces out of balance at `to` (the same unknowns under another factor) if what was prescribed in between is taken
   /// as a small change of `from`: what Newton's method starts a step with, whatever jumps are prescribed.
   virtual Vector first_residual(const State& /*from*/, const State& to) const { return residual(to); }
+  /// Whether forces change between two times, not only what is prescribed.
+  virtual bool loads_change(double /*from*/, double /*to*/) const { return true; }
   /// What the residual of each unknown is small or large against: the forces that act on its node, each by itself
   /// [force].
   virtual Vector force_scale(const State& state) const = 0;

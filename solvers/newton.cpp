@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -163,11 +164,55 @@ class Stepper {
       : equations_(equations), tangent_(equations, linear), options_(options) {}
   virtual ~Stepper() = default;
   virtual Converged step(const PathPoint& from, double size, PathPoint& after) = 0;
+  /// Why a path ends where steps of a size do not converge: at a limit load, if so.
+  std::string end_of_path(const PathPoint& from, double size, const std::string& why) {
+    constexpr double next_to_nothing = 0.1;
+    const auto stiffness = current_stiffness(from, size);
+    if (from.steps == 0 || !stiffness || *stiffness >= next_to_nothing)
+      return fmt::format("at time {:.6g} steps of {:.3g} do not converge: {}", from.time, size, why);
+    const bool by_loads = equations_.loads_change(from.time, from.time + size);
+    std::vector<std::string> ways;
+    if (by_loads) ways.emplace_back("prescribe displacements");
+    if (options_.control == Control::load) ways.emplace_back("use arc length ([time] control = \"arc_length\")");
+    const std::string share = *stiffness > 1e-6    ? fmt::format("{:.2g} % of that at rest", 100.0 * *stiffness)
+                              : *stiffness < -1e-6 ? "negative"
+                                                   : "zero";
+    return fmt::format(
+        "{} reached at t = {:.6g}: steps of {:.3g} beyond it do not converge: {}; the stiffness against {} there is "
+        "{}{}",
+        by_loads ? "limit load" : "limit point", from.time, size, why, by_loads ? "the load" : "what is prescribed",
+        share, ways.empty() ? "" : fmt::format("; {} to go on", fmt::join(ways, " or ")));
+  }
 
  protected:
   const Equations& equations_;
   TangentSolver tangent_;
   const PathOptions& options_;
+
+ private:
+  /// Stiffness against what changes with time, where the tangent leads to in a step beyond a point, over that at rest:
+  /// the current stiffness parameter (Bergan, Horrigmoe, Krakeland & Soreide 1978), 0 where loads have a maximum.
+  /// Nothing where it cannot be told.
+  std::optional<double> current_stiffness(const PathPoint& from, double size) {
+    try {
+      const State later = equations_.under(from.time + size, from);
+      const Vector force = (equations_.first_residual(from, later) - equations_.residual(from)) / size;
+      const State beyond = equations_.moved(later, size * Vector(tangent_.change(from, force).col(0)));
+      const double at_rest = force.dot(tangent_.change(equations_.rest(), force).col(0));
+      SymmetricMatrix K;
+      equations_.tangent(beyond, K);  // throws what materials throw
+      double now = 0.0;
+      try {
+        now = force.dot(tangent_.change(beyond, force).col(0));
+      } catch (const NumericalError&) {  // singular
+        return 0.0;
+      }
+      if (at_rest == 0.0 || now == 0.0) return std::nullopt;
+      return at_rest / now;
+    } catch (const NumericalError&) {
+      return std::nullopt;
+    }
+  }
 };
 
 class TimeStepper final : public Stepper {
@@ -287,9 +332,9 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
       why = error.what();
     }
     if (!now) {
-      if (0.5 * size < least)
-        throw PathError(fmt::format("at time {:.6g} steps of {:.3g} do not converge: {}", from.time, size, why),
-                        from.time, from.steps);
+      if (0.5 * size < least) throw PathError(stepper->end_of_path(from, size, why), from.time, from.steps);
+      if (monitor.detail)
+        monitor.detail(fmt::format("t = {:.6g}: a step of {:.3g} does not converge and is halved", from.time, size));
       size *= 0.5;
       continue;
     }
@@ -306,8 +351,13 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
     after.next = size;
     static_cast<State&>(after) = equations.commit(now->state);
     PathStep done{std::move(from), std::move(*now), std::move(after)};
+    if (monitor.detail)
+      monitor.detail(fmt::format("t = {:.6g}: step {}, {} iterations{}", done.after.time, done.after.steps,
+                                 done.now.iterations(), done.now.negative_pivots > 0 ? ", not stable" : ""));
     if (converged) converged(done);
+    const bool is_end = options.until && options.until(done);
     from = std::move(done.after);
+    if (is_end) break;
   }
   return from;
 }

@@ -72,6 +72,7 @@ enum class Control {
   load,        ///< time is what steps prescribe: ends where loads have a maximum
   arc_length,  ///< the change of the unknowns: time is found, and may fall (Crisfield 1981): past limit points and back
 };
+struct PathStep;
 /// Steps through time.
 struct PathOptions {
   Control control = Control::load;
@@ -82,6 +83,7 @@ struct PathOptions {
   std::vector<double> stops{};  ///< times at which a step ends, ascending: where loads turn; not of arc lengths
   int max_steps = 10000;
   NewtonOptions newton{};
+  std::function<bool(const PathStep&)> until{};  ///< asked after every step: true ends the path there
 };
 
 /// A path that does not go on.
@@ -117,8 +119,10 @@ struct PathStep {
 
 /// Follows equilibria from a committed state to the end. A step that does not converge, or to what is no answer
 /// (Equations::check), is halved; after easy ones (up to five iterations; up to nine near the least size) steps grow by
-/// half, after hard ones (ten and more) they shrink. Calls `converged` after every step. Throws PathError where steps
-/// fall below the least. Returns the last point; one that is at the end already comes back as it is.
+/// half, after hard ones (ten and more) they shrink. Calls `converged` after every step, and tells monitor.detail of it
+/// and of steps that are halved. Throws PathError where steps fall below the least; steps in time then name a limit
+/// load where the stiffness along the load is next to nothing beyond (current_stiffness). Returns the last point; one
+/// that is at the end already comes back as it is.
 PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint from, const PathOptions& options,
                  const std::function<void(const PathStep&)>& converged = {}, const Monitor& monitor = {});
 

@@ -593,6 +593,8 @@ template <int Dim> NonlinearEquilibrium<Dim> NonlinearEquilibrium<Dim>::at_rest(
   data->model = linearised(std::move(data->model));
   data->materials = materials_of(data->model, approximation().space.mesh());
   data->finite.assign(data->finite.size(), false);
+  data->program.loads = [loads = data_->program.loads](double time) { return efree::at_rest(loads(time)); };
+  data->followers = FollowerPressures<Dim>(approximation().space, approximation().shape, {});
   NonlinearEquilibrium result(*this);
   result.data_ = data;
   return result;
@@ -633,6 +635,11 @@ template <int Dim> Vector NonlinearEquilibrium<Dim>::first_residual(const State&
       data_->internal_forces(start) + data_->linearised(start, change, motion) - data_->external_forces(*after, U);
   if (!data_->followers.empty()) forces -= data_->followers.changes(data_->followers.now(after->pressures, U), change);
   return data_->unknowns.of(forces);
+}
+
+template <int Dim> bool NonlinearEquilibrium<Dim>::loads_change(double from, double to) const {
+  const auto before = data_->acting(from), after = data_->acting(to);
+  return before->loads != after->loads || before->pressures != after->pressures;
 }
 
 template <int Dim> Vector NonlinearEquilibrium<Dim>::force_scale(const State& state) const {
@@ -740,6 +747,10 @@ template <int Dim> Resultants<Dim> NonlinearEquilibrium<Dim>::reactions(const St
   const NodalReactions<Dim> nodal(space, node_at, acting->rigid, acting->restraints);
   for (const auto& [part, of] : nodal(forces, finite_strain() ? &moved_by : nullptr)) reactions[part] += of;
   return reactions;
+}
+
+template <int Dim> double NonlinearEquilibrium<Dim>::largest_gap(const State& state) const {
+  return data_->held.largest_gap(data_->acting(state.time)->restraints, data_->displacements(state));
 }
 
 template <int Dim> std::vector<AppliedLoad<Dim>> NonlinearEquilibrium<Dim>::applied(const State& state) const {

@@ -54,7 +54,8 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   NonlinearEquilibrium(const Approximation<Dim>& approximation, const ElasticModel& model, Program<Dim> program);
 
   /// What is left of these equations at infinitesimal strains: linear ones, of linearised(model), with dilatations
-  /// averaged as these have it there. Shares what does not depend on materials.
+  /// averaged as these have it there, and with pressures that follow the body as they act at rest. Shares what does not
+  /// depend on materials.
   NonlinearEquilibrium at_rest() const;
 
   State rest() const override;
@@ -62,6 +63,7 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   State moved(State state, const Vector& change) const override;
   Vector residual(const State& state) const override;
   Vector first_residual(const State& from, const State& to) const override;
+  bool loads_change(double from, double to) const override;
   Vector force_scale(const State& state) const override;
   void tangent(const State& state, SymmetricMatrix& K) const override;
   Vector not_in_tangent(const State& state, const Vector& change) const override;
@@ -78,6 +80,8 @@ template <int Dim> class NonlinearEquilibrium final : public Equations {
   /// By part with displacement conditions: the force and moment (about the origin, of forces where they are now at
   /// finite strains) by which it holds the body.
   Resultants<Dim> reactions(const State& state) const;
+  /// The largest distance of held boundaries from what is prescribed there [length]; 0 where nodal values hold it.
+  double largest_gap(const State& state) const;
   /// Each load that acts, and what it amounts to; moments as those of reactions.
   std::vector<AppliedLoad<Dim>> applied(const State& state) const;
   /// The smallest J at a quadrature point.

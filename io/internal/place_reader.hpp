@@ -19,21 +19,57 @@ template <int Dim> class PlaceReader {
  public:
   explicit PlaceReader(Settings<Dim>& result) : result_(result) {}
 
-  /// Name of the part the entry is about, which the case then mentions. Equal selections share a name.
+  /// Name of the part the entry is about, which the case then mentions. Equal selections share a name, and so do equal
+  /// lists of parts, each of which is one part.
   std::string name(const Section& entry) {
-    const std::string on = entry.is_table("on") ? selected(entry) : entry.text("on");
-    if (std::ranges::find(result_.groups, on, &Mention::name) == result_.groups.end())
-      result_.groups.push_back({on, entry.where("on")});
+    std::string on;
+    if (entry.has("on") && entry.table().get("on")->is_array())
+      on = united(entry, *entry.table().get("on")->as_array());
+    else
+      on = entry.is_table("on") ? selected(entry.section("on", selection_keys()), entry.where("on")) : entry.text("on");
+    mention(on, entry.where("on"));
     return on;
+  }
+  /// The parts that a name stands for: those of a list, else itself.
+  std::vector<std::string> parts(const std::string& on) const {
+    const auto found = united_.find(on);
+    return found == united_.end() ? std::vector{on} : found->second;
   }
 
  private:
-  std::string selected(const Section& entry) {
-    const auto [kind, how] = selection(entry.section("on", {"box", "plane", "normal", "angle", "nearest"}));
+  static Section::Keys selection_keys() { return {"box", "plane", "normal", "angle", "nearest"}; }
+  void mention(const std::string& on, const std::string& where) {
+    if (std::ranges::find(result_.groups, on, &Mention::name) == result_.groups.end())
+      result_.groups.push_back({on, where});
+  }
+  /// The name of a list: its parts with " + " between them, in their order.
+  std::string united(const Section& entry, const toml::array& list) {
+    std::vector<std::string> parts;
+    for (const toml::node& node : list) {
+      const bool is_name = node.is_string() && !node.value<std::string>()->empty();
+      if (!is_name && !node.is_table())
+        entry.fail("on",
+                   "on has something else in its list than names of parts and selections, such as on = "
+                   "[\"left\", \"right\"]");
+      parts.push_back(is_name ? *node.value<std::string>()
+                              : selected(entry.section(*node.as_table(), "on", selection_keys()), entry.where("on")));
+      if (std::ranges::count(parts, parts.back()) > 1)
+        entry.fail("on", fmt::format("on names \"{}\" twice", parts.back()));
+    }
+    if (parts.empty()) entry.fail("on", "on is an empty list, expected names of parts");
+    if (parts.size() == 1) return parts.front();
+    std::string name = fmt::format("{}", fmt::join(parts, " + "));
+    for (const std::string& part : parts) mention(part, entry.where("on"));
+    if (united_.try_emplace(name, parts).second)
+      result_.selections.push_back({name, {}, entry.where("on"), std::move(parts)});
+    return name;
+  }
+  std::string selected(const Section& on, const std::string& where) {
+    const auto [kind, how] = selection(on);
     for (const auto& earlier : result_.selections)
-      if (earlier.how == how) return earlier.name;
+      if (earlier.parts.empty() && earlier.how == how) return earlier.name;
     const std::string name = fmt::format("{} {}", kind, ++count_[kind]);
-    result_.selections.push_back({name, how, entry.where("on")});
+    result_.selections.push_back({name, how, where});
     return name;
   }
   std::pair<std::string, Selection<Dim>> selection(const Section& on) const {
@@ -62,6 +98,7 @@ template <int Dim> class PlaceReader {
 
   Settings<Dim>& result_;
   std::map<std::string, int> count_;
+  std::map<std::string, std::vector<std::string>> united_;  ///< parts by the name of their list
 };
 
 }  // namespace efree::internal

@@ -51,6 +51,10 @@ class Section {
   Section section(std::string_view key, Keys keys) const;
   /// The same, but it must be there.
   Section required_section(std::string_view key, Keys keys) const;
+  /// A table in the array under `key`.
+  Section section(const toml::table& table, std::string_view key, Keys keys) const {
+    return {table, label_of(key), file_, std::move(keys)};
+  }
   /// The tables of an array [[key]].
   std::vector<Section> sections(std::string_view key, const Keys& keys) const;
 

@@ -138,8 +138,26 @@ TEST_F(Rigid, OneBodyOfTwoThatIsFreeIsNamed) {
   two.boundary.push_back({"other", {{2, 0}, {3, 0}, {3, 1}, {2, 1}, {2, 0}}});
   const auto mesh = triangulate(two, {.size = 0.25});
   EXPECT_THAT(complaint(mesh, {clamp<2>("left")}),
-              AllOf(HasSubstr("body around (2.5, 0.5)"), Not(HasSubstr("(0.5, 0.5)"))));
+              AllOf(HasSubstr("free to move (body around (2.5, 0.5): translation along x"),
+                    HasSubstr("its nearest neighbour is the body around (0.5, 0.5), 1 away"),
+                    Not(HasSubstr("body around (0.5, 0.5): "))));
   EXPECT_EQ(complaint(mesh, {clamp<2>("left"), clamp<2>("other")}), "");
+}
+
+TEST_F(Rigid, AFreeBodyHasItsRegionAndTheDistanceFromTheFacetsOfItsNeighbour) {
+  PlanarDomain two = shapes::rectangle(0, 0, 3, 1);
+  // Beside the middle of the long side, and no vertex of either is opposite of one of the other.
+  two.boundary.push_back({"lid", {{1.07, 1.02}, {1.21, 1.02}, {1.21, 1.13}, {1.07, 1.13}, {1.07, 1.02}}});
+  const auto plain = triangulate(two, {.size = 0.5});
+  MeshData<2> data = extract(plain, std::vector<char>(plain.num_cells(), 1));
+  for (Index c = 0; c < plain.num_cells(); ++c) data.regions.push_back(plain.centroid(c)[1] > 1.0);
+  data.region_names = {"plate", "lid"};
+  EXPECT_THAT(complaint(FineMesh<2>(data), {clamp<2>("left")}),
+              AllOf(HasSubstr("(body around (1.14, 1.075) of region \"lid\": translation along x"),
+                    HasSubstr("its nearest neighbour is the body around (1.5, 0.5) of region \"plate\", 0.02 away")));
+  data.vertices.row(1) =
+      data.vertices.row(1).cwiseMin(1.0).eval() + (data.vertices.row(1).array() - 1.02).cwiseMax(0.0).matrix().eval();
+  EXPECT_THAT(complaint(FineMesh<2>(data), {clamp<2>("left")}), HasSubstr("which it touches but is not joined to"));
 }
 
 class NodalConditionsTest : public ::testing::Test {

@@ -100,6 +100,63 @@ TEST(ModelCase, AMetalThatIsFiniteHasFiniteStrains) {
   EXPECT_EQ(said["probes"], left["probes"]);
 }
 
+/// The strip under a pressure on its end that follows it.
+std::string pressed(const std::string& pressure) {
+  return replaced(strip, "displacement = [0.002, \"free\"]", "pressure = " + pressure + "\nfollower = true");
+}
+
+TEST(ModelCase, ASmallPressureThatFollowsTheBodyIsALinearAnalysis) {
+  const auto [small, said] = solved(pressed("-0.001"));
+  EXPECT_EQ(small["model"]["taken"], "linear") << said;
+  EXPECT_NEAR(small["probes"]["end"]["displacement"][0].get<double>(), 2.0 * 0.001 * (1.0 - 0.09), 1e-9);
+  EXPECT_EQ(small["loads"][0]["kind"], "follower_pressure");
+  EXPECT_NEAR(small["loads"][0]["force"][0].get<double>(), 0.001, 1e-12);
+  EXPECT_LT(small["balance"]["error"].get<double>(), 1e-8);
+  const auto stepped = solved(pressed("\"-0.001*t\"") + "[time]\nstep = 0.5\nmax_step = 0.5\n").first;
+  EXPECT_EQ(stepped["model"]["taken"], "linear");
+  EXPECT_NEAR(stepped["probes"]["end"]["displacement"][0].get<double>(), 2.0 * 0.001 * (1.0 - 0.09), 1e-9);
+}
+
+TEST(ModelCase, ALargePressureThatFollowsTheBodyTakesTheFullModel) {
+  const auto [large, said] = solved(pressed("-0.3"));
+  EXPECT_EQ(large["model"]["taken"], "finite") << said;
+  const auto full =
+      solved(replaced(pressed("-0.3"), "plane = \"strain\"", "plane = \"strain\"\nmodel = \"finite\"")).first;
+  EXPECT_EQ(full["probes"], large["probes"]);
+}
+
+/// A tube of a Mooney-Rivlin rubber, bore 7 and outside 18.625, under an inner pressure of 150 (ANSYS verification
+/// manual, VM56; the bore moves by 7.18): linear elasticity is far from an answer.
+TEST(ModelCase, APressureFarBeyondLinearElasticityIsAnsweredWithoutTime) {
+  const auto tube = solved(R"([geometry]
+shape = "rectangle"
+parameters = { x = 7, width = 11.625, height = 2 }
+[analysis]
+plane = "axisymmetric"
+[material]
+model = "mooney_rivlin"
+c10 = 80
+c01 = 20
+kappa = 99990
+[[boundary]]
+on = "left"
+pressure = 150
+follower = true
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "top"
+normal_displacement = 0
+[[probe]]
+name = "bore"
+at = [7, 1]
+)")
+                        .first;
+  EXPECT_EQ(tube["model"]["taken"], "finite");
+  EXPECT_NEAR(tube["probes"]["bore"]["displacement"][0].get<double>(), 7.18, 0.07);
+}
+
 TEST(ModelCase, WhatIsWrongIsSaidWithItsPlace) {
   const auto refused = [](const std::string& text) {
     const Workspace work(text);

@@ -426,6 +426,39 @@ TEST(Loads, SpringsThatAreVeryStiffHoldLikeSupports) {
   EXPECT_NEAR(bed.moment[0], wall.moment[0], 1e-6);
 }
 
+/// On the same part, whatever else it is called: the springs bear all there is, nothing else is strained.
+TEST(Loads, OnSpringsAreBornByThem) {
+  const std::string block = R"([geometry]
+shape = "box"
+parameters = { width = 20, depth = 10, height = 10 }
+mesh_size = 5
+[material]
+E = 1000
+nu = 0.3
+[[boundary]]
+on = "top"
+stiffness = 1
+[[boundary]]
+on = "top"
+traction = [0, 0, -1]
+[[probe]]
+name = "foot"
+at = [3, 3, 0]
+)";
+  const std::string load = "traction = [0, 0, -1]";
+  for (const std::string& text :
+       {block, replaced(block, load, "pressure = 1"), replaced(block, load, "force = [0, 0, -200]"),
+        replaced(block, "on = \"top\"\ntraction",
+                 "on = { plane = { point = [0, 0, 10], normal = [0, 0, 1] } }\ntraction")}) {
+    const auto result = solved<3>(text);
+    EXPECT_LT((result.probes[0].second.displacement - Vec<3>(0.0, 0.0, -1.0)).norm(), 1e-9) << text;
+    EXPECT_NEAR(result.balance.reactions.at("top").force.z(), 200.0, 1e-6);
+  }
+  const auto along = solved<3>(replaced(block, "stiffness = 1", "normal_stiffness = 1") +
+                               "[[boundary]]\non = \"left\"\ndisplacement = [0, 0, \"free\"]\n");
+  EXPECT_LT(along.probes[0].second.displacement.z(), -0.99);
+}
+
 /// Each as if it were alone, and what is outside of the cases acts in all.
 TEST(LoadCases, AreSolvedWithOneMatrixEachByItself) {
   const std::string common = plate.substr(0, plate.find("[[boundary]]\non = \"right\"")) +
@@ -623,6 +656,57 @@ std::string complaint(const std::string& text) {
     return error.what();
   }
   return "";
+}
+
+/// A list of parts is one part.
+TEST(Parts, InAListAreSupportedAndLoadedTogether) {
+  const std::string strip = R"([geometry]
+shape = "rectangle"
+parameters = { width = 4, height = 1 }
+mesh_size = 0.25
+[analysis]
+plane = "stress"
+[material]
+E = 1
+nu = 0
+[basis]
+kind = "p2"
+[[boundary]]
+on = ["left", "right"]
+displacement = [0, 0]
+[[boundary]]
+on = ["top", { plane = { point = [0, 0], normal = [0, 1] } }]
+force = [0.4, 0]
+[[reaction]]
+name = "walls"
+on = ["left", "right"]
+[[probe]]
+name = "middle"
+at = [2, 0.5]
+)";
+  const auto together = solved(strip);
+  // Two sides of length 4 with 0.05 each: u'' = -0.1, u = 0.2 in the middle.
+  EXPECT_NEAR(together.probes[0].second.displacement.x(), 0.2, 0.02);
+  EXPECT_NEAR(together.balance.reactions.at("left + right").force.x(), -0.4, 1e-9);
+  const auto apart = solved(replaced(
+      replaced(replaced(strip, "on = [\"left\", \"right\"]\ndisplacement = [0, 0]",
+                        "on = \"left\"\ndisplacement = [0, 0]\n[[boundary]]\non = \"right\"\ndisplacement = [0, 0]"),
+               "[[reaction]]\nname = \"walls\"\non = [\"left\", \"right\"]\n", ""),
+      "on = [\"top\", { plane = { point = [0, 0], normal = [0, 1] } }]\nforce = [0.4, 0]",
+      "on = \"top\"\ntraction = [0.05, 0]\n[[boundary]]\non = \"bottom\"\ntraction = [0.05, 0]"));
+  EXPECT_NEAR(apart.probes[0].second.displacement.x(), together.probes[0].second.displacement.x(), 1e-12);
+  EXPECT_THAT(complaint(replaced(strip, "force = [0.4", "traction = [0.4") +
+                        "[[boundary]]\non = \"right\"\ntraction = [1, 0]\n"),
+              HasSubstr("traction on \"right\" contradicts the displacement component x prescribed at"));
+  EXPECT_THAT(complaint(replaced(strip, "[\"top\", {", "[\"top\", \"left\", {")),
+              HasSubstr("contradicts the displacement"));
+  EXPECT_THAT(complaint(strip + "[[boundary]]\non = [\"right\", \"top\"]\ndisplacement = [0, 0]\n"),
+              HasSubstr("displacement component x on \"right\" is already prescribed at"));
+  EXPECT_THAT(complaint(replaced(strip, "[\"top\", {", "[\"top\", \"lid\", {")), HasSubstr("\"lid\""));
+  EXPECT_THAT(complaint(replaced(strip, "[\"top\", {", "[\"top\", \"top\", {")), HasSubstr("on names \"top\" twice"));
+  EXPECT_THAT(complaint(replaced(strip, "[\"top\", {", "[3, {")), HasSubstr("on has something else in its list"));
+  EXPECT_THAT(complaint(replaced(strip, "on = [\"left\", \"right\"]\ndisp", "on = []\ndisp")),
+              HasSubstr("on is an empty list"));
 }
 
 TEST(Loads, ThatMakeNoSenseAreRefusedWithTheirLine) {

@@ -262,7 +262,8 @@ TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
   const Workspace work(tube);
   const auto run = work.efree({"solve", "case.toml", "--out", "out"});
   EXPECT_EQ(run.status, 3) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("do not converge"));
+  EXPECT_THAT(run.output, HasSubstr("error: limit load reached at t = "));
+  EXPECT_THAT(run.output, HasSubstr("prescribe displacements or use arc length"));
   const auto columns = history(work / "out/history.csv");
   const double limit = 0.02 / std::sqrt(3.0);  // plane strain
   EXPECT_LT(columns.at("reaction.left.x").back(), -0.97 * limit);
@@ -270,6 +271,172 @@ TEST(Steps, ARunThatCannotGoOnLeavesItsLastStepAndSaysWhy) {
   EXPECT_THAT(json(work / "out/failure.json")["reason"].get<std::string>(), HasSubstr("do not converge"));
   EXPECT_EQ(json(work / "out/failure.json")["results"], "of this run");
   EXPECT_EQ(json(work / "out/result.json")["path"]["time"], columns.at("t").back());
+}
+
+/// A perfectly plastic bar, pulled to 1.25 times its yield stress of 200.
+const std::string bar = R"([geometry]
+shape = "box"
+parameters = { width = 1, depth = 1, height = 1 }
+mesh_size = 0.5
+[material]
+model = "j2"
+E = 200e3
+nu = 0.3
+yield = 200
+[[boundary]]
+on = "left"
+normal_displacement = 0
+[[boundary]]
+on = "front"
+normal_displacement = 0
+[[boundary]]
+on = "bottom"
+normal_displacement = 0
+[[boundary]]
+on = "top"
+traction = [0, 0, "250*t"]
+[[probe]]
+name = "tip"
+at = [0.5, 0.5, 1]
+[time]
+step = 0.1
+)";
+
+TEST(Steps, AUniformBarPulledBeyondItsYieldStressSaysThatTheLimitLoadIsReached) {
+  const Workspace work(bar);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("error: limit load reached at t = "));
+  EXPECT_THAT(run.output, HasSubstr("prescribe displacements or use arc length ([time] control = \"arc_length\")"));
+  const double t = json(work / "out/result.json")["path"]["time"].get<double>();
+  EXPECT_NEAR(t, 0.8, 2e-4);
+  EXPECT_NEAR(json(work / "out/result.json")["probes"]["tip"]["displacement"][2].get<double>(), 250.0 * t / 200e3,
+              1e-9);
+}
+
+TEST(Steps, StepsThatDoNotConvergeForAnotherReasonAreNoLimitLoad) {
+  const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                                       "model = \"st_venant_kirchhoff\"\nE = 1\nnu = 0");
+  const Workspace work(replaced(elastic, "1.6*t", "-2.4*t"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, Not(HasSubstr("limit load")));
+}
+
+TEST(Steps, ByArcLengthAPlateauEndsWithAMessageOrWhereAProbeIsToldToBe) {
+  const std::string arc = replaced(replaced(bar, "yield = 200", "yield = \"200 + 2*a\""), "step = 0.1",
+                                   "step = 0.1\ncontrol = \"arc_length\"");
+  const Workspace plateau(arc);
+  const auto run = plateau.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("error: limit load reached at t = 0.8000"));
+  EXPECT_THAT(run.output, HasSubstr("say what ends the path: [time] until"));
+  EXPECT_LT(history(plateau / "out/history.csv").at("t").size(), 60u);
+  const Workspace told(arc + "until = { probe = \"tip\", component = \"z\", above = 0.004 }\n");
+  const auto ended = told.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(ended.status, 0) << ended.output;
+  EXPECT_THAT(ended.output, HasSubstr("probe \"tip\" z rises above 0.004, it is 0.004"));
+  const auto columns = history(told / "out/history.csv");
+  const auto& tip = columns.at("probe.tip.uz");
+  EXPECT_GT(tip.back(), 0.004);
+  EXPECT_LE(tip[tip.size() - 2], 0.004);
+  EXPECT_NEAR(columns.at("t").back(), 0.8, 1e-4);
+  EXPECT_FALSE(std::filesystem::exists(told / "out/failure.json"));
+}
+
+/// Without any stiffness left no step along an arc is defined either.
+TEST(Steps, ByArcLengthAUniformBarWithoutHardeningSaysToPrescribeDisplacements) {
+  const Workspace work(replaced(bar, "step = 0.1", "step = 0.1\ncontrol = \"arc_length\""));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 3) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("error: limit load reached at t = 0.8"));
+  EXPECT_THAT(run.output, HasSubstr("; prescribe displacements to go on"));
+}
+
+TEST(Steps, APathEndsWithTheFirstStepAtWhichAProbeOrAReactionPassesABound) {
+  const auto last = [](const std::string& until, const std::string& column) {
+    const Workspace work(replaced(replaced(rubber, "1.6*t", "1.6*sin(pi*t)"), "step = 0.25",
+                                  "step = 0.05\nmax_step = 0.05\nuntil = " + until));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, 0) << run.output;
+    const auto values = history(work / "out/history.csv").at(column);
+    return std::pair(values.back(), values.size() > 1 ? values[values.size() - 2] : 0.0);
+  };
+  const auto [above, before_above] = last("{ probe = \"end\", component = \"x\", above = 1 }", "probe.end.ux");
+  EXPECT_GT(above, 1.0);
+  EXPECT_LE(before_above, 1.0);
+  // It is below at the beginning: once it has been above.
+  const auto [below, before_below] = last("{ probe = \"end\", component = \"x\", below = 1 }", "probe.end.ux");
+  EXPECT_LT(below, 1.0);
+  EXPECT_GE(before_below, 1.0);
+  const auto [pulled, before_pulled] =
+      last("{ reaction = \"left\", component = \"x\", below = -0.5 }", "reaction.left.x");
+  EXPECT_LT(pulled, -0.5);
+  EXPECT_GE(before_pulled, -0.5);
+  const auto [force, before_force] = last("{ reaction = \"right\", above = 0.5 }", "reaction.right.x");
+  EXPECT_GT(force, 0.5);
+  EXPECT_LE(before_force, 0.5);
+}
+
+TEST(Steps, APathThatComesToItsEndBeforeTheBoundWarnsOfThat) {
+  const Workspace work(replaced(rubber, "step = 0.25", "step = 0.25\nuntil = { probe = \"end\", above = 5 }"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("warning: the path is at its end, t = 1, before probe \"end\" rises above 5"));
+}
+
+/// A nearly incompressible block between plates that it is bonded to. Held in the mean, its sides become wavy.
+TEST(Steps, HowFarBoundariesAreFromWhatIsPrescribedIsStatedAndWarnedOf) {
+  const std::string block = R"([geometry]
+shape = "rectangle"
+parameters = { width = 4, height = 1.5 }
+mesh_size = 0.15
+[cloud]
+spacing = 0.45
+[analysis]
+plane = "strain"
+correction = "off"
+[material]
+model = "neo_hookean"
+E = 3
+nu = 0.4999
+[[boundary]]
+on = "bottom"
+displacement = [0, 0]
+[[boundary]]
+on = "top"
+displacement = [0, "-0.45*t"]
+[[probe]]
+name = "plate"
+at = [0.35, 1.5]
+)";
+  const auto solved = [&](const std::string& text) {
+    const Workspace work(text + "[time]\nstep = 0.1\n");
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, 0) << run.output;
+    return std::pair(json(work / "out/result.json"), run.output);
+  };
+  const auto [weak, said] = solved(block);
+  const auto u = weak["probes"]["plate"]["displacement"];
+  const double off = std::hypot(u[0].get<double>(), u[1].get<double>() + 0.45);
+  const double most = weak["extremes"]["displacement"]["value"].get<double>();
+  EXPECT_GT(weak["path"]["gap"].get<double>(), 0.01);
+  EXPECT_GE(weak["path"]["gap"].get<double>(), 0.9 * off / most);
+  EXPECT_THAT(said, HasSubstr("warning: boundaries are up to"));
+  const auto [strong, nothing_said] =
+      solved(replaced(block, "plane = \"strain\"", "plane = \"strain\"\nessential = \"strong\""));
+  EXPECT_EQ(strong["path"]["gap"], 0.0);
+  EXPECT_NEAR(strong["probes"]["plate"]["displacement"][1].get<double>(), -0.45, 1e-12);
+  EXPECT_THAT(nothing_said, Not(HasSubstr("warning: boundaries")));
+}
+
+TEST(Steps, EveryStepIsALineOnTheTerminalUnlessQuiet) {
+  const Workspace work(rubber);
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  EXPECT_THAT(run.output, HasSubstr("t = 0.25: step 1, "));
+  EXPECT_THAT(run.output, HasSubstr("t = 1: step "));
+  EXPECT_THAT(work.efree({"solve", "case.toml", "--out", "out", "--no-picture", "--quiet"}).output,
+              Not(HasSubstr("step 1")));
 }
 
 TEST(Steps, AValueThatIsNotFiniteIsSaidWithItsExpressionPlaceAndTime) {
@@ -321,6 +488,17 @@ TEST(Steps, WhatIsWrongIsSaidWithItsPlace) {
   };
   EXPECT_THAT(refused(replaced(rubber, "[time]\nstep = 0.25\n", "")), HasSubstr("t is the time of [time]"));
   EXPECT_THAT(refused(replaced(rubber, "step = 0.25", "step = 2")), HasSubstr("case.toml:13: step is 2"));
+  const auto until = [&](const std::string& value) {
+    return refused(replaced(rubber, "step = 0.25", "step = 0.25\nuntil = " + value));
+  };
+  EXPECT_THAT(until("{ above = 1 }"), HasSubstr("case.toml:14: until has exactly one of probe, reaction"));
+  EXPECT_THAT(until("{ probe = \"end\" }"), HasSubstr("case.toml:14: until has no bound: expected above or below"));
+  EXPECT_THAT(until("{ probe = \"edn\", above = 1 }"), HasSubstr("there is no probe \"edn\"; did you mean \"end\"?"));
+  EXPECT_THAT(until("{ reaction = \"top\", above = 1 }"),
+              HasSubstr("there is no reaction \"top\"; expected one of left"));
+  EXPECT_THAT(until("{ probe = \"end\", component = \"z\", above = 1 }"), HasSubstr("component is \"z\", expected"));
+  EXPECT_THAT(until("{ probe = \"end\", abov = 1 }"), HasSubstr("unknown key \"abov\""));
+  EXPECT_THAT(until("0.5"), HasSubstr("expected a table"));
   EXPECT_THAT(refused(replaced(rubber, "step = 0.25", "min_step = 0.3")), HasSubstr("min_step is 0.3"));
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "yield = 0.7")), HasSubstr("yield means nothing for model"));
   EXPECT_THAT(refused(replaced(rubber, "mu = 0.7", "nu = 0.7")), HasSubstr("nu is 0.7"));

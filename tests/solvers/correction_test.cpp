@@ -232,6 +232,45 @@ TEST(Correction, HasNothingToDoInThePatchTest) {
     EXPECT_LT((corrected.correction.displacement.col(dof) - u(corrected.cloud.space.points().col(dof))).norm(), 1e-12);
 }
 
+/// Functions of order 2 on quadratic cells with linear functions on clusters reproduce quadratic fields, and so do
+/// quadratic elements: iterations from elsewhere end farther away.
+TEST(Correction, KeepsAnAnswerThatIsNearerThanItsIterates) {
+  const auto body = testing::body("square");
+  const VectorField<2> u = [](const Vec<2>& x) -> Vec<2> {
+    return {x.x() * x.x() + x.x() * x.y(), x.y() * x.y() - 0.5 * x.x() * x.y()};
+  };
+  // eps_xx = 2x + y, eps_yy = 2y - x/2, gamma = x - y/2, so the forces are constant.
+  const Lame lame = plane_lame({1.0, 0.3}, Plane::stress);
+  const Vec<2> b(-(1.5 * lame.lambda + 4.0 * lame.mu - 0.5 * lame.mu), -(3.0 * lame.lambda + 4.0 * lame.mu + lame.mu));
+  std::vector<DisplacementCondition<2>> supports;
+  for (const auto& side : body.outer) supports.push_back(testing::displacement<2>(side, u));
+  Loads<2> loads;
+  loads.body_force = [b](const Vec<2>&) { return b; };
+  const Problem<2> problem{
+      body.mesh,
+      {.order = 2, .interpolation = 2, .spacing = body.spacing, .secondary = SecondaryKind::linear},
+      {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+      supports,
+      loads};
+  for (const int iterations : {-1, 0, 1, 3}) {
+    const auto corrected = correct<2>(problem, {.iterations = iterations});
+    EXPECT_EQ(corrected.correction.iterations, 0) << iterations;
+    EXPECT_LT(corrected.correction.error, 1e-10) << iterations;
+    double off = 0.0;
+    for (Index dof = 0; dof < corrected.cloud.space.size(); ++dof)
+      off = std::max(off,
+                     (corrected.correction.displacement.col(dof) - u(corrected.cloud.space.points().col(dof))).norm());
+    EXPECT_LT(off, 1e-11) << iterations;
+  }
+  // Loads that act beside it are corrected from what the cloud has for them.
+  Problem<2> other = problem;
+  other.loads.body_force = [b](const Vec<2>& x) -> Vec<2> { return b * std::exp(4.0 * x[0]); };
+  const auto exact = elements(other, 2);
+  const auto some = correct<2>(other, {.tolerance = 1e-6}).correction;
+  EXPECT_GT(some.iterations, 0);
+  EXPECT_NEAR(some.strain_energy, exact.strain_energy, 1e-9 * exact.strain_energy);
+}
+
 /// Errors said against errors found, for the cloud and after some iterations.
 template <int Dim> void expect_honest(const Problem<Dim>& problem) {
   const auto exact = correct(problem, {.tolerance = 1e-8}).correction;
