@@ -163,14 +163,17 @@ template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Sett
     monitor.say(check.enough ? fmt::format("model: linear elasticity is enough, {}", text_of(check))
                              : fmt::format("model: linear elasticity is not enough, {}; the full model is taken",
                                            text_of(check)));
-  if (!check.enough && linear.approximation.dilatation != full.approximation.dilatation) result.approximation = {};
+  const bool same_cloud =
+      full.approximation.spacing > 0.0 || spacing_of_path(*result.mesh, true) == default_spacing(*result.mesh);
+  if (!check.enough && !(same_cloud && linear.approximation.dilatation == full.approximation.dilatation))
+    result.approximation = {};
   return check.enough;
 }
 
-}  // namespace
-
-template <int Dim>
-Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& watching) {
+/// What `analyse` returns; of a load path nothing but the checks of linear elasticity if `is_path` is given, which then
+/// becomes true.
+template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given,
+                                               const Monitor& watching, bool* is_path) {
   Settings<Dim> settings = with_cases(with_defaults(given, mesh));
   StageTimes times;
   const Monitor monitor = watching.timing(times);
@@ -197,6 +200,10 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   result.model = settings.model;
   result.regime = *settings.regime == Regime::automatic ? Regime::finite : *settings.regime;
   const bool in_steps = needs_steps(settings, *mesh.mesh);
+  if (in_steps && is_path) {
+    *is_path = true;
+    return result;
+  }
   if (!in_steps)
     located(settings, settings.where, [&] {
       for (const auto& loads : loads_by_case(settings))
@@ -263,12 +270,30 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   return result;
 }
 
+}  // namespace
+
+template <int Dim> Result<Dim> internal::analyse_unless_path(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given,
+                                                             const Monitor& monitor, bool& is_path) {
+  is_path = false;
+  return analyse_or_tell(mesh, given, monitor, &is_path);
+}
+
+template <int Dim>
+Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& monitor) {
+  return analyse_or_tell(mesh, given, monitor, nullptr);
+}
+
 template <int Dim>
 Result<Dim> analyse(const FineMesh<Dim>& mesh, const Settings<Dim>& settings, const Monitor& monitor) {
   const auto copied = [&mesh](const MeshSize&, const Stage&) {
     return MadeMesh<Dim>{extract(mesh, std::vector<char>(mesh.num_cells(), 1))};
   };
-  return analyse<Dim>(MeshSource<Dim>{.mesh = copied, .size = mesh.size()}, settings, monitor);
+  const MeshSource<Dim> source{.mesh = copied, .size = mesh.size()};
+  if (settings.asks_for_accuracy()) return analyse_to_accuracy(source, settings, monitor);
+  const PreparedMesh<Dim> prepared = prepare(source, settings, monitor);
+  if (monitor.say)
+    for (const std::string& remark : prepared.remarks) monitor.say(remark);
+  return analyse(prepared, settings, monitor);
 }
 
 template <int Dim>
@@ -277,9 +302,12 @@ Result<Dim> analyse(const MeshSource<Dim>& source, const Settings<Dim>& settings
   const PreparedMesh<Dim> mesh = prepare(source, settings, monitor);
   if (monitor.say)
     for (const std::string& remark : mesh.remarks) monitor.say(remark);
+  if (chooses_path(source, settings)) return analyse_chosen_path(source, mesh, settings, monitor);
   return analyse(mesh, settings, monitor);
 }
 
+template Result<2> internal::analyse_unless_path<2>(const PreparedMesh<2>&, const Settings<2>&, const Monitor&, bool&);
+template Result<3> internal::analyse_unless_path<3>(const PreparedMesh<3>&, const Settings<3>&, const Monitor&, bool&);
 template Result<2> analyse<2>(const FineMesh<2>&, const Settings<2>&, const Monitor&);
 template Result<3> analyse<3>(const FineMesh<3>&, const Settings<3>&, const Monitor&);
 template Result<2> analyse<2>(const PreparedMesh<2>&, const Settings<2>&, const Monitor&);

@@ -185,7 +185,9 @@ template <int Dim> void estimate_elements(Result<Dim>& result) {
 template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   if (result.approximation.nodes.cols() > 0) return;
   ApproximationOptions options = settings.approximation;
-  if (options.kind == BasisKind::mls && options.spacing == 0.0) options.spacing = default_spacing(*result.mesh);
+  if (options.kind == BasisKind::mls && options.spacing == 0.0)
+    options.spacing =
+        needs_steps(settings, *result.mesh) ? spacing_of_path(*result.mesh, true) : default_spacing(*result.mesh);
   require_memory(least_memory(options, *result.mesh),
                  fmt::format("the analysis on {} fine cells", result.mesh->num_cells()),
                  "use a wider cloud spacing or a coarser mesh");

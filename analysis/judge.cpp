@@ -87,8 +87,35 @@ template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& r
   }
 }
 
+/// Of a load path by its comparison with a coarser one: stresses, whose error is one of the energy norm, and values.
+template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& result) {
+  if (!result.path_errors) return;
+  const PathErrors& errors = *result.path_errors;
+  const char* advice =
+      settings.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud" : "use a smaller mesh_size";
+  const auto [most, of] = errors.largest();
+  const auto judge_one = [&](const std::string& what, double error, double bearable) {
+    if (error < std::min(bearable, settings.largest_error)) return;
+    const std::string text =
+        fmt::format("{} may be {:.2g} % off, judged by a coarser path: {}", what, 100.0 * error, advice);
+    if (error < settings.largest_error || !result.refusal.empty())
+      result.warnings.push_back(text);
+    else
+      result.refusal = fmt::format("{}; to accept it say analysis.largest_error = {:.2g}", text,
+                                   1.1 * std::max(most, errors.stress.value_or(0.0)));
+  };
+  judge_one(of, most, bearable_error_of_path);
+  if (errors.stress) judge_one("the stresses", *errors.stress, bearable_error(settings));
+  if (errors.until < result.history.back().time)
+    result.warnings.push_back(
+        fmt::format("displacements, forces and stresses beyond time {:.6g} may be off by any amount: the coarser path "
+                    "does not come further, and their errors are not estimated",
+                    errors.until));
+}
+
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
   judge_more(settings, result);
+  judge_path(settings, result);
   if (!result.estimates || !result.refusal.empty()) return;
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;

@@ -17,16 +17,17 @@
 
 namespace efree {
 
-/// One mesh, or grid of cells, that was tried on the way to an accuracy.
+/// One mesh, grid of cells or load path that was tried on the way to an accuracy.
 struct Attempt {
   double size;     ///< of the fine mesh, asked for; 0: that of the file; on cells their edges
   Index cells;     ///< of it
   int degree;      ///< of its elements
-  double error;    ///< relative, in the energy norm, in all
+  double error;    ///< relative, in the energy norm, in all; of load paths PathErrors::largest
   double seconds;  ///< wall clock
   /// Error over what was asked for, the largest of all that was: as a root for probes and reactions, whose errors
   /// behave like squares of those in the energy norm. 1 or less: reached. 0 without an accuracy.
   double excess = 0.0;
+  double spacing = 0.0;  ///< of the cloud of a load path; 0: elements, or no load path
 };
 
 /// The size of an error relative to that of the value; 0 without an error.
@@ -76,17 +77,25 @@ struct CloudAlone {
   std::map<std::string, double> reactions, probes;
 };
 
-/// How far a path through time is from where finer clouds lead, by a coarser cloud on the same mesh that follows the
-/// same steps: the largest difference on the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if
-/// errors fell with the spacing to the 1.5 (Richardson 1911). What the fine mesh itself is off is not in it.
+/// Estimated errors of a load path, relative, by a coarser path that stops at the same times: the largest difference on
+/// the way, over the largest value there, times 1 / (coarser^p - 1), as if errors fell with the spacing to the p: 1.5,
+/// of quadratic elements 2 (Richardson 1911). By arc length two paths have no times in common: then the distance from
+/// each step to the nearest point of the coarser path, in the plane of the time and the value, each over its largest
+/// value. The error of a mesh that both paths share is not in it.
 struct PathErrors {
-  double coarser = 0.0;  ///< spacing of the other cloud over that of this one, by their numbers of nodes
-  double until = 0.0;    ///< time to which both went
+  double coarser = 0.0;  ///< spacing of the coarser path over that of this one, by their numbers of nodes
+  double until = 0.0;    ///< time that both reached
   double work = 0.0;     ///< of the energy stored and dissipated
-  /// By name; of a hundredth of the largest of their kind if that is more.
+  /// Of the time that a path which stopped has reached: of a limit load where loads are proportional to the time.
+  std::optional<double> limit{};
+  /// Of the stresses at the end: the root mean square over the body of the differences, over that of the stresses.
+  /// Unknown unless both paths end at the same time.
+  std::optional<double> stress{};
+  /// By name; of a hundredth of the largest of their kind if that is more, and of forces of their moment over the
+  /// diagonal of the body's box.
   std::map<std::string, double> reactions, probes;
 
-  /// The largest of them, and what it is of, for people.
+  /// The largest error of a value (of all but the stresses), and which value, for people.
   std::pair<double, std::string> largest() const;
 };
 
@@ -135,7 +144,8 @@ template <int Dim> struct Result : Answer<Dim> {
   std::vector<BoundaryPart> parts;                        ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
 
-  /// If an accuracy was asked for, and on cells: in order. The answer is that of the smallest error, on cells the last.
+  /// If an accuracy was asked for, on cells, and of load paths that leave their functions open: in order. The answer is
+  /// that of the smallest error, on cells and of load paths the last.
   std::vector<Attempt> attempts;
 
   /// Of an analysis through time: every step; then the fields are those of the last.
@@ -147,7 +157,7 @@ template <int Dim> struct Result : Answer<Dim> {
   /// Largest distance of the cloud from displacements that are prescribed, at the end, over the largest displacement.
   double gap = 0.0;
   std::optional<CloudAlone> cloud_alone{};
-  std::optional<PathErrors> path_errors{};  ///< where the finite elements find no way, and a coarser cloud does
+  std::optional<PathErrors> path_errors{};  ///< where `estimates` are unknown, and a coarser path is known
   /// If the body was not stable on its way: how it gave way at the first step at which it was not, at the degrees of
   /// freedom of the approximation's space (softest_mode).
   Points<Dim> instability{};

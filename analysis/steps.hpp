@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -65,9 +66,13 @@ template <int Dim> struct Steps {
   /// Goes on from here. The analysis throws InputError unless body and sizes are those it has itself; that loads and
   /// materials are the same is up to the caller.
   std::optional<Checkpoint<Dim>> from{};
+  /// `from` may be of another mesh or cloud: then the path begins at rest, and `done` is not called.
+  bool from_another = false;
   /// Called after every step; with Regime::automatic the number falls once where the full model takes steps again.
   /// `so_far` has the approximation; with fields_every also fields and `remembered` of the step, else those are empty.
   std::function<void(const Checkpoint<Dim>& there, const Result<Dim>& so_far)> done{};
+  /// The same path by a coarser cloud or mesh, to estimate the errors of this one by; empty: a coarser cloud is solved.
+  std::shared_ptr<const Result<Dim>> coarser{};
   int fields_every = 0;  ///< steps whose fields `done` gets: every so many-th; 0: none
 };
 

@@ -40,13 +40,6 @@ template <class Test> bool materials_all(const ElasticModel& model, const Test& 
   return std::ranges::all_of(model.regions, [&](const SharedMaterial& material) { return test(*material); });
 }
 
-bool softens(const ElasticModel& model) {
-  return !materials_all(model, [](const Material& material) {
-    const auto* plastic = dynamic_cast<const Plastic*>(&material);
-    return plastic == nullptr || !plastic->softens();
-  });
-}
-
 /// The largest displacement gradient that a material of small strains sees.
 template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equations, const PointFields<Dim>& points) {
   const auto& quadrature = equations.approximation().quadrature;
@@ -119,16 +112,6 @@ template <int Dim> void warn_of_gap(const NonlinearEquilibrium<Dim>& equations, 
         fmt::format("boundaries are up to {:.2g} % of the largest displacement away from what is prescribed on them: "
                     "analysis.essential = \"strong\" holds them at the nodes, a smaller spacing brings them nearer",
                     100.0 * result.gap));
-}
-
-/// Tells a body and its functions from others.
-template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
-  return Fingerprint()
-      .add(approximation.space.mesh().vertices())
-      .add(approximation.nodes)
-      .add(approximation.quadrature.points)
-      .add(approximation.quadrature.weights)
-      .value();
 }
 
 /// The end of a path that is told by a probe or a reaction.
@@ -243,8 +226,11 @@ template <int Dim> class Walk {
   const FineMesh<Dim>& mesh() const { return full_.approximation().space.mesh(); }
 
   void begin() {
-    const auto& from = settings_.steps.from;
     const std::uint64_t body = fingerprint(full_.approximation());
+    const auto& steps = settings_.steps;
+    const bool another = steps.from && steps.from_another && steps.from->body != body;
+    is_told_ = steps.done && !another;
+    const auto from = another ? std::nullopt : steps.from;
     if (from ? from->agreed.has_value() : settings_.regime == Regime::automatic && path_.control == Control::load)
       beside_ = std::make_unique<LinearBeside<Dim>>(full_, settings_.regime_tolerance);
     const PathPoint rest = beside_ ? beside_->equations().rest() : full_.rest();
@@ -366,7 +352,7 @@ template <int Dim> class Walk {
     static_cast<State&>(there_.at) = state;
     if (there_.agreed && there_.linear_checks.back().same && there_.agreed->steps + 1 == there_.at.steps)
       there_.agreed = there_.at;
-    if (!settings_.steps.done) return;
+    if (!is_told_) return;
     if (settings_.steps.fields_every > 0 && there_.at.steps % settings_.steps.fields_every == 0)
       recover();
     else
@@ -442,29 +428,42 @@ template <int Dim> class Walk {
   std::optional<EndOfPath<Dim>> end_;
   std::optional<RecoveryFits<Dim>> fits_;
   int recovered_at_ = 0;  ///< step whose fields the result has
+  bool is_told_ = false;  ///< whether Steps::done hears of steps
   bool telling_ = false;
 };
 
-/// What is said of errors where the finite elements do not tell them, for this reason.
-template <int Dim> void tell_path_errors(const Settings<Dim>& settings, const std::string& unknown, Result<Dim>& result,
-                                         const Monitor& monitor) {
+/// Estimates the errors of the path where the finite elements do not give them, for this reason; a warning where
+/// nothing does.
+template <int Dim> void estimate_path_errors(const Settings<Dim>& settings, const std::string& unknown,
+                                             Result<Dim>& result, const Monitor& monitor) {
   const bool cloud = settings.approximation.kind == BasisKind::mls;
-  const std::string also = cloud && settings.estimated ? estimate_path(settings, result, monitor) : "";
-  if (!result.path_errors) {
-    result.warnings.push_back(fmt::format(
-        "how far the answer is from the truth is not estimated ({}{}{}): compare {}", unknown, also.empty() ? "" : "; ",
-        also, cloud ? "clouds and meshes of two sizes, or with basis.kind = \"p2\"" : "meshes of two sizes"));
-    return;
-  }
-  if (const auto [most, of] = result.path_errors->largest(); most > bearable_error(settings))
-    result.warnings.push_back(fmt::format(
-        "the path may be about {:.2g} % off ({}), as a coarser cloud tells: use a smaller spacing", 100.0 * most, of));
-  if (const double until = result.path_errors->until; until < result.history.back().time)
-    result.warnings.push_back(fmt::format(
-        "a coarser cloud comes to time {:.6g}: how far the path is off beyond that is not estimated", until));
+  const bool possible = settings.estimated && (cloud || settings.steps.coarser);
+  const std::string also = possible ? estimate_path(settings, result, monitor) : "";
+  if (result.path_errors) return;
+  result.warnings.push_back(
+      fmt::format("displacements, forces and stresses may be off by any amount: their errors are not estimated "
+                  "({}{}{}); compare {}",
+                  unknown, also.empty() ? "" : ", and ", also,
+                  cloud ? "clouds and meshes of two sizes, or with basis.kind = \"p2\"" : "meshes of two sizes"));
 }
 
 }  // namespace
+
+bool softens(const ElasticModel& model) {
+  return !materials_all(model, [](const Material& material) {
+    const auto* plastic = dynamic_cast<const Plastic*>(&material);
+    return plastic == nullptr || !plastic->softens();
+  });
+}
+
+template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
+  return Fingerprint()
+      .add(approximation.space.mesh().vertices())
+      .add(approximation.nodes)
+      .add(approximation.quadrature.points)
+      .add(approximation.quadrature.weights)
+      .value();
+}
 
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
   return settings.time.has_value() || !materials_of(settings.model, mesh).linear();
@@ -494,7 +493,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     program.loads = [loads = std::move(program.loads)](double time) { return at_rest(loads(time)); };
   if (const std::string unknown = estimate_steps(settings, std::move(program), walk.at(), result, monitor);
       !unknown.empty())
-    tell_path_errors(settings, unknown, result, monitor);
+    estimate_path_errors(settings, unknown, result, monitor);
   warn_of_instability(result);
   warn_of_gap(equations, walk.at(), result);
   if (options.kind == BasisKind::p1 &&
@@ -527,6 +526,8 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
         "changes with the spacing (measured: up to twofold); compare clouds of several spacings");
 }
 
+template std::uint64_t fingerprint<2>(const Approximation<2>&);
+template std::uint64_t fingerprint<3>(const Approximation<3>&);
 template bool needs_steps<2>(const Settings<2>&, const FineMesh<2>&);
 template bool needs_steps<3>(const Settings<3>&, const FineMesh<3>&);
 template void answer_by_steps<2>(const Settings<2>&, Result<2>&, const Monitor&);

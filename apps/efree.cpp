@@ -76,8 +76,11 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
 std::string path_errors_text(const PathErrors& errors) {
   const auto [most, of] = errors.largest();
   return fmt::format(
-      "error of the path, by a cloud of {:.2g} times the spacing: about {:.2g} % of the work, at most {:.2g} % ({})",
-      errors.coarser, 100.0 * errors.work, 100.0 * most, of);
+      "error of the path, by one of {:.2g} times the spacing: about {:.2g} % of the work, at most {:.2g} % ({}); of "
+      "the "
+      "stresses at the end {}",
+      errors.coarser, 100.0 * errors.work, 100.0 * most, of,
+      errors.stress ? fmt::format("{:.2g} %", 100.0 * *errors.stress) : "unknown");
 }
 
 /// The components with those that are rounding, measured by `scale`, as 0.
@@ -211,7 +214,7 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
       out.supersede("failure.json");
     else
       write_failure(out.file("failure.json"), analysis.title, result.refusal,
-                    result.stopped.empty() ? "correction" : "path", "of this run");
+                    result.history.empty() ? "correction" : "path", "of this run");
     out.commit();
     record.forget();
     if (!result.refusal.empty()) {

@@ -76,11 +76,7 @@ template <int Dim> typename Inspection<Dim>::Suggestion suggestion(const Inspect
 }
 template <int Dim>
 std::optional<typename Inspection<Dim>::Suggestion> suggestion(const Inspection<Dim>& in, const FineMesh<Dim>& mesh) {
-  const Vector thickness = wall_thickness(mesh);
-  std::vector<std::pair<double, double>> faced;
-  for (Index f = 0; f < mesh.num_facets(); ++f)
-    if (std::isfinite(thickness[f])) faced.emplace_back(thickness[f], mesh.facet_measure(f));
-  return suggestion(in, faced.empty() ? in.box.diagonal().norm() : shares(std::move(faced))[1]);
+  return suggestion(in, std::min(thin_wall(mesh, 0.05), in.box.diagonal().norm()));
 }
 
 template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out) {

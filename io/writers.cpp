@@ -385,6 +385,8 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                                 {"degree", attempt.degree},
                                 {"error", attempt.error},
                                 {"seconds", attempt.seconds}});
+  for (std::size_t k = 0; k < result.attempts.size(); ++k)
+    if (result.attempts[k].spacing > 0.0) json["attempts"][k]["spacing"] = result.attempts[k].spacing;
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)
       json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
@@ -392,11 +394,12 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
     json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
                                         {"probes", result.cloud_alone->probes}};
   if (result.path_errors)
-    json["estimates"]["path"] = {{"coarser", result.path_errors->coarser},
-                                 {"until", result.path_errors->until},
-                                 {"work", result.path_errors->work},
-                                 {"reactions", result.path_errors->reactions},
-                                 {"probes", result.path_errors->probes}};
+    json["estimates"]["path"] = {{"coarser", result.path_errors->coarser}, {"until", result.path_errors->until},
+                                 {"work", result.path_errors->work},       {"reactions", result.path_errors->reactions},
+                                 {"probes", result.path_errors->probes},   {"stress", nullptr}};
+  if (result.path_errors && result.path_errors->stress)
+    json["estimates"]["path"]["stress"] = *result.path_errors->stress;
+  if (result.path_errors && result.path_errors->limit) json["estimates"]["path"]["limit"] = *result.path_errors->limit;
   for (std::size_t k = 0; k < settings.cases.size(); ++k) {
     const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
     add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);

@@ -18,6 +18,8 @@ template <int Dim>
 std::vector<std::string> doubts(const ApproximationOptions& options, const Approximation<Dim>& approximation);
 /// Error from which on an answer is doubtful, or no longer what was asked for.
 template <int Dim> double bearable_error(const Settings<Dim>& settings);
+/// Relative error of a value of a load path (PathErrors::largest) from which on it is doubtful.
+inline constexpr double bearable_error_of_path = 0.05;
 /// The warnings that errors which were asked for are not reached.
 template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result);
 /// Estimated error from which on nothing more is done: recovery overlooks up to a quarter of the error at corners.

@@ -4,6 +4,8 @@
 
 #include "efree/analysis/result.hpp"
 
+#include <cstdint>
+
 namespace efree::internal {
 
 /// Whether an analysis may be answered by quadratic elements and no cloud: in the plane, if nothing of a cloud is said.
@@ -26,6 +28,25 @@ template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result
 template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
 /// Whether an analysis is one.
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh);
+
+/// Whether a material weakens as it flows, so that strains localise.
+bool softens(const ElasticModel& model);
+/// Identifies a body and its functions (Checkpoint::body).
+template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation);
+
+/// The result of an analysis, unless it is a load path: then is_path, and only the checks of linear elasticity.
+template <int Dim> Result<Dim> analyse_unless_path(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
+                                                   const Monitor& monitor, bool& is_path);
+/// Cloud spacing of a load path that says none [length]: default_spacing, but at least four nodes across walls as far
+/// as 9000 nodes (1200 in space) do, and a mesh that is fixed.
+template <int Dim> double spacing_of_path(const FineMesh<Dim>& mesh, bool mesh_is_fixed);
+/// Whether the functions of a load path are left open: no spacing, no elements.
+template <int Dim> bool chooses_path(const MeshSource<Dim>& source, const Settings<Dim>& settings);
+/// An analysis that, if it is a load path, is solved on finer and finer meshes until its errors are small: the first
+/// cloud has at least four nodes across walls. Paths in the plane take quadratic elements; where these stop and no
+/// material flows, a cloud.
+template <int Dim> Result<Dim> analyse_chosen_path(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural,
+                                                   const Settings<Dim>& settings, const Monitor& monitor);
 
 /// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where nobody
 /// said how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, to half of

@@ -7,6 +7,7 @@
 
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace efree::internal {
 
@@ -23,7 +24,13 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
 template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
                                               Result<Dim>& result, const Monitor& monitor);
 
-/// Puts the errors of the path, by a coarser cloud, into the result. Why they are not known; nothing where they are.
+/// The times of the steps of a path.
+template <int Dim> std::vector<double> times_of(const Result<Dim>& result);
+/// Puts the errors of the path, by a coarser one of the same settings, into the result. Why they are unknown; nothing
+/// where they are known.
+template <int Dim>
+std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser, Result<Dim>& result);
+/// The same by Steps::coarser, or by a coarser cloud, which is solved.
 template <int Dim>
 std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
 

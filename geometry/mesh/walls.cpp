@@ -3,7 +3,11 @@
 
 #include "efree/core/parallel.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 namespace efree {
 namespace {
@@ -52,6 +56,23 @@ template <int Dim> Vector wall_thickness(const FineMesh<Dim>& mesh) {
   return thickness;
 }
 
+template <int Dim> double thin_wall(const FineMesh<Dim>& mesh, double share) {
+  const Vector thickness = wall_thickness(mesh);
+  std::vector<std::pair<double, double>> walls;
+  double total = 0.0, passed = 0.0;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (!std::isfinite(thickness[f])) continue;
+    walls.emplace_back(thickness[f], mesh.facet_measure(f));
+    total += walls.back().second;
+  }
+  std::ranges::sort(walls);
+  for (const auto& [value, measure] : walls)
+    if ((passed += measure) >= share * total) return value;
+  return infinity;
+}
+
+template double thin_wall<2>(const FineMesh<2>&, double);
+template double thin_wall<3>(const FineMesh<3>&, double);
 template Vector wall_thickness<2>(const FineMesh<2>&);
 template Vector wall_thickness<3>(const FineMesh<3>&);
 

@@ -12,4 +12,7 @@ namespace efree {
 /// corner are no wall. Cost: the cells that are walked through.
 template <int Dim> Vector wall_thickness(const FineMesh<Dim>& mesh);
 
+/// Thickness that this share of the boundary above walls, by its measure, falls below [length]; infinity without walls.
+template <int Dim> double thin_wall(const FineMesh<Dim>& mesh, double share);
+
 }  // namespace efree

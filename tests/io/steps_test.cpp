@@ -239,8 +239,9 @@ TEST(Steps, WhatTheAnswerLacksIsWarnedOf) {
   const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
   EXPECT_THAT(said(elastic), HasSubstr("displacement gradients of 0.8"));
   EXPECT_THAT(said(replaced(elastic, "1.6*t", "0.08*t")), Not(HasSubstr("displacement gradients")));
-  EXPECT_THAT(said(rubber + "[basis]\nkind = \"p2\"\n"), HasSubstr("is not estimated (there is no cloud beside the "
-                                                                   "finite elements): compare meshes of two sizes\n"));
+  EXPECT_THAT(
+      said(rubber + "[basis]\nkind = \"p2\"\n"),
+      HasSubstr("are not estimated (there is no cloud beside the finite elements); compare meshes of two sizes\n"));
 }
 
 TEST(Steps, ABodyTurnedInsideOutSomewhereIsNoAnswer) {
@@ -437,6 +438,29 @@ TEST(Steps, EveryStepIsALineOnTheTerminalUnlessQuiet) {
   EXPECT_THAT(run.output, HasSubstr("t = 1: step "));
   EXPECT_THAT(work.efree({"solve", "case.toml", "--out", "out", "--no-picture", "--quiet"}).output,
               Not(HasSubstr("step 1")));
+}
+
+TEST(Steps, APathThatIsFarOffLeavesItsResultsWithExitStatusThree) {
+  const Workspace work;
+  std::string metal = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                               "model = \"j2\"\nE = 210\nnu = 0.3\nyield = 0.24");
+  metal = replaced(metal, "file = \"strip.geo\"\nmesh_size = 0.2",
+                   "shape = \"rectangle\"\nmesh_size = 0.1\nparameters = { width = 2, height = 1 }");
+  // Bent like a short cantilever.
+  metal = replaced(metal, "on = \"left\"\nnormal_displacement = 0", "on = \"left\"\ndisplacement = [0, 0]");
+  metal = replaced(metal, "[[boundary]]\non = \"bottom\"\nnormal_displacement = 0\n", "");
+  metal = replaced(metal, "[\"1.6*t\", \"free\"]", "[\"free\", \"0.01*t\"]");
+  work.write("case.toml", replaced(metal, "plane = \"strain\"", "plane = \"strain\"\nlargest_error = 0.01"));
+  const auto refused = work.efree({"solve", "case.toml", "--out", "out", "--quiet", "--no-picture"});
+  EXPECT_EQ(refused.status, 3) << refused.output;
+  EXPECT_THAT(json(work / "out/failure.json")["reason"].get<std::string>(), HasSubstr("% off"));
+  const auto result = json(work / "out/result.json");
+  EXPECT_EQ(result["path"]["time"], 1.0);
+  EXPECT_TRUE(result["estimates"]["path"]["stress"].is_number());
+  EXPECT_TRUE(std::filesystem::exists(work / "out/fields.vtu"));
+  work.write("case.toml", replaced(metal, "plane = \"strain\"", "plane = \"strain\"\nlargest_error = 10"));
+  EXPECT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--quiet", "--no-picture"}).status, 0);
+  EXPECT_FALSE(std::filesystem::exists(work / "out/failure.json"));
 }
 
 TEST(Steps, AValueThatIsNotFiniteIsSaidWithItsExpressionPlaceAndTime) {

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Load paths that leave their functions open: finer and finer ones until the errors are small.
+#include "efree/analysis/analyse.hpp"
+#include "efree/analysis/internal/clock.hpp"
+#include "efree/analysis/internal/judge.hpp"
+#include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/steps_estimate.hpp"
+#include "efree/core/error.hpp"
+#include "efree/geometry/mesh/refine.hpp"
+#include "efree/geometry/mesh/walls.hpp"
+#include "efree/solvers/locking.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace efree {
+
+using namespace internal;
+
+namespace {
+
+/// Spacing of a path over that of the next.
+constexpr double refinement_of_paths = 1.5;
+/// Nodes of a cloud across walls but the thinnest twentieth of them, and edges of quadratic elements.
+constexpr double nodes_across_walls = 4.0, edges_across_walls = 2.0, share_of_thinnest = 0.05;
+/// Fine edges to a spacing of the cloud.
+template <int Dim> constexpr double edges_to_spacing = Dim == 2 ? 4.0 : 3.0;
+/// Nodes of a cloud, and of quadratic elements, beyond which no finer path is solved; the first has room for a finer
+/// one.
+template <int Dim> constexpr double most_nodes_of_path = Dim == 2 ? 20000.0 : 4000.0;
+constexpr double most_nodes_of_elements = 100000.0;
+template <int Dim> constexpr double nodes_to_next = Dim == 2 ? 2.25 : 3.375;  // refinement_of_paths^Dim
+
+/// Edges that the cells of a mesh have in the mean.
+template <int Dim> double edge_of_cells(const FineMesh<Dim>& mesh) {
+  const double regular = Dim == 2 ? 0.433 : 0.118;  // volume of a cell with edges of 1
+  return std::pow(mesh.volumes().sum() / (regular * mesh.num_cells()), 1.0 / Dim);
+}
+
+/// Whether paths take quadratic elements: in the plane, where nothing is said of a cloud. They bend, and find limit
+/// loads, at less cost than a cloud (docs/evidence.md, "Load paths with known answers"); nearly incompressible rubber
+/// takes ever smaller steps with them.
+template <int Dim>
+bool takes_elements(const Settings<Dim>& settings, const ElasticModel& model, const FineMesh<Dim>& mesh) {
+  const bool bears = incompressibility(model, mesh) <= bearable_incompressibility(BasisKind::p2);
+  return may_do_without_cloud(settings) && !softens(model) && (bears || !is_elastic(model));
+}
+
+/// The levels of refinement of a path.
+template <int Dim> class Levels {
+ public:
+  Levels(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, bool elements)
+      : source_(source),
+        natural_(natural),
+        fixed_(source.says_its_size() || natural.image || source.grey),
+        elements_(elements),
+        edge_(std::min(natural.size, edge_of_cells(*natural.mesh))) {
+    const FineMesh<Dim>& mesh = *natural.mesh;
+    if (!elements) {
+      spacing_ = spacing_of_path(mesh, fixed_);
+      return;
+    }
+    const double cells = most_nodes_of_elements / nodes_to_next<Dim> / 2.0;  // two nodes to a cell
+    const double least = edge_ * std::sqrt(mesh.num_cells() / cells);
+    fixed_ = fixed_ || mesh.num_cells() > cells;
+    spacing_ = fixed_ ? natural.size
+                      : std::min(edge_, std::max(least, thin_wall(mesh, share_of_thinnest) / edges_across_walls));
+  }
+
+  /// Whether a path of so many nodes may be followed by a finer one.
+  bool has_room(Index nodes) const {
+    return elements_ && fixed_
+               ? true
+               : nodes * nodes_to_next<Dim> <= (elements_ ? most_nodes_of_elements : most_nodes_of_path<Dim>);
+  }
+
+  /// Spacing of the cloud, or edges of the elements.
+  double spacing(int level) const {
+    // Of elements on a mesh that may not be refined, the first level is coarser.
+    return (elements_ && fixed_ ? refinement_of_paths : 1.0) * spacing_ / std::pow(refinement_of_paths, level);
+  }
+  /// Whether the mesh may be as fine as a level asks for.
+  bool has(int level) const {
+    if (!fixed_ || level == 0) return true;
+    return elements_ ? level == 1 : spacing(level) >= least_edges_to_spacing * edge_;
+  }
+  PreparedMesh<Dim> mesh(int level, const Settings<Dim>& settings, const Monitor& monitor) const {
+    if (elements_ && fixed_ ? level == 1 : (fixed_ || mesh_size(level) >= 0.99 * edge_)) return natural_;
+    MeshSource<Dim> finer = source_;
+    finer.size = mesh_size(level);
+    try {
+      return prepare(finer, settings, monitor);
+    } catch (const InputError&) {  // a file of cells
+      finer.size = 0.0;
+      finer.mesh = [&](const MeshSize& size, const Stage& stage) {
+        MadeMesh<Dim> made = source_.mesh(size, stage);
+        made.mesh = split_long_edges(std::move(made.mesh), 1.2 * mesh_size(level));
+        return made;
+      };
+      return prepare(finer, settings, monitor);
+    }
+  }
+
+ private:
+  double mesh_size(int level) const { return spacing(level) / (elements_ ? 1.0 : edges_to_spacing<Dim>); }
+
+  static constexpr double least_edges_to_spacing = 1.5;
+  const MeshSource<Dim>& source_;
+  const PreparedMesh<Dim>& natural_;
+  bool fixed_, elements_;
+  double edge_, spacing_;
+};
+
+/// The settings of a level, compared with the one before.
+template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elements, const PreparedMesh<Dim>& mesh,
+                                             double spacing, std::shared_ptr<const Result<Dim>> coarser) {
+  if (elements) {
+    const ElasticModel model = with_defaults(settings, mesh).model;
+    settings.approximation.kind = BasisKind::p2;
+    // They do not lock where material flows: of plane strain they have enough freedom (Sloan & Randolph 1982).
+    if (settings.approximation.dilatation == Dilatation::automatic)
+      settings.approximation.dilatation =
+          averaged_if(incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::p2));
+    if (is_elastic(model)) {  // a cloud follows where they take ever smaller steps
+      if (!settings.time) settings.time.emplace();
+      PathOptions& path = settings.time->path;
+      path.max_steps = std::min(path.max_steps, 200 + static_cast<int>(std::min(1e6, 3.0 * path.end / path.step)));
+    }
+  } else {
+    settings.approximation.spacing = spacing;
+  }
+  if (coarser) {
+    if (!settings.time) settings.time.emplace();
+    auto& stops = settings.time->path.stops;
+    for (const double time : times_of(*coarser)) stops.push_back(time);
+    std::ranges::sort(stops);
+    stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
+  }
+  settings.steps.coarser = std::move(coarser);
+  settings.steps.from_another = true;
+  return settings;
+}
+
+/// The largest error of a path over what is bearable; nothing where it is unknown.
+template <int Dim> std::optional<double> excess_of_path(const Settings<Dim>& settings, const Result<Dim>& result) {
+  if (result.estimates) {
+    double history = 0.0;
+    if (result.cloud_alone)
+      for (const auto* errors : {&result.cloud_alone->reactions, &result.cloud_alone->probes})
+        for (const auto& [name, error] : *errors) history = std::max(history, error);
+    return std::max(result.estimates->total() / bearable_error(settings), history / bearable_error_of_path);
+  }
+  if (!result.path_errors) return {};
+  const bool complete = result.path_errors->until == result.history.back().time || result.path_errors->limit;
+  if (!complete) return {};
+  return result.path_errors->largest().first / bearable_error_of_path;
+}
+
+/// Solves level after level.
+template <int Dim> class Search {
+ public:
+  /// Refers to all.
+  Search(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, const Settings<Dim>& settings,
+         const Monitor& monitor)
+      : source_(source), natural_(natural), settings_(settings), monitor_(monitor), is_resumed_(!settings.steps.from) {}
+
+  /// The path of the first level whose errors are small, or of the last one. Its warnings say if a finer one failed.
+  /// Throws NumericalError if the first level has no path.
+  std::shared_ptr<Result<Dim>> refine(bool elements) {
+    const Levels<Dim> levels(source_, natural_, elements);
+    std::shared_ptr<Result<Dim>> best;
+    for (int level = 0; levels.has(level); ++level) {
+      if (best && !levels.has_room(best->approximation.nodes.cols())) break;
+      try {
+        best = solve(levels, elements, level, best);
+      } catch (const NumericalError& error) {
+        if (!best) throw;
+        best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
+        break;
+      }
+      if (is_done()) break;
+    }
+    return best;
+  }
+
+  /// Whether the last path is as good as it is to be, and, if a path is to be gone on with, that was found.
+  bool is_done() const { return is_resumed_ && excess_ && *excess_ <= 1.0; }
+
+  /// The result, with all levels.
+  Result<Dim> take(const std::shared_ptr<Result<Dim>>& best) {
+    if (!is_resumed_)
+      throw InputError(
+          "these steps cannot be gone on with: they are of another mesh, other nodes or other quadrature points");
+    Result<Dim> result = std::move(*best);
+    result.attempts = std::move(attempts_);
+    result.times = times_;
+    result.cpu_seconds = cpu_seconds_;
+    return result;
+  }
+
+ private:
+  std::shared_ptr<Result<Dim>> solve(const Levels<Dim>& levels, bool elements, int level,
+                                     const std::shared_ptr<Result<Dim>>& coarser) {
+    const Stopwatch seconds;
+    const double spacing = levels.spacing(level);
+    const PreparedMesh<Dim> mesh = levels.mesh(level, settings_, monitor_);
+    Settings<Dim> settings = settings_of<Dim>(settings_, elements, mesh, spacing, coarser);
+    if (is_resumed_) settings.steps.from.reset();  // that of a level before
+    auto result = std::make_shared<Result<Dim>>(analyse(mesh, settings, monitor_));
+    times_.add(result->times);
+    cpu_seconds_ += result->cpu_seconds;
+    is_resumed_ = is_resumed_ || settings_.steps.from->body == fingerprint(result->approximation);
+    excess_ = excess_of_path(settings_, *result);
+    const double error = result->path_errors ? result->path_errors->largest().first
+                         : result->estimates ? result->estimates->total()
+                                             : 0.0;
+    attempts_.push_back({.size = elements ? spacing : result->mesh->size(),
+                         .cells = result->mesh->num_cells(),
+                         .degree = result->approximation.space.degree(),
+                         .error = error,
+                         .seconds = seconds(),
+                         .excess = excess_.value_or(0.0),
+                         .spacing = elements ? 0.0 : spacing});
+    if (monitor_.say)
+      monitor_.say(fmt::format("{} of {} nodes, {} steps to time {:.6g}: error of the path {}, {:.2g} s",
+                               elements ? "quadratic elements" : "cloud", result->approximation.nodes.cols(),
+                               result->history.size(), result->history.back().time,
+                               excess_ ? fmt::format("about {:.2g} %", 100.0 * error) : "unknown",
+                               attempts_.back().seconds));
+    return result;
+  }
+
+  const MeshSource<Dim>& source_;
+  const PreparedMesh<Dim>& natural_;
+  const Settings<Dim>& settings_;
+  const Monitor& monitor_;
+  bool is_resumed_;
+  std::optional<double> excess_;  ///< of the last path
+  std::vector<Attempt> attempts_;
+  StageTimes times_;
+  double cpu_seconds_ = 0.0;
+};
+
+}  // namespace
+
+template <int Dim> double internal::spacing_of_path(const FineMesh<Dim>& mesh, bool mesh_is_fixed) {
+  const double wall = thin_wall(mesh, share_of_thinnest) / nodes_across_walls;
+  const double least = std::pow(mesh.volumes().sum() / (1.4 * most_nodes_of_path<Dim> / nodes_to_next<Dim>), 1.0 / Dim);
+  return std::min(default_spacing(mesh), std::max({wall, least, mesh_is_fixed ? 1.5 * edge_of_cells(mesh) : 0.0}));
+}
+
+template <int Dim> bool internal::chooses_path(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
+  const ApproximationOptions& basis = settings.approximation;
+  return basis.kind == BasisKind::mls && basis.spacing == 0.0 && source.ratio == 0.0 && !basis.grading.has_places() &&
+         settings.estimated && settings.cases.empty();
+}
+
+template <int Dim> Result<Dim> internal::analyse_chosen_path(const MeshSource<Dim>& source,
+                                                             const PreparedMesh<Dim>& natural,
+                                                             const Settings<Dim>& given, const Monitor& monitor) {
+  bool is_path = false;
+  Result<Dim> first = analyse_unless_path(natural, given, monitor, is_path);
+  if (!is_path) return first;
+  Settings<Dim> settings = given;
+  if (!given.time) settings.regime = with_defaults(given, natural).regime;
+  if (!given.time && *settings.regime == Regime::automatic) settings.regime = Regime::finite;  // as has been checked
+  const Settings<Dim> full = with_defaults(settings, natural);
+  Search<Dim> search(source, natural, settings, monitor);
+  const auto end = [&](const std::shared_ptr<Result<Dim>>& best) {
+    Result<Dim> result = search.take(best);
+    if (!first.linear_checks.empty()) result.linear_checks = std::move(first.linear_checks);
+    return result;
+  };
+  if (!takes_elements(settings, full.model, *natural.mesh)) return end(search.refine(false));
+  std::shared_ptr<Result<Dim>> elements;
+  try {
+    elements = search.refine(true);
+  } catch (const NumericalError&) {
+    if (!is_elastic(full.model)) throw;
+  }
+  // Rubber may be deformed farther than its elements bear; where material flows, a path that stops has met its limit.
+  if (elements && (elements->stopped.empty() || !is_elastic(full.model))) return end(elements);
+  std::shared_ptr<Result<Dim>> cloud;
+  try {
+    cloud = search.refine(false);
+  } catch (const NumericalError&) {
+    if (!elements) throw;
+  }
+  const bool farther =
+      cloud && (!elements || cloud->stopped.empty() || cloud->history.back().time > elements->history.back().time);
+  return end(farther ? cloud : elements);
+}
+
+template double internal::spacing_of_path<2>(const FineMesh<2>&, bool);
+template bool internal::chooses_path<2>(const MeshSource<2>&, const Settings<2>&);
+template Result<2> internal::analyse_chosen_path<2>(const MeshSource<2>&, const PreparedMesh<2>&, const Settings<2>&,
+                                                    const Monitor&);
+template double internal::spacing_of_path<3>(const FineMesh<3>&, bool);
+template bool internal::chooses_path<3>(const MeshSource<3>&, const Settings<3>&);
+template Result<3> internal::analyse_chosen_path<3>(const MeshSource<3>&, const PreparedMesh<3>&, const Settings<3>&,
+                                                    const Monitor&);
+
+}  // namespace efree
