@@ -43,11 +43,14 @@ template <int Dim> Settings<Dim> coarser(const Settings<Dim>& settings, const Re
       };
   }
   other.time->path.stops = times_of(result);
-  other.time->until.reset();
-  other.time->path.until = [last = other.time->path.stops.back()](const PathStep& step) {
-    return step.now.state.time >= last;
-  };
-  if (other.time->path.control == Control::arc_length)  // it may never come to its end
+  const bool by_load = other.time->path.control == Control::load;
+  if (other.time->until && by_load && result.stopped.empty()) {  // it ends at the same time
+    other.time->until.reset();
+    other.time->path.until = [last = other.time->path.stops.back()](const PathStep& step) {
+      return step.now.state.time >= last;
+    };
+  }
+  if (!by_load)  // it may never come to its end
     other.time->path.max_steps = std::min(other.time->path.max_steps, 2 * static_cast<int>(result.history.size()));
   return other;
 }
