@@ -172,6 +172,7 @@ template <int Dim> class Search {
   std::shared_ptr<Result<Dim>> refine(bool elements) {
     const Levels<Dim> levels(source_, natural_, elements);
     std::shared_ptr<Result<Dim>> best;
+    int beyond = 0;  // levels beyond a good one, to look for the one that is to be gone on with
     for (int level = 0; levels.has(level); ++level) {
       if (best && !levels.has_room(best->approximation.nodes.cols())) break;
       try {
@@ -181,13 +182,10 @@ template <int Dim> class Search {
         best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
         break;
       }
-      if (is_done()) break;
+      if (is_good() && (is_resumed_ || ++beyond > 1)) break;
     }
     return best;
   }
-
-  /// Whether the last path is as good as it is to be, and, if a path is to be gone on with, that was found.
-  bool is_done() const { return is_resumed_ && excess_ && *excess_ <= 1.0; }
 
   /// The result, with all levels.
   Result<Dim> take(const std::shared_ptr<Result<Dim>>& best) {
@@ -202,6 +200,9 @@ template <int Dim> class Search {
   }
 
  private:
+  /// Whether the errors of the last path are small.
+  bool is_good() const { return excess_ && *excess_ <= 1.0; }
+
   std::shared_ptr<Result<Dim>> solve(const Levels<Dim>& levels, bool elements, int level,
                                      const std::shared_ptr<Result<Dim>>& coarser) {
     const Stopwatch seconds;
