@@ -56,15 +56,16 @@ template <int Dim> class Levels {
         natural_(natural),
         fixed_(source.says_its_size() || natural.image || source.grey),
         elements_(elements),
-        edge_(std::min(natural.size, edge_of_cells(*natural.mesh))) {
+        edge_(std::min(natural.size, longest_to_mean * edge_of_cells(*natural.mesh))) {
     const FineMesh<Dim>& mesh = *natural.mesh;
     if (!elements) {
       spacing_ = spacing_of_path(mesh, fixed_);
       return;
     }
-    const double cells = most_nodes_of_elements / nodes_to_next<Dim> / 2.0;  // two nodes to a cell
-    const double least = edge_ * std::sqrt(mesh.num_cells() / cells);
-    fixed_ = fixed_ || mesh.num_cells() > cells;
+    // Walls are spanned as far as the finer path then has room; features make meshes denser than their size says.
+    const double nodes = 2.0 * mesh.num_cells(), room = most_nodes_of_elements / nodes_to_next<Dim>;
+    fixed_ = fixed_ || nodes > room;
+    const double least = edge_ * std::min(1.0, std::sqrt(2.0 * nodes / room));
     spacing_ = fixed_ ? natural.size
                       : std::min(edge_, std::max(least, thin_wall(mesh, share_of_thinnest) / edges_across_walls));
   }
@@ -106,7 +107,7 @@ template <int Dim> class Levels {
  private:
   double mesh_size(int level) const { return spacing(level) / (elements_ ? 1.0 : edges_to_spacing<Dim>); }
 
-  static constexpr double least_edges_to_spacing = 1.5;
+  static constexpr double least_edges_to_spacing = 1.5, longest_to_mean = 1.3;  // edges of meshes made here
   const MeshSource<Dim>& source_;
   const PreparedMesh<Dim>& natural_;
   bool fixed_, elements_;
@@ -171,6 +172,7 @@ template <int Dim> class Search {
   std::shared_ptr<Result<Dim>> refine(bool elements) {
     const Levels<Dim> levels(source_, natural_, elements);
     std::shared_ptr<Result<Dim>> best;
+    int beyond = 0;  // levels beyond a good one, to look for the one that is to be gone on with
     for (int level = 0; levels.has(level); ++level) {
       if (best && !levels.has_room(best->approximation.nodes.cols())) break;
       try {
@@ -180,13 +182,10 @@ template <int Dim> class Search {
         best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
         break;
       }
-      if (is_done()) break;
+      if (is_good() && (is_resumed_ || ++beyond > 1)) break;
     }
     return best;
   }
-
-  /// Whether the last path is as good as it is to be, and, if a path is to be gone on with, that was found.
-  bool is_done() const { return is_resumed_ && excess_ && *excess_ <= 1.0; }
 
   /// The result, with all levels.
   Result<Dim> take(const std::shared_ptr<Result<Dim>>& best) {
@@ -201,6 +200,9 @@ template <int Dim> class Search {
   }
 
  private:
+  /// Whether the errors of the last path are small.
+  bool is_good() const { return excess_ && *excess_ <= 1.0; }
+
   std::shared_ptr<Result<Dim>> solve(const Levels<Dim>& levels, bool elements, int level,
                                      const std::shared_ptr<Result<Dim>>& coarser) {
     const Stopwatch seconds;
