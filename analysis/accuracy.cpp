@@ -64,16 +64,23 @@ template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
   return std::pow((Dim == 2 ? 2.0 : 6.0) * mesh.volumes().sum() / mesh.num_cells(), 1.0 / Dim);
 }
 
-/// Of the error that is aimed at, what facets may leave, where finer ones can be had for themselves: a fifth of the
-/// energy, as they cost less than cells.
+/// Of the error that is aimed at, what facets may leave at least, where finer ones can be had for themselves: a fifth
+/// of the energy, as they cost less than cells. More where cells leave less than the rest, and cells more where facets
+/// do.
 constexpr double share_of_facets = 0.45;
+
+/// What one part of the error that is aimed at may have besides the other, of which `most` counts at most.
+double besides(double aimed, double other, double most) {
+  return std::sqrt(aimed * aimed - std::pow(std::min(other, most), 2.0));
+}
 
 /// Error over what is aimed at, as excess, of all but facets that can be made finer for themselves.
 template <int Dim> double excess_of_cells(const Settings<Dim>& settings, const Result<Dim>& result, bool own_facets) {
   if (!own_facets) return excess(settings, result);
   const Estimates& errors = *result.estimates;
-  const double energy = std::hypot(errors.cloud, errors.mesh) / std::sqrt(1.0 - share_of_facets * share_of_facets);
-  return std::max(settings.accuracy > 0.0 ? energy / aim(settings) : 0.0, missed_goals(settings, result));
+  const double aimed = aim(settings), allowed = besides(aimed, errors.geometry, share_of_facets * aimed);
+  const double energy = settings.accuracy > 0.0 ? std::hypot(errors.cloud, errors.mesh) / allowed : 0.0;
+  return std::max(energy, missed_goals(settings, result));
 }
 
 /// Share of their sagittas that facets should have: their part of the energy falls like these, and so do their parts of
@@ -82,8 +89,11 @@ template <int Dim> double flatter(const Settings<Dim>& settings, const Result<Di
   const double geometry = result.estimates->geometry;
   if (geometry == 0.0) return 1.0;
   double share = 1.0;
-  if (settings.accuracy > 0.0) share = std::pow(0.9 * share_of_facets * aim(settings) / geometry, 2.0);
-  if (settings.accuracy > 0.0 && geometry <= share_of_facets * aim(settings)) share = 1.0;
+  if (settings.accuracy > 0.0) {
+    const double aimed = aim(settings), most = std::sqrt(1.0 - share_of_facets * share_of_facets) * aimed;
+    const double allowed = besides(aimed, std::hypot(result.estimates->cloud, result.estimates->mesh), most);
+    if (geometry > allowed) share = std::pow(0.9 * allowed / geometry, 2.0);
+  }
   if (const double missed = missed_goals(settings, result); missed > 1.0)
     share = std::min(share, 1.0 / (missed * missed));
   return std::clamp(share, Dim == 2 ? 1.0 / 16.0 : 1.0 / 5.0, 1.0);

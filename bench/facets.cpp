@@ -220,7 +220,7 @@ std::vector<Body<3>> solid_bodies() {
            1},
           {"torus",
            {12, 16},
-           [=](int turn) { return solids::half_torus(2.0, 0.5, size_of(0.5, turn)); },
+           [=](int turn) { return solids::half_torus(1.0, 0.5, size_of(0.5, turn)); },
            model,
            {clamp<3>("start")},
            {.tractions = {tension<3>("end", 1.0)}, .body_force = {}},

@@ -10,6 +10,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -195,21 +197,24 @@ template <int Dim> struct ShapeDerivative<Dim>::Impl {
     return work;
   }
 
-  /// Sums visit(k, point, its traction, tractions on the facet) times the weights of the points.
+  /// Sums visit(k, point, its traction, tractions on the facet), work of stresses and of loads, times the weights of
+  /// the points.
   template <class Visit> ShapeChange sum(const Loads<Dim>& loads, const Visit& visit) const {
     const Tractions tractions = tractions_of(loads);
-    Vector by_facet(static_cast<Index>(curved.size()));
+    Vector stresses(static_cast<Index>(curved.size())), forces(stresses.size());
     parallel_for(static_cast<Index>(curved.size()), [&](Index k) {
-      double total = 0.0;
+      std::pair<double, double> total{0.0, 0.0};
       for (Index q = 0; q < points_per_facet(); ++q) {
         const FacetPoint<Dim>& point = points[k * points_per_facet() + q];
         Vec<Dim> t = Vec<Dim>::Zero();
         for (const auto& load : tractions[k]) t += load.traction(point.x, normal(k));
-        total += point.weight * visit(k, point, t, tractions[k]);
+        const std::pair<double, double> there = visit(k, point, t, tractions[k]);
+        total.first += point.weight * there.first;
+        total.second += point.weight * there.second;
       }
-      by_facet[k] = total;
+      std::tie(stresses[k], forces[k]) = total;
     });
-    return {by_facet.sum(), by_facet.cwiseAbs().sum()};
+    return {stresses.sum() + forces.sum(), stresses.cwiseAbs().sum()};
   }
 };
 
@@ -251,7 +256,8 @@ template <int Dim>
 ShapeChange ShapeDerivative<Dim>::potential_energy(const Points<Dim>& u, const Loads<Dim>& loads) const {
   return impl_->sum(loads, [&](Index k, const FacetPoint<Dim>& point, const Vec<Dim>& t, const auto& tractions) {
     const auto state = impl_->state(k, point, u, t);
-    return 0.5 * point.offset * impl_->pair(k, state, state) - impl_->load_work(k, point, state, loads, tractions);
+    return std::pair(0.5 * point.offset * impl_->pair(k, state, state),
+                     -impl_->load_work(k, point, state, loads, tractions));
   });
 }
 
@@ -259,7 +265,7 @@ template <int Dim> ShapeChange ShapeDerivative<Dim>::functional(const Points<Dim
                                                                 const Loads<Dim>& loads) const {
   return impl_->sum(loads, [&](Index k, const FacetPoint<Dim>& point, const Vec<Dim>& t, const auto& tractions) {
     const auto of_u = impl_->state(k, point, u, t), of_z = impl_->state(k, point, z, Vec<Dim>::Zero());
-    return impl_->load_work(k, point, of_z, loads, tractions) - point.offset * impl_->pair(k, of_u, of_z);
+    return std::pair(-point.offset * impl_->pair(k, of_u, of_z), impl_->load_work(k, point, of_z, loads, tractions));
   });
 }
 

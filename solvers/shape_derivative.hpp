@@ -16,7 +16,7 @@ namespace efree {
 /// true surface of the body.
 struct ShapeChange {
   double sum = 0.0;        ///< with its sign
-  double magnitude = 0.0;  ///< sum of the absolute values that facets contribute
+  double magnitude = 0.0;  ///< sum of the absolute values that facets contribute by stresses, not by loads
 
   /// An estimate of its size that does not trust cancellation beyond a twentieth.
   double size() const;
