@@ -11,6 +11,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
+#include "efree/solvers/internal/patch_shear.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
 #include "efree/solvers/locking.hpp"
 #include "efree/solvers/reactions.hpp"
@@ -103,7 +104,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   struct Answer {
     Gradients<Dim> H;     ///< of the points themselves
     Gradients<Dim> seen;  ///< by the materials
-    PointResponses<Dim> of;
+    internal::ShearedResponses<Dim> of;
     Vector dilatation;  ///< by union: mean ln J (finite strains) or trace (small ones); empty without averages
     Vector pressure;    ///< by union: work on its dilatation per volume
   };
@@ -122,7 +123,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   Program<Dim> program;
   bool weakly;
   Materials<Dim> materials;
-  std::vector<double> bearable;  ///< by point: bearable_kappas
+  std::vector<double> moduli;  ///< by point: patch_moduli
+  std::vector<double> shear;   ///< by point: patch_shears
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   FollowerPressures<Dim> followers;
@@ -143,8 +145,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
         program(std::move(acts)),
         weakly(model.essential.value_or(Essential::nitsche) == Essential::nitsche),
         materials(materials_of(model, of.space.mesh())),
-        bearable(bearable_kappas(of, materials, model)),
-        initial(stiffness_terms(of, materials, 0.0, bearable)),
+        moduli(internal::patch_moduli(of, materials, model)),
+        shear(internal::patch_shears(of, materials, model, moduli)),
+        initial(stiffness_terms(of, materials, 0.0, moduli)),
         held(of.space, of.shape, initial.front(), not_nodal(restraints(program.conditions(program.full_at))),
              tied_facets(of.space.mesh(), model.open_interface)),
         followers(of.space, of.shape, program.loads(program.full_at).followers),
@@ -269,8 +272,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   };
   Unevenness unevenness(const Answer& answer, Index K, bool second = false) const {
     Unevenness result;
-    const double k = bearable.empty() ? 0.0 : bearable[K];
-    if (k == 0.0) return result;
+    const double k = moduli.empty() ? 0.0 : moduli[K];
+    if (k == 0.0 || (!shear.empty() && shear[K] > 0.0)) return result;  // shears have it instead
     const double off = dilatation(answer.H, K) - answer.dilatation[approximation.union_of[K]];
     Gradient<Dim> g = materials.trace(), dI = Gradient<Dim>::Zero();  // by F: of the point's dilatation, of I
     Tangent<Dim> G = Tangent<Dim>::Zero(), ddI = G;                   // and second ones, -G of the dilatation
@@ -323,36 +326,45 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return held.of(displacements(state)) + acting(state.time)->motion.gradients;
   }
 
+  /// What a material works on the mean dilatation of the patch, per volume.
+  double work_of_mean(const Answer& answer, Index K) const {
+    const Gradient<Dim> P = answer.of.P.col(K);
+    const double work = is_finite(K) ? P.dot(deformation(answer.seen, K)) / 3.0 : swelling(K).dot(P);
+    return shear.empty() ? work : work - shear[K] * answer.of.shear_stress[K];
+  }
+
   Answer respond(const State& state, bool tangents) const {
     Answer answer;
     answer.H = gradients(state);
     answer.seen = answer.H;
     const auto& points = held.quadrature();
+    Vector shears;
     if (averaged()) {
       const Gradient<Dim> trace = materials.trace();
       answer.dilatation = Vector::Zero(members.rows());
+      shears.resize(static_cast<Index>(shear.size()));
       parallel_for(members.rows(), [&](Index g) {
         double sum = 0.0;
         for (const Index K : members[g]) sum += points.weights[K] * dilatation(answer.H, K);
         answer.dilatation[g] = sum / volumes[g];
-        for (const Index K : members[g])
+        for (const Index K : members[g]) {
+          if (!shear.empty()) shears[K] = shear[K] * (dilatation(answer.H, K) - answer.dilatation[g]);
           if (is_finite(K)) {
             const Stretch at = stretch(answer, K);
             answer.seen.col(K) += (at.r - 1.0) * at.F;
           } else {
             answer.seen.col(K) += (answer.dilatation[g] - trace.dot(answer.H.col(K))) * swelling(K);
           }
+        }
       });
     }
-    answer.of = materials.respond(points, answer.seen, state.history, state.dt, tangents);
+    answer.of = internal::respond(materials, model, points, answer.seen, shears, state.history, state.dt, tangents);
     if (averaged()) {
       answer.pressure = Vector::Zero(members.rows());
       parallel_for(members.rows(), [&](Index g) {
         for (const Index K : members[g])
-          answer.pressure[g] += points.weights[K] / volumes[g] *
-                                ((is_finite(K) ? answer.of.P.col(K).dot(deformation(answer.seen, K)) / 3.0
-                                               : swelling(K).dot(answer.of.P.col(K))) +
-                                 unevenness(answer, K).by_mean);
+          answer.pressure[g] +=
+              points.weights[K] / volumes[g] * (work_of_mean(answer, K) + unevenness(answer, K).by_mean);
       });
     }
     return answer;
@@ -387,9 +399,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       const double pressure = answer.pressure[g];
       if (is_finite(K)) {
         const Stretch at = stretch(answer, K);
-        P.col(K) = at.r * of + (pressure - of.dot(deformation(answer.seen, K)) / 3.0) * at.of.g;
+        P.col(K) = at.r * of + (pressure - work_of_mean(answer, K)) * at.of.g;
       } else {
-        P.col(K) = of + (pressure - swelling(K).dot(of)) * trace;
+        P.col(K) = of + (pressure - work_of_mean(answer, K)) * trace;
       }
       P.col(K) += unevenness(answer, K).P;
     });
@@ -430,12 +442,22 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Unevenness uneven = unevenness(answer, K, true);
     result = {M.transpose() * A * M + uneven.A, d, M.transpose() * change + uneven.mixed,
               s.dot(change) + uneven.mean_mean};
+    if (!shear.empty()) {  // gamma = c (dilatation of the point - mean)
+      const double c = shear[K], stiffness = answer.of.shear_stiffness[K];
+      const Gradient<Dim> by_shear = 0.5 * (answer.of.stress_by_shear.col(K) + answer.of.shear_by_gradient.col(K));
+      const Gradient<Dim> seen_by_shear = M.transpose() * by_shear;
+      const double of_mean = by_shear.dot(s) - c * stiffness;
+      const Tangent<Dim> both = seen_by_shear * d.transpose();
+      result.A += c * (both + both.transpose()) + c * c * stiffness * d * d.transpose();
+      result.mixed += c * (of_mean * d - seen_by_shear);
+      result.bulk -= c * (by_shear.dot(s) + of_mean);
+    }
     if (!at) return result;
     const double pressure = answer.pressure[approximation.union_of[K]];
     const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
     const double work = P.dot(deformation(answer.seen, K));
     const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
-    result.A += -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + (work / 3.0 - pressure) * G;
+    result.A += -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + (work_of_mean(answer, K) - pressure) * G;
     result.mixed += M.transpose() * P / 3.0;
     result.bulk += work / 9.0;
     return result;
@@ -464,9 +486,16 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       auto member = by_member.begin();
       for (const Index K : members[g]) {
         const auto& [M, s, d] = *member++;
-        const Gradient<Dim> stress = skew(K) * (M * change.col(K) + dilatation * s);
-        pressure += share(K) * s.dot(stress);
-        change.col(K) = M.transpose() * stress;
+        const Gradient<Dim> seen_change = M * change.col(K) + dilatation * s;
+        Gradient<Dim> stress = skew(K) * seen_change;
+        double on_shear = 0.0;
+        if (!shear.empty()) {
+          const Gradient<Dim> b = 0.5 * (answer.of.stress_by_shear.col(K) - answer.of.shear_by_gradient.col(K));
+          stress += shear[K] * (d.dot(change.col(K)) - dilatation) * b;
+          on_shear = -shear[K] * b.dot(seen_change);
+        }
+        pressure += share(K) * (s.dot(stress) - on_shear);
+        change.col(K) = M.transpose() * stress + on_shear * d;
       }
       member = by_member.begin();
       for (const Index K : members[g]) change.col(K) += pressure * (member++)->d;

@@ -44,7 +44,8 @@ template <int Dim> struct PointFields {
 /// by the gradients themselves (HeldGradient), or on nodal values. With unions materials see the mean dilatation of
 /// their union: at small strains H + s (mean tr H - tr H), s as in Equilibrium; at finite ones (J_mean / J)^(1/3) F,
 /// ln J_mean the mean of ln J over the union (Simo, Taylor & Pister 1985 take that of J, de Souza Neto et al. 1996 J at
-/// a centroid), which is the derivative of one energy; with what elastic points bear by themselves. Pressures that
+/// a centroid), which is the derivative of one energy; with what points bear by themselves: elastic ones by an energy,
+/// materials that flow (but in space) as a shear out of the plane that flow limits (docs/theory.md). Pressures that
 /// follow the body (Loads::followers) have a stiffness of their own. What is not symmetric of that, and of tangents of
 /// materials, is not_in_tangent.
 template <int Dim> class NonlinearEquilibrium final : public Equations {

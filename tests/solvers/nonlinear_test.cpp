@@ -186,6 +186,25 @@ TEST(NonlinearEquilibrium, TangentAndWhatItLacksAreTheDerivativeWhereFlowIsNotAs
     }
 }
 
+/// Dilatations that deviate from the mean of a patch shear metal out of the plane; together with all else it flows.
+TEST(NonlinearEquilibrium, TangentIsTheDerivativeWhereMetalFlowsAndDilatationsAreAveraged) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.5, 0, 2, 1), {.size = 0.25});
+  const Mat<2> H{{0.0, 0.1}, {0.0, -0.05}};
+  for (const Plane plane : {Plane::strain, Plane::axisymmetric})
+    for (const Strain strain : {Strain::small, Strain::finite}) {
+      const SharedMaterial metal = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = 2.0, .strain = strain});
+      const auto approximation = approximate(
+          mesh, {.axisymmetric = plane == Plane::axisymmetric, .spacing = 0.4, .dilatation = Dilatation::averaged});
+      const NonlinearEquilibrium<2> equations(
+          approximation, {.material = metal, .plane = plane},
+          Program<2>::grows({prescribed<2>("bottom", Mat<2>::Zero()), prescribed<2>("top", H)}));
+      const State state = solved(equations, 0.5).state;
+      ASSERT_GT(equations.fields(state).dissipated.maxCoeff(), 0.0);
+      expect_tangent_is_derivative(equations, equations.under(0.6, equations.commit(state)), 1e-4,
+                                   plane == Plane::strain ? "plane strain" : "axisymmetric");
+    }
+}
+
 TEST(PlasticFlow, SoilThatDoesNotSwellTakesNoMoreIterationsThanSoilThatDoes) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1});
   const auto approximation = approximate(mesh, {.spacing = 0.25, .dilatation = Dilatation::averaged});

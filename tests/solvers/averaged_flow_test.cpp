@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Averaged dilatations where material flows must not lock, lose shape or soften: coarse versions of bench_averaging.
+#include "efree/bench/yielding_bodies.hpp"
+
+#include <gtest/gtest.h>
+#include <cmath>
+
+namespace efree {
+namespace {
+
+using namespace bench;
+
+/// Ovalisation is the softest motion of a ring of which more than half has yielded; where nothing resists dilatations
+/// that deviate from the mean of a patch it is 20 to 70 % of the displacement (eight nodes through the wall, at the
+/// end).
+TEST(AveragedDilatation, ThickRingUnderPressureIsNotMadeAnOvalByPatches) {
+  const PressedRing body;
+  const double spacing = 0.08;
+  const FineMesh<2> mesh = body.mesh(0.5 * spacing);
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    const auto result = analyse(mesh, body.settings({.spacing = spacing, .seed = seed}));
+    ASSERT_EQ(result.stopped, "") << seed;
+    EXPECT_TRUE(result.approximation.averaged);
+    for (const auto& step : result.history)
+      EXPECT_LT(std::abs(body.worst(step)), step.time < 0.15 ? 0.02 : 0.07) << seed << ", " << step.time;
+  }
+}
+
+TEST(AveragedDilatation, PlateOfMetalIsAsStiffAsAnElasticOneUntilItYields) {
+  const BentPlate body;
+  const double p = 100.0, exact = BentPlate::deflection(p);
+  for (const double spacing : {0.25, 0.125}) {
+    const FineMesh<2> mesh = body.mesh(spacing / 3.0);
+    const auto result = analyse(mesh, body.settings({.spacing = spacing}, p));
+    const auto pointwise = analyse(mesh, body.settings({.spacing = spacing, .dilatation = Dilatation::pointwise}, p));
+    EXPECT_TRUE(result.approximation.averaged);
+    EXPECT_EQ(result.history.back().dissipated, 0.0);
+    const double w = result.history.back().probes.front()[1];
+    EXPECT_NEAR(w, pointwise.history.back().probes.front()[1], 1e-6 * std::abs(exact));
+    EXPECT_NEAR(w, exact, (spacing < 0.2 ? 0.01 : 0.03) * std::abs(exact));
+  }
+}
+
+TEST(AveragedDilatation, CircularPlateBearsItsLimitLoadAndNoMore) {
+  const BentPlate body;
+  const double spacing = 0.25;
+  const auto result = analyse(body.mesh(spacing / 3.0), body.settings({.spacing = spacing}, 400.0));
+  EXPECT_NE(result.stopped, "");
+  EXPECT_NEAR(result.history.back().time, BentPlate::limit, 0.02 * BentPlate::limit);
+}
+
+TEST(AveragedDilatation, FootingOnQuadraticElementsIsPressedOnInFewSteps) {
+  const Footing body{.least = 5.0, .most = 100.0};
+  Settings<2> settings = body.settings({.kind = BasisKind::p2});
+  settings.time->path.end = 0.045;
+  settings.supports.back().components[1] = [](const Vec<2>&) { return -0.045; };
+  const auto result = analyse(body.mesh(), settings);
+  ASSERT_EQ(result.stopped, "");
+  EXPECT_TRUE(result.approximation.averaged);
+  EXPECT_LT(result.history.size(), 25u);
+  EXPECT_NEAR(body.load(result.history.back()), 4.70, 0.05 * 4.70);
+}
+
+}  // namespace
+}  // namespace efree
