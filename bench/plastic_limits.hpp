@@ -164,7 +164,7 @@ struct BentBar {
           {"left", {along, {}}, {}}, {"right", {along, {}}, {}}, {"bottom", {along, down}, {}}};
     };
     settings.supports = supports(2.0);
-    settings.time = {{.end = 2.0, .step = 0.1, .stops = {1.0}}, [supports](double time) {
+    settings.time = {{.end = 2.0, .step = 0.1, .stops = {1.0}}, {}, [supports](double time) {
                        return Acting<2>{supports(time), {}};
                      }};
     return settings;

@@ -177,7 +177,7 @@ template <int Dim> Settings<Dim> wall_settings(Wall wall, const Metal& metal, co
     return all;
   };
   settings.supports = supports(path.end);
-  settings.time = {path, [=](double time) {
+  settings.time = {path, {}, [=](double time) {
                      Acting<Dim> acting{supports(time), {}};
                      if (bore.pressure) {
                        const double p = bore.pressure(time);
