@@ -136,7 +136,9 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
           recover_fields(reference.elements, evaluate(reference.elements, result.model, duals[w]), fits);
       for (std::size_t k = batch[w].first; k < batch[w].end; ++k) {
         double left = functional_error(reference.elements, *reference.fields[k], fields, materials);
-        if (shape) left += shape->functional(reference.fields[k]->displacement, duals[w], loads[k]).size();
+        // Two errors of any sign, as in Estimates::total.
+        if (shape)
+          left = std::hypot(left, shape->functional(reference.fields[k]->displacement, duals[w], loads[k]).size());
         batch[w].tell(k, reference.value(functionals[w], duals[w], k), left);
       }
     }
