@@ -387,7 +387,7 @@ template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file
 
 /// What keeps a gap of this width open.
 std::string remedy(double width, double diagonal, Mesher mesher, bool wrap) {
-  constexpr double finest = 500.0;  // cells along the diagonal
+  constexpr double finest = 200.0;  // cells along the diagonal
   // Sizes at which slits in forks and rings stay open; a lattice has voxels of half its size.
   const double size = (mesher == Mesher::lattice ? 0.5 : 3.0) * width;
   if (size * finest >= diagonal)

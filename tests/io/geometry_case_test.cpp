@@ -770,7 +770,7 @@ file = "fork.off"
 mesh_size = 1
 surface = { mesher = "lattice" }
 [basis]
-kind = "p1"
+kind = "p2"
 [material]
 E = 1000
 nu = 0.3
