@@ -49,17 +49,5 @@ TEST(AveragedDilatation, CircularPlateBearsItsLimitLoadAndNoMore) {
   EXPECT_NEAR(result.history.back().time, BentPlate::limit, 0.02 * BentPlate::limit);
 }
 
-TEST(AveragedDilatation, FootingOnQuadraticElementsIsPressedOnInFewSteps) {
-  const Footing body{.least = 5.0, .most = 100.0};
-  Settings<2> settings = body.settings({.kind = BasisKind::p2});
-  settings.time->path.end = 0.045;
-  settings.supports.back().components[1] = [](const Vec<2>&) { return -0.045; };
-  const auto result = analyse(body.mesh(), settings);
-  ASSERT_EQ(result.stopped, "");
-  EXPECT_TRUE(result.approximation.averaged);
-  EXPECT_LT(result.history.size(), 25u);
-  EXPECT_NEAR(body.load(result.history.back()), 4.70, 0.05 * 4.70);
-}
-
 }  // namespace
 }  // namespace efree
