@@ -25,9 +25,9 @@ template <int Dim> class Locator {
   Locator(Locator&&) noexcept;
 
   /// Of several cells that hold the point the first; a point outside by rounding (1e-9 in barycentric coordinates)
-  /// belongs to the cell it is least outside of. A point outside by no more than 1e-6 of the diagonal of the mesh's box,
-  /// or than facets are off the convex curve they are chords of (by angles between them below 30 degrees), is taken at
-  /// the nearest point of the boundary. Throws InputError (with the nearest vertex) if it lies outside the body.
+  /// belongs to the cell it is least outside of. A point outside by at most 1e-6 of the diagonal of the mesh's box, or
+  /// by what facets are off a convex curve (angles between them below 30 degrees), is taken at the nearest point of the
+  /// boundary. Throws InputError (with the nearest vertex) if it lies outside the body.
   Location<Dim> operator()(const Vec<Dim>& x) const;
 
  private:

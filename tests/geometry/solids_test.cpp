@@ -309,11 +309,10 @@ TEST(GmshSolid, SecondOrderTetrahedraAreReadByTheirCornerNodes) {
   read_gmsh<3>(file("first.geo", geo + "Mesh 3; Save \"" + first + "\";\n"), {.size = 1.0, .trust = true});
   read_gmsh<3>(file("second.geo", geo + "Mesh 3; SetOrder 2; Save \"" + second + "\";\n"),
                {.size = 1.0, .trust = true});
-  int order = 0;
-  const FineMesh<3> linear(read_gmsh<3>(first, {}, &order));
-  EXPECT_EQ(order, 1);
-  const FineMesh<3> corners(read_gmsh<3>(second, {}, &order));
-  EXPECT_EQ(order, 2);
+  const CurvedMesh<3> first_order = read_curved_gmsh<3>(first), second_order = read_curved_gmsh<3>(second);
+  EXPECT_EQ(first_order.order, 1);
+  EXPECT_EQ(second_order.order, 2);
+  const FineMesh<3> linear(first_order.mesh), corners(second_order.mesh);
   EXPECT_EQ(corners.num_cells(), linear.num_cells());
   EXPECT_EQ(corners.num_vertices(), linear.num_vertices());
   EXPECT_NEAR(corners.volumes().sum(), 2.0, 1e-9);

@@ -386,7 +386,8 @@ TEST(Steps, APathThatComesToItsEndBeforeTheBoundWarnsOfThat) {
   EXPECT_THAT(run.output, HasSubstr("warning: the path is at its end, t = 1, before probe \"end\" rises above 5"));
 }
 
-/// A nearly incompressible block between plates that it is bonded to. Held in the mean, its sides become wavy.
+/// A nearly incompressible block between plates that it is bonded to. Held in the mean, its sides become wavy. At its
+/// corners the stresses of so coarse a cloud are far off, which is not the point here.
 TEST(Steps, HowFarBoundariesAreFromWhatIsPrescribedIsStatedAndWarnedOf) {
   const std::string block = R"([geometry]
 shape = "rectangle"
@@ -397,6 +398,7 @@ spacing = 0.45
 [analysis]
 plane = "strain"
 correction = "off"
+largest_error = 10
 [material]
 model = "neo_hookean"
 E = 3
