@@ -699,17 +699,21 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     if (!is_lifted(approximation) && !u.isZero(0.0)) {
       given = u;
       co_await in_step.multiply(given, pull_of_given);
-      g = pull_of_given;
-      residual();
-      co_await in_step.solve(*level->space, r, z);
-      off_given = dot<Dim>(r, z);
-      co_await in_step.multiply(z, q);
-      subtract_from<Dim>(r, q);
-      problem.supports.release(q);
-      co_await in_step.smooth(level->degree, q, z);
-      off_given = std::max(0.0, off_given + dot<Dim>(q, z));
-      suffices = options.iterations < 0 &&
-                 off_given < options.tolerance * options.tolerance * strained(dot<Dim>(given, pull_of_given), given);
+      const double work = dot<Dim>(given, pull_of_given), bearable = options.tolerance * options.tolerance;
+      if (bearable * work > std::numeric_limits<double>::epsilon() * problem.energy_one_by_one(given)) {
+        g = pull_of_given;
+        residual();
+        co_await in_step.solve(*level->space, r, z);
+        off_given = dot<Dim>(r, z);
+        co_await in_step.multiply(z, q);
+        subtract_from<Dim>(r, q);
+        problem.supports.release(q);
+        co_await in_step.smooth(level->degree, q, z);
+        off_given = std::max(0.0, off_given + dot<Dim>(q, z));
+        suffices = options.iterations < 0 && off_given < bearable * strained(work, given);
+      } else {
+        given.resize(Dim, 0);  // its strains are of the size of what rounding leaves of its motion
+      }
     }
     if (!suffices) supports.keep_held(u);
   }

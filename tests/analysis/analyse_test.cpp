@@ -115,7 +115,8 @@ TEST(Analyse, ReachesTheAccuracyThatIsAskedFor) {
   const Result<2> result = analyse(plate(), settings, {.say = [&](const std::string& line) { said.push_back(line); }});
   EXPECT_LE(result.estimates->total(), 0.02);
   EXPECT_GE(result.attempts.size(), 2u) << "the first mesh is coarse";
-  EXPECT_EQ(said.size(), result.attempts.size() + 3) << "three parts of the boundary, and every mesh";
+  EXPECT_EQ(said.size(), 2 * result.attempts.size() + 2)
+      << "three parts of the boundary, every mesh, and of every next one how large it will be";
   EXPECT_TRUE(result.warnings.empty());
   // On a mesh that is given there is no other: what is missed is said.
   const FineMesh<2> coarse(plate().mesh({.length = 1.0}, {"mesh", {}}).mesh);
