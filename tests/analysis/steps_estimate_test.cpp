@@ -319,8 +319,9 @@ TEST(StepsEstimate, ACoarserCloudThatStopsEarlierIsWarnedOf) {
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 2.0, 0.15), {.size = 0.15});
   Settings<2> settings = pulled(
       J2({.moduli = {.E = 210e3, .nu = 0.3}, .yield = Hardening::linear(450.0, 129.24), .strain = Strain::finite}),
-      0.3);
+      0.8);
   settings.approximation.spacing = 0.25;
+  settings.approximation.dilatation = Dilatation::pointwise;
   settings.time->path.max_step = 0.25;
   const Result<2> whole = analyse(mesh, settings);
   settings.time->path.max_steps = static_cast<int>(whole.history.size());
