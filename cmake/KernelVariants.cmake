@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # efree_AVX2 and efree_SSE2: the library with kernels for processors without AVX-512 (without AVX2) alone, in
-# <build>/AVX2 and <build>/SSE2. scripts/test takes one of them (LD_LIBRARY_PATH), so that no test leans on the rounding of one processor. All
-# but the kernels is taken from the library itself.
+# <build>/AVX2 and <build>/SSE2. scripts/test takes one of them (LD_LIBRARY_PATH), so that no test leans on the rounding
+# of one processor. All but the kernels is taken from the library itself.
 set(kernels assembly/block_column assembly/block_matrix basis/lme materials/internal/eight_metals otm/kernels
     solvers/blend solvers/cell_grid solvers/conjugate_gradients solvers/rigid_map solvers/side_by_side
     solvers/smoothing_pass solvers/supernodes)
