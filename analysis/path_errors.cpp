@@ -23,6 +23,12 @@ constexpr double order_of(BasisKind kind) {
   return kind == BasisKind::p2 ? 2.0 : 1.5;
 }
 
+/// Spacing of a coarser path over that of another, by their numbers of nodes.
+template <int Dim> double spacing_ratio(const Result<Dim>& coarser, const Result<Dim>& other) {
+  return std::pow(static_cast<double>(other.approximation.nodes.cols()) / coarser.approximation.nodes.cols(),
+                  1.0 / Dim);
+}
+
 /// The same path by a coarser cloud, which stops wherever the other has.
 template <int Dim> Settings<Dim> coarser(const Settings<Dim>& settings, const Result<Dim>& result) {
   Settings<Dim> other = settings;
@@ -181,10 +187,10 @@ template <int Dim> std::vector<double> times_of(const Result<Dim>& result) {
 template <int Dim>
 std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& other, Result<Dim>& result) {
   PathErrors errors;
-  const auto nodes = [](const Result<Dim>& of) { return static_cast<double>(of.approximation.nodes.cols()); };
-  errors.coarser = std::pow(nodes(result) / nodes(other), 1.0 / Dim);
+  errors.coarser = spacing_ratio(other, result);
   if (errors.coarser < least_coarsening)
-    return fmt::format("a coarser path has {} nodes for {}", nodes(other), nodes(result));
+    return fmt::format("a coarser path has {} nodes for {}", other.approximation.nodes.cols(),
+                       result.approximation.nodes.cols());
   const double factor = 1.0 / (std::pow(errors.coarser, order_of(settings.approximation.kind)) - 1.0);
   const bool by_arc = settings.time && settings.time->path.control == Control::arc_length;
   const Curves curves = curves_of(settings, result), others = curves_of(settings, other);
@@ -224,10 +230,9 @@ std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, co
   try {
     const Settings<Dim> of_other = coarser(settings, result);
     approximate_once(of_other, other, stage.within());
-    const auto nodes = other.approximation.nodes.cols();
-    if (std::pow(static_cast<double>(result.approximation.nodes.cols()) / static_cast<double>(nodes), 1.0 / Dim) <
-        least_coarsening)
-      return fmt::format("a coarser cloud has {} nodes for {}", nodes, result.approximation.nodes.cols());
+    if (spacing_ratio(other, result) < least_coarsening)
+      return fmt::format("a coarser cloud has {} nodes for {}", other.approximation.nodes.cols(),
+                         result.approximation.nodes.cols());
     answer_by_steps(of_other, other, stage.within());
     return compare_paths(settings, other, result);
   } catch (const InputError& error) {
