@@ -69,7 +69,7 @@ template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
 /// do.
 constexpr double share_of_facets = 0.45;
 
-/// What one part of the error that is aimed at may have besides the other, of which `most` counts at most.
+/// Largest share of the target error for one part of it, given the other part, which counts by at most `most`.
 double besides(double aimed, double other, double most) {
   return std::sqrt(aimed * aimed - std::pow(std::min(other, most), 2.0));
 }

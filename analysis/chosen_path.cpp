@@ -39,7 +39,7 @@ template <int Dim> double edge_of_cells(const FineMesh<Dim>& mesh) {
   return std::pow(mesh.volumes().sum() / (regular * mesh.num_cells()), 1.0 / Dim);
 }
 
-/// Whether paths take quadratic elements: in the plane, where nothing is said of a cloud. They bend, and find limit
+/// Whether paths take quadratic elements: in the plane, where the settings specify no cloud. They bend, and find limit
 /// loads, at less cost than a cloud (docs/evidence.md, "Load paths with known answers"); nearly incompressible rubber
 /// takes ever smaller steps with them.
 template <int Dim>
