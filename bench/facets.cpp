@@ -108,7 +108,6 @@ template <int Dim> void tabulate(Body<Dim> body) {
                 100.0 * found.change / body.energy, 100.0 * truth / body.energy,
                 std::sqrt(found.size / std::abs(truth)), 1.0 - found.change / truth,
                 std::sqrt(stated / std::abs(whole / body.energy)), found.seconds);
-    std::fflush(stdout);
   }
 }
 
@@ -225,7 +224,7 @@ std::vector<Body<3>> solid_bodies() {
            {clamp<3>("start")},
            {.tractions = {tension<3>("end", 1.0)}, .body_force = {}},
            0.0,
-           28,
+           22,
            1}};
 }
 
@@ -260,6 +259,7 @@ void walls() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
   const std::string part = argc > 1 ? argv[1] : "";
   if (part == "walls") return walls(), 0;
   std::printf(
