@@ -324,7 +324,7 @@ std::vector<Body<3>> triangulated_bodies() {
     const Vec<2> t = Kirsch::traction(Vec<2>(x.head<2>()), Vec<2>(n.head<2>()));
     return Vec<3>(t.x(), t.y(), 0.0);
   };
-  for (const double size : {0.7, 0.35})
+  for (const double size : {0.7, 0.5})
     add(
         "sphere 1 to 2", size,
         [=](int turn) {
