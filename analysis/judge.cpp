@@ -123,7 +123,7 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
       result.cells
           ? fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh)
       : errors.geometry > std::max(errors.mesh, errors.cloud)
-          ? fmt::format("the facets of curved boundaries leave an error of about {:.2g} %: use a smaller mesh_size",
+          ? fmt::format("the facets of the boundary leave an error of about {:.2g} %: use a smaller mesh_size",
                         100.0 * errors.geometry)
       : errors.cloud > errors.mesh
           ? fmt::format(

@@ -257,7 +257,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
     if (!settings.keeps_free_bodies) mesh = without_free_bodies(settings, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.size_is_said = source.says_its_size();
-    result.surface_is_known = boundary.has_value();
+    result.surface_is_known = boundary.has_value() && !smooth;
     if (!boundary && smooth) boundary = smooth_offsets(mesh);
     if (boundary) result.offsets = facet_offsets(mesh, *boundary);
     result.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));

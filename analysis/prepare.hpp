@@ -30,7 +30,7 @@ template <int Dim> struct PreparedMesh {
   std::shared_ptr<const LabelImage<Dim>> image;  ///< whose lattice the mesh was cut out of; else none
   std::map<Label, std::string> region_of_label;  ///< of the image: names of regions
   Matrix offsets;  ///< of the facets from the true surface (facet_offsets); empty: the facets are the surface
-  bool surface_is_known = false;    ///< by its source; else the offsets are a guess (smooth_offsets), or none
+  bool surface_is_known = false;    ///< by its source; else the offsets are guessed from angles, or none
   std::string open_interface;       ///< part along which regions are not tied; empty: tied wherever they touch
   std::vector<BoundaryPart> parts;  ///< in the order of the settings
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry

@@ -58,9 +58,9 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
         "half a voxel changes it by {:.2g} %",
         result.cells->finest().cells, estimates.corrections, 100.0 * estimates.total(), result.solution.strain_energy,
         result.cells->extrapolated_energy, 100.0 * result.cells->half_voxel);
-  const std::string of_facets = estimates.geometry > 0.0 ? fmt::format(", {:.2g} % of the facets of curved boundaries",
-                                                                       100.0 * estimates.geometry)
-                                                         : "";
+  const std::string of_facets =
+      estimates.geometry > 0.0 ? fmt::format(", {:.2g} % of the facets of the boundary", 100.0 * estimates.geometry)
+                               : "";
   if (estimates.cloud == 0.0 && estimates.uncorrected == 0.0)  // finite elements that are solved at once
     return fmt::format("error in the energy norm: about {:.2g} %{}", 100.0 * estimates.mesh, of_facets);
   const bool has_cloud = result.elements || result.approximation.shape.num_nodes() < result.approximation.space.size();

@@ -9,14 +9,18 @@
 ///                               elements have converged. Then the root of their ratio (effectivity of
 ///                               Estimates::geometry), what the derivative leaves as a correction, and the effectivity
 ///                               of the whole estimate for the whole error.
+///                               Those whose names begin with STL are given by triangles alone, so many to a full turn,
+///                               and meshed with longest edges as in the name (surface_offsets).
 ///   bench_facets walls          a thin tube (radii 9.8 and 10) under pressure by sagitta over thickness: largest von
 ///                               Mises stress against Lame's, what is estimated of that, facets and seconds
 #include "cavity.hpp"
 #include "clock.hpp"
+#include "efree/geometry/input/surface_offsets.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/solvers/shape_derivative.hpp"
 #include "efree/solvers/static_analysis.hpp"
+#include "efree/tests/geometry/surfaces.hpp"
 #include "kirsch.hpp"
 #include "lame.hpp"
 #include "refined.hpp"
@@ -24,6 +28,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -108,8 +113,20 @@ template <int Dim> void tabulate(Body<Dim> body) {
                 100.0 * found.change / body.energy, 100.0 * truth / body.energy,
                 std::sqrt(found.size / std::abs(truth)), 1.0 - found.change / truth,
                 std::sqrt(stated / std::abs(whole / body.energy)), found.seconds);
-    std::fflush(stdout);
   }
+}
+
+/// Half the work of the tractions on the outer sides.
+double energy_of_plate() {
+  double kirsch = 0.0;
+  constexpr int steps = 2000;
+  for (int k = 0; k < steps; ++k) {
+    const double along = Kirsch::half_width * (k + 0.5) / steps, weight = 0.5 * Kirsch::half_width / steps;
+    const Vec<2> right(Kirsch::half_width, along), top(along, Kirsch::half_width);
+    kirsch += weight * (Kirsch::traction(right, {1.0, 0.0}).dot(Kirsch::displacement(right)) +
+                        Kirsch::traction(top, {0.0, 1.0}).dot(Kirsch::displacement(top)));
+  }
+  return kirsch;
 }
 
 std::vector<Body<2>> planar_bodies() {
@@ -118,14 +135,6 @@ std::vector<Body<2>> planar_bodies() {
     return triangulate_curved(shapes::quarter_plate_with_hole(1.0, Kirsch::half_width, size),
                               {.size = std::min(0.5, size)});
   };
-  double kirsch = 0.0;  // half the work of the tractions on the outer sides
-  constexpr int steps = 2000;
-  for (int k = 0; k < steps; ++k) {
-    const double along = Kirsch::half_width * (k + 0.5) / steps, weight = 0.5 * Kirsch::half_width / steps;
-    const Vec<2> right(Kirsch::half_width, along), top(along, Kirsch::half_width);
-    kirsch += weight * (Kirsch::traction(right, {1.0, 0.0}).dot(Kirsch::displacement(right)) +
-                        Kirsch::traction(top, {0.0, 1.0}).dot(Kirsch::displacement(top)));
-  }
   const auto tube = [](double inner, double outer, std::vector<int> turns) {
     const double nu = 0.3, E = 1.0;
     const double u = (1.0 + nu) * inner * inner / (E * (outer * outer - inner * inner)) * inner *
@@ -177,7 +186,7 @@ std::vector<Body<2>> planar_bodies() {
            {.material = LinearElastic(Kirsch::material), .plane = Plane::stress, .essential = Essential::strong},
            {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
            Kirsch::loads(),
-           kirsch},
+           energy_of_plate()},
           tube(1.0, 2.0, {12, 16, 24, 48}),
           tube(9.8, 10.0, {24, 48, 96, 192}),
           std::move(holes)};
@@ -225,8 +234,120 @@ std::vector<Body<3>> solid_bodies() {
            {clamp<3>("start")},
            {.tractions = {tension<3>("end", 1.0)}, .body_force = {}},
            0.0,
-           28,
+           22,
            1}};
+}
+
+/// A mesh of triangles, its boundary parted by what name says of the middle of a facet.
+CurvedMesh<3> meshed(const SurfaceSoup& surface, double size,
+                     const std::function<std::string(const Vec<3>& middle, const Vec<3>& normal)>& name) {
+  MeshData<3> data = mesh_surface(surface, {.size = size});
+  data.groups.clear();
+  const FineMesh<3> mesh(data);
+  std::map<std::string, std::vector<std::array<Index, 3>>> parts;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const auto v = mesh.facets().col(f);
+    const Vec<3> middle = (mesh.vertex(v[0]) + mesh.vertex(v[1]) + mesh.vertex(v[2])) / 3.0;
+    parts[name(middle, mesh.facet_normal(f))].push_back({v[0], v[1], v[2]});
+  }
+  CurvedMesh<3> curved{.mesh = {mesh.vertices(), mesh.cells(), {}}};
+  for (auto& [part, facets] : parts) curved.mesh.groups.push_back({part, std::move(facets)});
+  curved.boundary = surface_offsets(mesh, surface, largest_smooth_angle, 0.1 * size);
+  return curved;
+}
+
+/// A quarter of a plate with a hole, extruded along z.
+SurfaceSoup plate_surface(int turn, double half_width, double height) {
+  const int n = turn / 4;  // even, so that the corner has its ray
+  SurfaceSoup soup;
+  soup.points.resize(3, 4 * (n + 1));
+  const auto at = [&](int k, int outer, int top) { return 4 * k + 2 * outer + top; };
+  for (int k = 0; k <= n; ++k) {
+    const double angle = 0.5 * pi * k / n;
+    const Vec<2> ray(k == n ? 0.0 : std::cos(angle), k == 0 ? 0.0 : std::sin(angle));
+    for (int top = 0; top < 2; ++top) {
+      soup.points.col(at(k, 0, top)) << ray, height * top;
+      soup.points.col(at(k, 1, top)) << half_width / ray.maxCoeff() * ray, height * top;
+    }
+  }
+  const auto quad = [&](Index a, Index b, Index c, Index d) {
+    soup.triangles.push_back({a, b, c});
+    soup.triangles.push_back({a, c, d});
+  };
+  for (int k = 0; k < n; ++k) {
+    quad(at(k, 0, 1), at(k, 1, 1), at(k + 1, 1, 1), at(k + 1, 0, 1));
+    quad(at(k, 0, 0), at(k + 1, 0, 0), at(k + 1, 1, 0), at(k, 1, 0));
+    quad(at(k, 0, 0), at(k, 0, 1), at(k + 1, 0, 1), at(k + 1, 0, 0));
+    quad(at(k, 1, 0), at(k + 1, 1, 0), at(k + 1, 1, 1), at(k, 1, 1));
+  }
+  quad(at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1));
+  quad(at(n, 0, 0), at(n, 0, 1), at(n, 1, 1), at(n, 1, 0));
+  return soup;
+}
+
+std::vector<Body<3>> triangulated_bodies() {
+  std::vector<Body<3>> bodies;
+  const auto add = [&](const char* what, double size, std::function<CurvedMesh<3>(int turn)> mesh, double energy,
+                       IsotropicModuli moduli, std::vector<DisplacementCondition<3>> supports, Loads<3> loads) {
+    char name[60];
+    std::snprintf(name, sizeof name, "STL %s, edges %g", what, size);
+    bodies.push_back({name,
+                      {16, 24, 32},
+                      std::move(mesh),
+                      {.material = LinearElastic(moduli), .essential = Essential::nitsche},
+                      std::move(supports),
+                      std::move(loads),
+                      energy,
+                      0,
+                      1});
+  };
+  const auto shell = [](const Vec<3>& x, const Vec<3>& normal) -> std::string {
+    return normal.dot(x) < 0.0 ? "inner" : "outer";
+  };
+  const Loads<3> pressure{.tractions = {tension<3>("inner", -1.0)}, .body_force = {}};
+  const ThickWall sphere{true}, cylinder{false};
+  constexpr double height = 0.5;
+  const auto ring = [=](const Vec<3>& x, const Vec<3>& normal) -> std::string {
+    return std::abs(normal.z()) > 0.9 ? "ends" : shell(Vec<3>(x.x(), x.y(), 0.0), normal);
+  };
+  // Stresses of the plate in plane strain are those in plane stress.
+  constexpr IsotropicModuli plane = Kirsch::material;
+  const double nu = plane.nu / (1.0 + plane.nu);
+  const IsotropicModuli solid{plane.E * (1.0 - nu * nu), nu};
+  const auto side = [](const Vec<3>& x, const Vec<3>& normal) -> std::string {
+    if (std::abs(normal.z()) > 0.9) return "ends";
+    if (x.x() > 0.999 * Kirsch::half_width) return "right";
+    if (x.y() > 0.999 * Kirsch::half_width) return "top";
+    return normal.x() < -0.999 && x.x() < 1e-6 ? "left" : normal.y() < -0.999 && x.y() < 1e-6 ? "bottom" : "hole";
+  };
+  const auto pulled = [](const Vec<3>& x, const Vec<3>& n) {
+    const Vec<2> t = Kirsch::traction(Vec<2>(x.head<2>()), Vec<2>(n.head<2>()));
+    return Vec<3>(t.x(), t.y(), 0.0);
+  };
+  for (const double size : {0.7, 0.5})
+    add(
+        "sphere 1 to 2", size,
+        [=](int turn) {
+          return meshed(test::together(test::sphere_surface({0, 0, 0}, 2.0, turn / 2),
+                                       test::sphere_surface({0, 0, 0}, 1.0, turn / 2)),
+                        size, shell);
+        },
+        2.0 * pi * sphere.at(1.0).u, sphere.material, {elastic_support<3>("outer", 1e-9)}, pressure);
+  for (const double size : {0.5, 0.25})
+    add(
+        "tube 1 to 2", size,
+        [=](int turn) {
+          return meshed(test::revolved_surface({{1, 0}, {2, 0}, {2, height}, {1, height}}, turn), size, ring);
+        },
+        height * pi * cylinder.at(1.0).u, cylinder.material,
+        {symmetry_plane<3>("ends"), elastic_support<3>("outer", 1e-9)}, pressure);
+  for (const double size : {0.5, 0.25})
+    add("plate with a hole", size,
+        [=](int turn) { return meshed(plate_surface(turn, Kirsch::half_width, height), size, side); },
+        height * energy_of_plate(), solid,
+        {symmetry_plane<3>("ends"), symmetry_plane<3>("left"), symmetry_plane<3>("bottom")},
+        {.tractions = {{"right", pulled}, {"top", pulled}}, .body_force = {}});
+  return bodies;
 }
 
 /// Plane strain, as a slice of the tube.
@@ -260,6 +381,7 @@ void walls() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
   const std::string part = argc > 1 ? argv[1] : "";
   if (part == "walls") return walls(), 0;
   std::printf(
@@ -271,4 +393,5 @@ int main(int argc, char** argv) {
   };
   run(planar_bodies());
   run(solid_bodies());
+  run(triangulated_bodies());
 }

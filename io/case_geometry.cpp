@@ -5,6 +5,7 @@
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/input/surface_gaps.hpp"
+#include "efree/geometry/input/surface_offsets.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
@@ -23,6 +24,7 @@
 #include <limits>
 #include <map>
 #include <mutex>
+#include <numbers>
 #include <span>
 
 namespace efree::internal {
@@ -431,7 +433,11 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
   SurfaceMeshOptions meshing;
   meshing.feature_angle = section.number("feature_angle", {0.0, 180.0, false, true}, meshing.feature_angle);
   const bool largest_only = section.boolean("largest_only", false);
-  return [path = file.string(), mesher, wrap, wrapping, meshing, largest_only](const MeshSize& size) {
+  // Edges that the case keeps are no facets of a smooth surface.
+  const double smooth_angle = section.has("feature_angle")
+                                  ? std::min(largest_smooth_angle, meshing.feature_angle * std::numbers::pi / 180.0)
+                                  : largest_smooth_angle;
+  return [path = file.string(), mesher, wrap, wrapping, meshing, largest_only, smooth_angle](const MeshSize& size) {
     MadeMesh<3> made;
     const SurfaceSoup given = read_surface(path);
     SurfaceSoup soup = given;
@@ -477,11 +483,13 @@ std::function<MadeMesh<3>(const MeshSize&)> surface_mesh(const Section& geometry
                                      error.what(), made.remarks.front()));
       }
     }
-    // Of the file's triangles, as a wrap closes gaps, too.
+    // Of the file's triangles: a wrap is off these, and closes gaps, too.
     const double reach = mesher == Mesher::lattice ? 0.5 * sized.size : 0.1 * sized.size + wrap_offset;
     const double widest = std::max(2.0 * sized.size, wrap_alpha + 2.0 * wrap_offset);
     warn_of_closed_gaps(closed_gaps(find_gaps(given, widest, 0.5 * sized.size), made.mesh, reach),
                         40.0 * default_surface_size(given), mesher, wrap, made);
+    made.boundary = surface_offsets(FineMesh<3>(made.mesh), given, smooth_angle, reach + wrap_offset);
+    made.smooth = true;
     if (largest_only) {
       LargestMesh<3> body = keep_largest(std::move(made.mesh));
       made.mesh = std::move(body.mesh);

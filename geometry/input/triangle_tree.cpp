@@ -37,6 +37,25 @@ bool meets(const Eigen::AlignedBox3d& box, const Vec<3>& from, const Vec<3>& dir
   return nearest <= farthest;
 }
 
+/// Barycentric coordinates of the point of a triangle nearest to x (Ericson 2005, section 5.1.5).
+Vec<3> nearest_in(const Triangle& triangle, const Vec<3>& x) {
+  const auto& [a, b, c] = triangle;
+  const Vec<3> ab = b - a, ac = c - a, ax = x - a, bx = x - b, cx = x - c;
+  const double d1 = ab.dot(ax), d2 = ac.dot(ax), d3 = ab.dot(bx), d4 = ac.dot(bx), d5 = ab.dot(cx), d6 = ac.dot(cx);
+  if (d1 <= 0.0 && d2 <= 0.0) return {1.0, 0.0, 0.0};
+  if (d3 >= 0.0 && d4 <= d3) return {0.0, 1.0, 0.0};
+  if (d6 >= 0.0 && d5 <= d6) return {0.0, 0.0, 1.0};
+  const double of_c = d1 * d4 - d3 * d2, of_b = d5 * d2 - d1 * d6, of_a = d3 * d6 - d5 * d4;
+  if (of_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return {1.0 - d1 / (d1 - d3), d1 / (d1 - d3), 0.0};
+  if (of_b <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return {1.0 - d2 / (d2 - d6), 0.0, d2 / (d2 - d6)};
+  if (of_a <= 0.0 && d4 >= d3 && d5 >= d6) {
+    const double at_c = (d4 - d3) / (d4 - d3 + d5 - d6);
+    return {0.0, 1.0 - at_c, at_c};
+  }
+  const double sum = of_a + of_b + of_c;
+  return {of_a / sum, of_b / sum, of_c / sum};
+}
+
 }  // namespace
 
 TriangleTree::TriangleTree(std::vector<Triangle> triangles)
@@ -94,6 +113,32 @@ std::optional<TriangleTree::Hit> TriangleTree::first_hit(const Vec<3>& from, con
     ++n;
   }
   return first;
+}
+
+std::optional<TriangleTree::Nearest> TriangleTree::nearest(const Vec<3>& x, const Vec<3>& facing,
+                                                           double farthest) const {
+  std::optional<Nearest> found;
+  const auto bound = [&] { return found ? found->distance2 : farthest * farthest; };
+  for (Index n = 0; n < std::ssize(nodes_);) {
+    const Node& node = nodes_[n];
+    if (node.box.squaredExteriorDistance(x) > bound()) {
+      n = node.after;
+      continue;
+    }
+    if (node.after == n + 1)
+      for (Index k = node.begin; k < node.end; ++k) {
+        const Index t = order_[k];
+        const auto& [a, b, c] = triangles_[t];
+        const Vec<3> area = (b - a).cross(c - a);
+        if (area.dot(facing) <= 0.5 * area.norm()) continue;
+        const Vec<3> weights = nearest_in(triangles_[t], x);
+        const double distance2 = (weights[0] * a + weights[1] * b + weights[2] * c - x).squaredNorm();
+        if (distance2 > bound() || (found && distance2 == found->distance2 && t > found->triangle)) continue;
+        found = Nearest{t, weights, distance2};
+      }
+    ++n;
+  }
+  return found;
 }
 
 }  // namespace efree::internal

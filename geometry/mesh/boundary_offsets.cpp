@@ -3,11 +3,11 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/geometry/mesh/internal/smooth_normals.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 namespace efree {
@@ -78,24 +78,16 @@ template <int Dim> Vector sagittas(const FineMesh<Dim>& mesh, const Matrix& offs
 }
 
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh) {
-  const double smooth = std::cos(40.0 * std::numbers::pi / 180.0);
+  const Matrix normals = internal::smooth_normals<Dim>(mesh.vertices(), mesh.facets(), largest_smooth_angle);
   std::vector<Vec<Dim>> points, offsets;
   for (Index f = 0; f < mesh.num_facets(); ++f) {
-    const Vec<Dim> own = mesh.facet_normal(f);
-    std::array<Vec<Dim>, Dim> normals;
-    for (int k = 0; k < Dim; ++k) {
-      normals[k].setZero();
-      for (const Index g : mesh.facets_of(mesh.facets()(k, f)))
-        if (const Vec<Dim> other = mesh.facet_normal(g); other.dot(own) > smooth)
-          normals[k] += mesh.facet_measure(g) * other;
-      normals[k].normalize();
-    }
     for (const auto& [i, j] : facet_edges<Dim>()) {
       const Vec<Dim> a = mesh.vertex(mesh.facets()(i, f)), b = mesh.vertex(mesh.facets()(j, f));
-      const double height = (normals[j] - normals[i]).dot(b - a) / 8.0;
-      if (std::abs(height) < 1e-12 * (b - a).norm()) continue;
+      const auto normal = [&](int k) -> Vec<Dim> { return normals.col(f).template segment<Dim>(Dim * k); };
+      const Vec<Dim> offset = internal::edge_offset<Dim>(a, b, normal(i), normal(j));
+      if (offset.isZero(0.0)) continue;
       points.push_back(edge_midpoint<Dim>(a, b));
-      offsets.push_back(height * (normals[i] + normals[j]).normalized());
+      offsets.push_back(offset);
     }
   }
   BoundaryOffsets<Dim> out{Points<Dim>(Dim, std::ssize(points)), Points<Dim>(Dim, std::ssize(points))};

@@ -4,6 +4,7 @@
 
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
+#include <numbers>
 #include <utility>
 
 namespace efree {
@@ -46,8 +47,12 @@ template <int Dim> Matrix normal_offsets(const FineMesh<Dim>& mesh, const Matrix
 /// The largest of these on each facet, without sign [length].
 template <int Dim> Vector sagittas(const FineMesh<Dim>& mesh, const Matrix& offsets);
 
-/// Offsets where nothing is known of the surface: as if it were smooth wherever facets meet at less than 40 degrees.
-/// Vertices lie on it; its normals there are the means of those of the facets around.
+/// Facets that meet at a smaller angle are taken for those of a smooth surface [radians].
+inline constexpr double largest_smooth_angle = 40.0 * std::numbers::pi / 180.0;
+
+/// Offsets where nothing is known of the surface: as if it were smooth wherever facets meet at less than
+/// largest_smooth_angle, but for sides of one plane that are four times as wide as their neighbours. Vertices lie on
+/// it; its normals there are the means of those of the facets around (Max 1999).
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh);
 
 /// split_long_edges with the offsets of the facets' halves, which stay where the facet was: those of points on

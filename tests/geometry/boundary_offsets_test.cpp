@@ -2,11 +2,13 @@
 /// Where the true surface lies beside facets: what facets and offsets enclose is the true area or volume.
 #include "efree/geometry/mesh/boundary_offsets.hpp"
 
+#include "efree/geometry/input/surface_offsets.hpp"
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/tests/geometry/surfaces.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>
@@ -96,6 +98,80 @@ TEST(BoundaryOffsets, AreGuessedFromFacetsWhereNothingIsKnown) {
   EXPECT_NEAR(enclosed(sphere, facet_offsets(sphere, smooth_offsets(sphere))), missing, 0.3 * std::abs(missing));
   const FineMesh<3> box(solids::box({1.0, 1.0, 1.0}, 0.4));
   EXPECT_EQ(smooth_offsets(box).points.cols(), 0);
+}
+
+CurvedMesh<3> meshed(const SurfaceSoup& surface, double size) {
+  MeshData<3> data = mesh_surface(surface, {.size = size});
+  auto offsets = surface_offsets(FineMesh<3>(data), surface, largest_smooth_angle, 0.1 * size);
+  return {.mesh = std::move(data), .boundary = std::move(offsets)};
+}
+
+/// What facets of the mesh leave of the triangles, and triangles of the sphere.
+TEST(SurfaceOffsets, LeadFromTrianglesToTheSphereHoweverFineTheMesh) {
+  for (const int rings : {8, 16})
+    for (const double size : {0.8, 0.4})
+      expect_true_volume(meshed(test::sphere_surface({0.0, 0.0, 0.0}, 1.0, rings), size), 4.0 / 3.0 * pi, 0.15);
+}
+
+TEST(SurfaceOffsets, OfATubeAreRadialAtItsRimsToo) {
+  const CurvedMesh<3> tube = meshed(test::revolved_surface({{1, 0}, {2, 0}, {2, 1}, {1, 1}}, 16), 0.5);
+  expect_true_volume(tube, pi * (4.0 - 1.0), 0.15);
+  for (Index k = 0; k < tube.boundary.points.cols(); ++k)
+    EXPECT_NEAR(tube.boundary.offsets(2, k), 0.0, 1e-3 * tube.boundary.offsets.col(k).norm());
+}
+
+/// A profile along z.
+SurfaceSoup extruded(const std::vector<Vec<2>>& profile, const Vec<2>& middle, double height) {
+  const auto n = static_cast<Index>(profile.size());
+  SurfaceSoup soup;
+  soup.points.resize(3, 2 * n + 2);
+  soup.points.col(2 * n) << middle, 0.0;
+  soup.points.col(2 * n + 1) << middle, height;
+  for (Index k = 0; k < n; ++k) {
+    soup.points.col(k) << profile[k], 0.0;
+    soup.points.col(n + k) << profile[k], height;
+    const Index next = (k + 1) % n;
+    soup.triangles.push_back({k, next, n + next});
+    soup.triangles.push_back({k, n + next, n + k});
+    soup.triangles.push_back({next, k, 2 * n});
+    soup.triangles.push_back({n + k, n + next, 2 * n + 1});
+  }
+  return soup;
+}
+
+TEST(SurfaceOffsets, AreNoneOfBodiesOfPlanes) {
+  EXPECT_EQ(meshed(test::box_surface({0, 0, 0}, {1, 2, 3}), 0.5).boundary.points.cols(), 0);
+  // A bracket with a chamfer of 45 degrees.
+  const SurfaceSoup bracket = extruded({{0, 0}, {4, 0}, {4, 1}, {1.5, 1}, {1, 1.5}, {1, 4}, {0, 4}}, {0.5, 0.5}, 1.0);
+  EXPECT_EQ(meshed(bracket, 0.5).boundary.points.cols(), 0);
+  // Sides that meet at 30 degrees, where it is said that they do.
+  std::vector<Vec<2>> sides;
+  for (int k = 0; k < 12; ++k) sides.emplace_back(std::cos(k * pi / 6.0), std::sin(k * pi / 6.0));
+  const SurfaceSoup prism = extruded(sides, {0.0, 0.0}, 0.5);
+  const FineMesh<3> mesh(mesh_surface(prism, {.size = 0.5, .feature_angle = 29.0}));
+  EXPECT_EQ(surface_offsets(mesh, prism, 29.0 * pi / 180.0, 0.05).points.cols(), 0);
+  EXPECT_GT(surface_offsets(mesh, prism, largest_smooth_angle, 0.05).points.cols(), 0);
+}
+
+/// A slab 4 x 1 whose short sides are half circles: the long ones stay flat.
+TEST(SurfaceOffsets, AFlatSideIsNotBentByTheRoundingBesideIt) {
+  std::vector<Vec<2>> profile;
+  for (int k = 0; k <= 8; ++k) profile.emplace_back(2.0 + 0.5 * std::sin(k * pi / 8), -0.5 * std::cos(k * pi / 8));
+  for (int k = 0; k <= 8; ++k) profile.emplace_back(-2.0 - 0.5 * std::sin(k * pi / 8), 0.5 * std::cos(k * pi / 8));
+  constexpr double size = 0.4;
+  const CurvedMesh<3> slab = meshed(extruded(profile, {0.0, 0.0}, 1.0), size);
+  expect_true_volume(slab, 4.0 + 0.25 * pi, 0.2);
+  // Facets of the mesh that reach across the end of the rounding leave it.
+  for (Index k = 0; k < slab.boundary.points.cols(); ++k) EXPECT_GT(std::abs(slab.boundary.points(0, k)), 2.0 - size);
+}
+
+/// The wrap lies outside of the surface: it is said by how much.
+TEST(SurfaceOffsets, OfAWrapLeadToTheSurfaceInIt) {
+  const SurfaceSoup box = test::box_surface({0, 0, 0}, {1, 1, 1});
+  const SurfaceWrap wrap = wrap_surface(box, {.alpha = 0.1, .offset = 0.02});
+  MeshData<3> data = mesh_surface(wrap.surface, {.size = 0.3});
+  auto offsets = surface_offsets(FineMesh<3>(data), box, largest_smooth_angle, 0.07);
+  expect_true_volume<3>({.mesh = std::move(data), .boundary = std::move(offsets)}, 1.0, 0.2);
 }
 
 /// Sagittas over the thickness of the wall.

@@ -14,6 +14,7 @@
 #include <vtkXMLUnstructuredGridReader.h>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <regex>
 
 namespace efree::test {
@@ -762,6 +763,37 @@ std::string off(const SurfaceSoup& soup) {
   for (const auto& x : soup.points.colwise()) text << x.x() << ' ' << x.y() << ' ' << x.z() << '\n';
   for (const auto& t : soup.triangles) text << "3 " << t[0] << ' ' << t[1] << ' ' << t[2] << '\n';
   return text.str();
+}
+
+/// A ball under pressure: its strain energy is to its volume as everywhere.
+TEST(SurfaceCase, WhatTrianglesOfABallLeaveIsInTheEstimatesAndThatOfACubeIsNone) {
+  const Workspace work(R"([geometry]
+file = "ball.off"
+mesh_size = 0.5
+[basis]
+kind = "p2"
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "surface 1"
+pressure = 1
+[[boundary]]
+on = { nearest = [0, 0, 2] }
+stiffness = 1e-6
+)");
+  for (const int rings : {6, 12}) {
+    work.write("ball.off", off(sphere_surface({0, 0, 0}, 1.0, rings)));
+    const auto result = analyse(std::get<Case<3>>(read_case(work / "case.toml")));
+    const double truth = 4.0 / 3.0 * std::numbers::pi * 1.5 * (1.0 - 2.0 * 0.3);
+    const double off_by = std::sqrt(std::abs(truth / result.solution.strain_energy - 1.0));
+    EXPECT_GT(off_by, 0.03);
+    EXPECT_GT(result.estimates->geometry, 0.5 * off_by) << rings;
+    EXPECT_LT(result.estimates->geometry, 2.0 * off_by) << rings;
+  }
+  work.write("cube.stl", cube_stl(4));
+  work.write("case.toml", surface_case);
+  EXPECT_EQ(analyse(std::get<Case<3>>(read_case(work / "case.toml"))).estimates->geometry, 0.0);
 }
 
 TEST(SurfaceCase, ASlitThatTheMeshClosesIsAWarningOfResultAndInspection) {

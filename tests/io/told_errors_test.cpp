@@ -463,5 +463,21 @@ TEST(FacetErrors, AreInTheErrorsOfProbes) {
   EXPECT_LT(result.probe_errors.at("bore").x(), 2.5 * off);
 }
 
+/// A heavy ring on soft springs: facets change its weight, and the springs store nearly all of its energy.
+TEST(FacetErrors, AreSharesOfTheEnergyOfBodyAndSprings) {
+  const auto result = solved(
+      "[geometry]\nshape = \"annulus\"\nparameters = { inner = 1, outer = 2 }\nmesh_size = 0.5\n[basis]\nkind = "
+      "\"p2\"\n"
+      "[analysis]\nplane = \"strain\"\nbody_force = [0, -1]\n[material]\nE = 1e5\nnu = 0.3\n"
+      "[[boundary]]\non = \"outer\"\nstiffness = 1e-2\n");
+  double length = 0.0;
+  for (const Index f : result.mesh->group("outer")) length += result.mesh->facet_measure(f);
+  const double weight = result.mesh->volumes().sum(), stored = weight * weight / length;
+  const double truth = std::pow(3.0 * std::numbers::pi, 2.0) / (4.0 * std::numbers::pi);
+  const double off = std::sqrt(std::abs(truth / stored - 1.0));
+  EXPECT_GT(result.estimates->geometry, 0.5 * off);
+  EXPECT_LT(result.estimates->geometry, 2.0 * off);
+}
+
 }  // namespace
 }  // namespace efree
