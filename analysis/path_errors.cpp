@@ -17,10 +17,10 @@ namespace {
 /// Spacing of the coarser cloud over that of the other, and the least that its nodes have to come to: walls and small
 /// bodies have theirs whatever the spacing.
 constexpr double coarsening = 1.5, least_coarsening = 1.15;
-/// With what power of the spacing errors of values fall: at least, assumed, at most. Around corners and fronts of flow
-/// 1 to 1.5, by chords of curved boundaries 2; quadratic elements reach 4 where all is smooth and straight, which
-/// meshes too coarse for a corner pretend as well.
-constexpr double least_order = 1.0, assumed_order = 1.5, most_order = 2.0;
+/// With what power of the spacing errors of values fall, as assumed and at most: around corners and fronts of flow with
+/// 1 to 1.5, by chords of curved boundaries with 2. Quadratic elements reach 4 where all is smooth and straight; meshes
+/// too coarse for a corner pretend to.
+constexpr double assumed_order = 1.5, most_order = 2.0;
 
 /// Estimated error of a path, from that by the next coarser path and the one before it from the coarser two, both by
 /// the assumed order; `ratio` of the spacings of the finer two.
@@ -28,10 +28,7 @@ double error_of_three(double now, double before, double ratio, bool alternates) 
   const double growth = std::pow(ratio, assumed_order);
   // Two unstructured meshes may agree by chance: then what the coarser two say is left of it.
   const double error = std::max(now, before / std::pow(ratio, most_order));
-  if (alternates && now < before) return error * (growth - 1.0) / (growth + 1.0);  // the limit is between the two
-  if (!(now > 0.0)) return error;
-  const double order = std::clamp(std::log(before / now) / std::log(ratio), least_order, assumed_order);
-  return error * (growth - 1.0) / (std::pow(ratio, order) - 1.0);
+  return alternates && now < before ? error * (growth - 1.0) / (growth + 1.0) : error;  // an alternating series
 }
 
 /// Spacing of a coarser path over that of another, by their numbers of nodes.
@@ -158,10 +155,14 @@ double distance_of_curves(const Curve& curve, const Curve& other, double period,
   return most;
 }
 
-/// The largest load of a path by arc length that passes it, of loads proportional to the time: the vertex of the
-/// parabola through the time as a function of the work at the last step before it falls and that step's neighbours.
-/// Nothing where the time never falls.
-std::optional<double> largest_time(const Curve& work) {
+/// The limit load of a path by arc length, of loads proportional to the time.
+struct ArcLimit {
+  double load;  ///< at the limit [time]
+  double rest;  ///< what steps lack of it, relative
+};
+/// Of a path that passes it the vertex of the parabola through the time as a function of the work at the last step
+/// before it falls and that step's neighbours; of one that ends on a plateau its largest load. Nothing of others.
+template <int Dim> std::optional<ArcLimit> limit_of_arc(const Result<Dim>& path, const Curve& work) {
   constexpr double rounding = 1e-6;  // of plateaus
   for (std::size_t k = 1; k + 1 < work.times.size(); ++k) {
     if (work.times[k + 1] >= (1.0 - rounding) * work.times[k]) continue;
@@ -169,8 +170,11 @@ std::optional<double> largest_time(const Curve& work) {
     const double left = work.values[k - 1][0] - x, right = work.values[k + 1][0] - x;
     const double slope_left = (work.times[k - 1] - t) / left, slope_right = (work.times[k + 1] - t) / right;
     const double bend = (slope_right - slope_left) / (right - left), slope = slope_left - bend * left;
-    return left < 0.0 && right > 0.0 && bend < 0.0 ? t - 0.25 * slope * slope / bend : t;
+    const double vertex = left < 0.0 && right > 0.0 && bend < 0.0 ? t - 0.25 * slope * slope / bend : t;
+    return ArcLimit{vertex, 1.0 - t / vertex};
   }
+  if (const auto plateau = plateau_of(path.history))
+    return ArcLimit{*std::ranges::max_element(work.times), plateau->rise};
   return std::nullopt;
 }
 
@@ -281,20 +285,14 @@ template <int Dim> class Comparison {
     return error_of_three(now, before, ratio_, (value - coarser) * (coarser - *coarsest) < 0.0);
   }
 
-  /// Of the largest load of steps along the arc: by the limits of the paths, and what the steps are from that of
-  /// theirs.
+  /// Of the largest load of steps along the arc: by the limits of the paths, and by what steps lack of it.
   std::optional<double> error_of_arc_limit() const {
-    const auto limit_of = [](const Result<Dim>& path, const Curve& work) -> std::optional<double> {
-      if (const auto limit = largest_time(work)) return limit;
-      if (plateau_of(path.history)) return *std::ranges::max_element(work.times);
-      return std::nullopt;
-    };
-    const auto limit = limit_of(result_, curves_.work), of_coarser = limit_of(coarser_, of_coarser_.work);
+    const auto limit = limit_of_arc(result_, curves_.work), of_coarser = limit_of_arc(coarser_, of_coarser_.work);
     if (!limit || !of_coarser) return std::nullopt;
-    const auto of_coarsest = coarsest_ ? limit_of(*coarsest_, of_coarsest_.work) : std::nullopt;
-    const auto plateau = plateau_of(result_.history);
-    const double beyond = 1.0 - *std::ranges::max_element(curves_.work.times) / *limit;
-    return error_of(*limit, *of_coarser, of_coarsest) + std::max(beyond, plateau ? plateau->rise : 0.0);
+    std::optional<double> load_of_coarsest;
+    if (coarsest_)
+      if (const auto of_coarsest = limit_of_arc(*coarsest_, of_coarsest_.work)) load_of_coarsest = of_coarsest->load;
+    return error_of(limit->load, of_coarser->load, load_of_coarsest) + limit->rest;
   }
 
   double error(const Curve& curve, const Curve& coarser, const Curve* coarsest, double size) const {
