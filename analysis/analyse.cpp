@@ -171,9 +171,10 @@ template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Sett
 }
 
 /// What `analyse` returns; of a load path nothing but the checks of linear elasticity if `is_path` is given, which then
-/// becomes true.
+/// becomes true. `coarsest`: see answer_by_steps.
 template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given,
-                                               const Monitor& watching, bool* is_path) {
+                                               const Monitor& watching, bool* is_path,
+                                               const Result<Dim>* coarsest = nullptr) {
   Settings<Dim> settings = with_cases(with_defaults(given, mesh));
   StageTimes times;
   const Monitor monitor = watching.timing(times);
@@ -213,7 +214,7 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
   const bool without_cloud = !in_steps && !on_cells && settings.asks_for_accuracy() && may_do_without_cloud(settings) &&
                              has_memory_for_quadratic_elements(*mesh.mesh);
   located(settings, settings.where, [&] {
-    if (in_steps) return answer_by_steps(settings, result, monitor);
+    if (in_steps) return answer_by_steps(settings, coarsest, result, monitor);
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(settings, mesh, result, monitor);
     if (without_cloud) return answer_by_elements(settings, result, monitor);
@@ -278,9 +279,14 @@ template <int Dim> Result<Dim> internal::analyse_unless_path(const PreparedMesh<
   return analyse_or_tell(mesh, given, monitor, &is_path);
 }
 
+template <int Dim> Result<Dim> internal::analyse_level(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given,
+                                                       const Result<Dim>* coarsest, const Monitor& monitor) {
+  return analyse_or_tell(mesh, given, monitor, nullptr, coarsest);
+}
+
 template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& monitor) {
-  return analyse_or_tell(mesh, given, monitor, nullptr);
+  return analyse_or_tell<Dim>(mesh, given, monitor, nullptr);
 }
 
 template <int Dim>
@@ -307,7 +313,11 @@ Result<Dim> analyse(const MeshSource<Dim>& source, const Settings<Dim>& settings
 }
 
 template Result<2> internal::analyse_unless_path<2>(const PreparedMesh<2>&, const Settings<2>&, const Monitor&, bool&);
+template Result<2> internal::analyse_level<2>(const PreparedMesh<2>&, const Settings<2>&, const Result<2>*,
+                                              const Monitor&);
 template Result<3> internal::analyse_unless_path<3>(const PreparedMesh<3>&, const Settings<3>&, const Monitor&, bool&);
+template Result<3> internal::analyse_level<3>(const PreparedMesh<3>&, const Settings<3>&, const Result<3>*,
+                                              const Monitor&);
 template Result<2> analyse<2>(const FineMesh<2>&, const Settings<2>&, const Monitor&);
 template Result<3> analyse<3>(const FineMesh<3>&, const Settings<3>&, const Monitor&);
 template Result<2> analyse<2>(const PreparedMesh<2>&, const Settings<2>&, const Monitor&);

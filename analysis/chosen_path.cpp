@@ -23,6 +23,8 @@ namespace {
 
 /// Spacing of a path over that of the next.
 constexpr double refinement_of_paths = 1.5;
+/// Least spacing of a coarser path over that of the natural mesh.
+constexpr double least_coarsening_of_paths = 1.15;
 /// Nodes of a cloud across walls but the thinnest twentieth of them, and edges of quadratic elements.
 constexpr double nodes_across_walls = 4.0, edges_across_walls = 2.0, share_of_thinnest = 0.05;
 /// Fine edges to a spacing of the cloud.
@@ -51,10 +53,11 @@ bool takes_elements(const Settings<Dim>& settings, const ElasticModel& model, co
 /// The levels of refinement of a path.
 template <int Dim> class Levels {
  public:
-  Levels(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, bool elements)
+  /// `fixed`: the mesh of the last level is the natural one.
+  Levels(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, bool elements, bool fixed)
       : source_(source),
         natural_(natural),
-        fixed_(source.says_its_size() || natural.image || source.grey),
+        fixed_(fixed || source.says_its_size() || natural.image || source.grey),
         elements_(elements),
         edge_(std::min(natural.size, longest_to_mean * edge_of_cells(*natural.mesh))) {
     const FineMesh<Dim>& mesh = *natural.mesh;
@@ -77,6 +80,15 @@ template <int Dim> class Levels {
                : nodes * nodes_to_next<Dim> <= (elements_ ? most_nodes_of_elements : most_nodes_of_path<Dim>);
   }
 
+  /// Elements begin with a level that only serves to see how fast errors fall: a cloud has errors by a coarser one.
+  int first() const { return elements_ ? -1 : 0; }
+  /// The first level that may be the result: those before it are to compare with.
+  int first_of_mesh() const { return elements_ && fixed_ ? 1 : 0; }
+  /// Whether a level is of use: one to compare with has to be coarser, and a file of cells has no coarser mesh.
+  bool is_useful(int level, const FineMesh<Dim>& mesh) const {
+    return level >= first_of_mesh() ||
+           std::pow(least_coarsening_of_paths, Dim) * mesh.num_cells() <= natural_.mesh->num_cells();
+  }
   /// Spacing of the cloud, or edges of the elements.
   double spacing(int level) const {
     // Of elements on a mesh that may not be refined, the first level is coarser.
@@ -84,12 +96,23 @@ template <int Dim> class Levels {
   }
   /// Whether the mesh may be as fine as a level asks for.
   bool has(int level) const {
-    if (!fixed_ || level == 0) return true;
+    if (!fixed_ || level <= 0) return true;
     return elements_ ? level == 1 : spacing(level) >= least_edges_to_spacing * edge_;
   }
   PreparedMesh<Dim> mesh(int level, const Settings<Dim>& settings, const Monitor& monitor) const {
-    if (elements_ && fixed_ ? level == 1 : (fixed_ || mesh_size(level) >= 0.99 * edge_)) return natural_;
+    const bool is_natural = elements_ && fixed_ ? level == 1
+                            : level < 0         ? std::abs(mesh_size(level) / edge_ - 1.0) < 0.01
+                                                : fixed_ || mesh_size(level) >= 0.99 * edge_;
+    if (is_natural) return natural_;
     MeshSource<Dim> finer = source_;
+    if (elements_ && has_own_sizes()) {  // which keep their proportions: where they are small they become smaller too
+      const double factor = mesh_size(level) / (fixed_ ? natural_.size : edge_);
+      finer.coarsening = factor;
+      finer.sagitta = default_sagitta * factor * factor;
+      PreparedMesh<Dim> mesh = prepare(finer, settings, monitor);
+      if (mesh.mesh->num_cells() != natural_.mesh->num_cells()) return mesh;
+      finer = source_;  // a file of cells
+    }
     finer.size = mesh_size(level);
     try {
       return prepare(finer, settings, monitor);
@@ -105,6 +128,8 @@ template <int Dim> class Levels {
   }
 
  private:
+  /// Whether the mesh has the sizes of its file: then its size is that of its longest edge.
+  bool has_own_sizes() const { return !source_.says_its_size() && natural_.size == natural_.mesh->size(); }
   double mesh_size(int level) const { return spacing(level) / (elements_ ? 1.0 : edges_to_spacing<Dim>); }
 
   static constexpr double least_edges_to_spacing = 1.5, longest_to_mean = 1.3;  // edges of meshes made here
@@ -117,7 +142,8 @@ template <int Dim> class Levels {
 /// The settings of a level, compared with the one before.
 template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elements, const PreparedMesh<Dim>& mesh,
                                              double spacing, std::shared_ptr<const Result<Dim>> coarser) {
-  if (elements) {
+  if (settings.approximation.kind != BasisKind::mls) {  // all is said
+  } else if (elements) {
     const ElasticModel model = with_defaults(settings, mesh).model;
     settings.approximation.kind = BasisKind::p2;
     // They do not lock where material flows: of plane strain they have enough freedom (Sloan & Randolph 1982).
@@ -154,7 +180,9 @@ template <int Dim> std::optional<double> excess_of_path(const Settings<Dim>& set
     return std::max(result.estimates->total() / bearable_error(settings), history / bearable_error_of_path);
   }
   if (!result.path_errors) return {};
-  const bool complete = result.path_errors->until == result.history.back().time || result.path_errors->limit;
+  const bool by_arc = settings.time && settings.time->path.control == Control::arc_length;
+  const bool complete =
+      result.path_errors->until == result.history.back().time || (result.path_errors->limit && !by_arc);
   if (!complete) return {};
   return result.path_errors->largest().first / bearable_error_of_path;
 }
@@ -170,19 +198,25 @@ template <int Dim> class Search {
   /// The path of the first level whose errors are small, or of the last one. Its warnings say if a finer one failed.
   /// Throws NumericalError if the first level has no path.
   std::shared_ptr<Result<Dim>> refine(bool elements) {
-    const Levels<Dim> levels(source_, natural_, elements);
+    const Levels<Dim> levels(source_, natural_, elements, settings_.approximation.kind != BasisKind::mls);
     std::shared_ptr<Result<Dim>> best;
+    std::shared_ptr<const Result<Dim>> coarser;  // than the best
     int beyond = 0;  // levels beyond a good one, to look for the one that is to be gone on with
-    for (int level = 0; levels.has(level); ++level) {
-      if (best && !levels.has_room(best->approximation.nodes.cols())) break;
+    for (int level = levels.first(); levels.has(level); ++level) {
+      if (level > 0 && best && !levels.has_room(best->approximation.nodes.cols())) break;
       try {
-        best = solve(levels, elements, level, best);
+        const PreparedMesh<Dim> mesh = levels.mesh(level, settings_, monitor_);
+        if (!levels.is_useful(level, *mesh.mesh)) continue;
+        auto next = solve(mesh, elements, levels.spacing(level), best, coarser.get());
+        coarser = std::exchange(best, std::move(next));
       } catch (const NumericalError& error) {
-        if (!best) throw;
+        if (level < levels.first_of_mesh()) continue;
+        if (level == levels.first_of_mesh()) throw;
         best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
         break;
       }
-      if (is_good() && (is_resumed_ || ++beyond > 1)) break;
+      const bool is_enough = !elements || level > 0;
+      if (is_enough && is_good() && (is_resumed_ || ++beyond > 1)) break;
     }
     return best;
   }
@@ -203,14 +237,12 @@ template <int Dim> class Search {
   /// Whether the errors of the last path are small.
   bool is_good() const { return excess_ && *excess_ <= 1.0; }
 
-  std::shared_ptr<Result<Dim>> solve(const Levels<Dim>& levels, bool elements, int level,
-                                     const std::shared_ptr<Result<Dim>>& coarser) {
+  std::shared_ptr<Result<Dim>> solve(const PreparedMesh<Dim>& mesh, bool elements, double spacing,
+                                     const std::shared_ptr<Result<Dim>>& coarser, const Result<Dim>* coarsest) {
     const Stopwatch seconds;
-    const double spacing = levels.spacing(level);
-    const PreparedMesh<Dim> mesh = levels.mesh(level, settings_, monitor_);
     Settings<Dim> settings = settings_of<Dim>(settings_, elements, mesh, spacing, coarser);
     if (is_resumed_) settings.steps.from.reset();  // that of a level before
-    auto result = std::make_shared<Result<Dim>>(analyse(mesh, settings, monitor_));
+    auto result = std::make_shared<Result<Dim>>(analyse_level(mesh, settings, coarsest, monitor_));
     times_.add(result->times);
     cpu_seconds_ += result->cpu_seconds;
     is_resumed_ = is_resumed_ || settings_.steps.from->body == fingerprint(result->approximation);
@@ -255,8 +287,8 @@ template <int Dim> double internal::spacing_of_path(const FineMesh<Dim>& mesh, b
 
 template <int Dim> bool internal::chooses_path(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
   const ApproximationOptions& basis = settings.approximation;
-  return basis.kind == BasisKind::mls && basis.spacing == 0.0 && source.ratio == 0.0 && !basis.grading.has_places() &&
-         settings.estimated && settings.cases.empty();
+  if (!settings.estimated || !settings.cases.empty()) return false;
+  return basis.kind != BasisKind::mls || (basis.spacing == 0.0 && source.ratio == 0.0 && !basis.grading.has_places());
 }
 
 template <int Dim> Result<Dim> internal::analyse_chosen_path(const MeshSource<Dim>& source,
@@ -275,6 +307,7 @@ template <int Dim> Result<Dim> internal::analyse_chosen_path(const MeshSource<Di
     if (!first.linear_checks.empty()) result.linear_checks = std::move(first.linear_checks);
     return result;
   };
+  if (settings.approximation.kind != BasisKind::mls) return end(search.refine(true));
   if (!takes_elements(settings, full.model, *natural.mesh)) return end(search.refine(false));
   std::shared_ptr<Result<Dim>> elements;
   try {

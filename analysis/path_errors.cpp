@@ -17,10 +17,18 @@ namespace {
 /// Spacing of the coarser cloud over that of the other, and the least that its nodes have to come to: walls and small
 /// bodies have theirs whatever the spacing.
 constexpr double coarsening = 1.5, least_coarsening = 1.15;
-/// With what power of the spacing errors fall: between what linear functions do around corners and where all is smooth;
-/// of quadratic elements between fronts of flow and chords of curved boundaries, and where all is smooth.
-constexpr double order_of(BasisKind kind) {
-  return kind == BasisKind::p2 ? 2.0 : 1.5;
+/// With what power of the spacing errors of values fall, as assumed and at most: around corners and fronts of flow with
+/// 1 to 1.5, by chords of curved boundaries with 2. Quadratic elements reach 4 where all is smooth and straight; meshes
+/// too coarse for a corner pretend to.
+constexpr double assumed_order = 1.5, most_order = 2.0;
+
+/// Estimated error of a path, from that by the next coarser path and the one before it from the coarser two, both by
+/// the assumed order; `ratio` of the spacings of the finer two.
+double error_of_three(double now, double before, double ratio, bool alternates) {
+  const double growth = std::pow(ratio, assumed_order);
+  // Two unstructured meshes may agree by chance: then what the coarser two say is left of it.
+  const double error = std::max(now, before / std::pow(ratio, most_order));
+  return alternates && now < before ? error * (growth - 1.0) / (growth + 1.0) : error;  // an alternating series
 }
 
 /// Spacing of a coarser path over that of another, by their numbers of nodes.
@@ -92,16 +100,30 @@ template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<
   return curves;
 }
 
+/// The value at a time at which a path stops; null at others.
+const Vector* value_at(const Curve& curve, double time) {
+  const auto found = std::ranges::lower_bound(curve.times, time);
+  return found != curve.times.end() && *found == time ? &curve.values[found - curve.times.begin()] : nullptr;
+}
+
 /// The largest difference at times that both paths stop at; infinity without any.
 double difference_in_time(const Curve& curve, const Curve& other) {
   double off = -1.0;
-  std::size_t there = 0;
-  for (std::size_t k = 0; k < curve.times.size(); ++k) {
-    while (there < other.times.size() && other.times[there] < curve.times[k]) ++there;
-    if (there < other.times.size() && other.times[there] == curve.times[k])
-      off = std::max(off, (curve.values[k] - other.values[there]).norm());
-  }
+  for (std::size_t k = 0; k < curve.times.size(); ++k)
+    if (const Vector* value = value_at(other, curve.times[k])) off = std::max(off, (curve.values[k] - *value).norm());
   return off < 0.0 ? std::numeric_limits<double>::infinity() : off;
+}
+
+/// Whether values alternate from a path to coarser ones: the sum over common times of the products of their differences
+/// is negative.
+bool alternates(const Curve& curve, const Curve& coarser, const Curve& coarsest) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < curve.times.size(); ++k) {
+    const Vector* one = value_at(coarser, curve.times[k]);
+    const Vector* another = value_at(coarsest, curve.times[k]);
+    if (one && another) sum += (curve.values[k] - *one).dot(*one - *another);
+  }
+  return sum < 0.0;
 }
 
 /// The largest distance from the steps of a path to the other path, from rest on straight between its steps, with times
@@ -133,17 +155,27 @@ double distance_of_curves(const Curve& curve, const Curve& other, double period,
   return most;
 }
 
-/// Relative differences of values by name, over the largest of each or a hundredth of the largest of all.
-template <class Compare> std::map<std::string, double> differences(const std::map<std::string, Curve>& curves,
-                                                                   const std::map<std::string, Curve>& others,
-                                                                   const Compare& compare) {
-  constexpr double small = 0.01;
-  double most = 0.0;
-  for (const auto& [name, curve] : curves) most = std::max(most, curve.largest);
-  std::map<std::string, double> errors;
-  for (const auto& [name, curve] : curves)
-    errors[name] = compare(curve, others.at(name), std::max(curve.largest, small * most));
-  return errors;
+/// The limit load of a path by arc length, of loads proportional to the time.
+struct ArcLimit {
+  double load;  ///< at the limit [time]
+  double rest;  ///< what steps lack of it, relative
+};
+/// Of a path that passes it the vertex of the parabola through the time as a function of the work at the last step
+/// before it falls and that step's neighbours; of one that ends on a plateau its largest load. Nothing of others.
+template <int Dim> std::optional<ArcLimit> limit_of_arc(const Result<Dim>& path, const Curve& work) {
+  constexpr double rounding = 1e-6;  // of plateaus
+  for (std::size_t k = 1; k + 1 < work.times.size(); ++k) {
+    if (work.times[k + 1] >= (1.0 - rounding) * work.times[k]) continue;
+    const double t = work.times[k], x = work.values[k][0];
+    const double left = work.values[k - 1][0] - x, right = work.values[k + 1][0] - x;
+    const double slope_left = (work.times[k - 1] - t) / left, slope_right = (work.times[k + 1] - t) / right;
+    const double bend = (slope_right - slope_left) / (right - left), slope = slope_left - bend * left;
+    const double vertex = left < 0.0 && right > 0.0 && bend < 0.0 ? t - 0.25 * slope * slope / bend : t;
+    return ArcLimit{vertex, 1.0 - t / vertex};
+  }
+  if (const auto plateau = plateau_of(path.history))
+    return ArcLimit{*std::ranges::max_element(work.times), plateau->rise};
+  return std::nullopt;
 }
 
 /// The root mean square of the differences of the stresses of two results over that of the stresses, at the middles of
@@ -184,45 +216,133 @@ template <int Dim> std::vector<double> times_of(const Result<Dim>& result) {
   return times;
 }
 
-template <int Dim>
-std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& other, Result<Dim>& result) {
-  PathErrors errors;
-  errors.coarser = spacing_ratio(other, result);
-  if (errors.coarser < least_coarsening)
-    return fmt::format("a coarser path has {} nodes for {}", other.approximation.nodes.cols(),
-                       result.approximation.nodes.cols());
-  const double factor = 1.0 / (std::pow(errors.coarser, order_of(settings.approximation.kind)) - 1.0);
-  const bool by_arc = settings.time && settings.time->path.control == Control::arc_length;
-  const Curves curves = curves_of(settings, result), others = curves_of(settings, other);
-  const double end = result.history.back().time, end_of_other = other.history.back().time;
-  if (by_arc) {
-    errors.until = std::min(end, end_of_other);
-  } else {
-    for (const double time : curves.work.times)
-      if (std::ranges::binary_search(others.work.times, time)) errors.until = time;
-    if (errors.until == 0.0)
-      return fmt::format("a coarser path did not reach time {:.6g}", result.history.front().time);
+namespace {
+
+/// A path and coarser ones of the same settings; the coarsest may be missing.
+template <int Dim> class Comparison {
+ public:
+  Comparison(const Settings<Dim>& settings, const Result<Dim>& result, const Result<Dim>& coarser,
+             const Result<Dim>* coarsest)
+      : by_arc_(settings.time && settings.time->path.control == Control::arc_length),
+        result_(result),
+        coarser_(coarser),
+        ratio_(spacing_ratio(coarser, result)),
+        curves_(curves_of(settings, result)),
+        of_coarser_(curves_of(settings, coarser)) {
+    for (const double time : curves_.work.times) period_ = std::max(period_, std::abs(time));
+    if (by_arc_) {
+      until_ = std::min(end_of(result), end_of(coarser));
+    } else {
+      for (const double time : curves_.work.times)
+        if (std::ranges::binary_search(of_coarser_.work.times, time)) until_ = time;
+    }
+    if (!coarsest) return;
+    const double before = spacing_ratio(*coarsest, coarser);
+    const bool is_complete = end_of(*coarsest) >= std::min(until_, end_of(coarser)) ||
+                             (!coarsest->stopped.empty() && !coarser.stopped.empty());
+    if (before < least_coarsening || !is_complete) return;
+    coarsest_ = coarsest;
+    ratio_before_ = before;
+    of_coarsest_ = curves_of(settings, *coarsest);
   }
-  double period = 0.0;
-  for (const double time : curves.work.times) period = std::max(period, std::abs(time));
-  const auto compare = [&](const Curve& curve, const Curve& of_other, double size) {
+
+  double ratio() const { return ratio_; }
+  double until() const { return until_; }
+
+  PathErrors errors() const {
+    PathErrors errors;
+    errors.coarser = ratio_;
+    errors.until = until_;
+    errors.work = error(curves_.work, of_coarser_.work, coarsest_ ? &of_coarsest_.work : nullptr, curves_.work.largest);
+    errors.reactions = errors_by_name(&Curves::reactions);
+    errors.probes = errors_by_name(&Curves::probes);
+    if (!by_arc_ && !result_.stopped.empty() && !coarser_.stopped.empty())
+      errors.limit =
+          error_of(end_of(result_), end_of(coarser_),
+                   coarsest_ && !coarsest_->stopped.empty() ? std::optional(end_of(*coarsest_)) : std::nullopt);
+    if (by_arc_) errors.limit = error_of_arc_limit();
+    if (end_of(result_) == end_of(coarser_)) {
+      const double now = factor(ratio_) * difference_of_stresses(result_, coarser_);
+      const bool with_coarsest = coarsest_ && end_of(*coarsest_) == end_of(coarser_);
+      errors.stress =
+          with_coarsest
+              ? error_of_three(now, factor(ratio_before_) * difference_of_stresses(coarser_, *coarsest_), ratio_, false)
+              : now;
+    }
+    return errors;
+  }
+
+ private:
+  static double end_of(const Result<Dim>& result) { return result.history.back().time; }
+  /// Error over difference, by the assumed order.
+  static double factor(double ratio) { return 1.0 / (std::pow(ratio, assumed_order) - 1.0); }
+
+  /// Of single numbers, relative.
+  double error_of(double value, double coarser, const std::optional<double>& coarsest) const {
+    const double size = std::abs(value), now = factor(ratio_) * std::abs(value - coarser) / size;
+    if (!coarsest) return now;
+    const double before = factor(ratio_before_) * std::abs(coarser - *coarsest) / size;
+    return error_of_three(now, before, ratio_, (value - coarser) * (coarser - *coarsest) < 0.0);
+  }
+
+  /// Of the largest load of steps along the arc: by the limits of the paths, and by what steps lack of it.
+  std::optional<double> error_of_arc_limit() const {
+    const auto limit = limit_of_arc(result_, curves_.work), of_coarser = limit_of_arc(coarser_, of_coarser_.work);
+    if (!limit || !of_coarser) return std::nullopt;
+    std::optional<double> load_of_coarsest;
+    if (coarsest_)
+      if (const auto of_coarsest = limit_of_arc(*coarsest_, of_coarsest_.work)) load_of_coarsest = of_coarsest->load;
+    return error_of(limit->load, of_coarser->load, load_of_coarsest) + limit->rest;
+  }
+
+  double error(const Curve& curve, const Curve& coarser, const Curve* coarsest, double size) const {
     if (size == 0.0) return 0.0;
-    return factor *
-           (by_arc ? distance_of_curves(curve, of_other, period, size) : difference_in_time(curve, of_other) / size);
-  };
-  errors.work = compare(curves.work, others.work, curves.work.largest);
-  errors.reactions = differences(curves.reactions, others.reactions, compare);
-  errors.probes = differences(curves.probes, others.probes, compare);
-  if (!by_arc && !result.stopped.empty() && !other.stopped.empty())
-    errors.limit = factor * std::abs(end - end_of_other) / std::abs(end);
-  if (end == end_of_other) errors.stress = factor * difference_of_stresses(result, other);
-  result.path_errors = std::move(errors);
+    const auto difference = [&](const Curve& one, const Curve& other) {
+      return by_arc_ ? distance_of_curves(one, other, period_, size) : difference_in_time(one, other) / size;
+    };
+    const double now = factor(ratio_) * difference(curve, coarser);
+    if (!coarsest) return now;
+    const double before = factor(ratio_before_) * difference(coarser, *coarsest);
+    return error_of_three(now, before, ratio_, !by_arc_ && alternates(curve, coarser, *coarsest));
+  }
+
+  /// Errors over the largest of each value, or over a hundredth of the largest of all.
+  std::map<std::string, double> errors_by_name(std::map<std::string, Curve> Curves::*kind) const {
+    constexpr double small = 0.01;
+    double most = 0.0;
+    for (const auto& [name, curve] : curves_.*kind) most = std::max(most, curve.largest);
+    std::map<std::string, double> errors;
+    for (const auto& [name, curve] : curves_.*kind)
+      errors[name] = error(curve, (of_coarser_.*kind).at(name), coarsest_ ? &(of_coarsest_.*kind).at(name) : nullptr,
+                           std::max(curve.largest, small * most));
+    return errors;
+  }
+
+  bool by_arc_;
+  const Result<Dim>&result_, &coarser_;
+  const Result<Dim>* coarsest_ = nullptr;
+  double ratio_, ratio_before_ = 0.0;
+  Curves curves_, of_coarser_, of_coarsest_;
+  double period_ = 0.0, until_ = 0.0;
+};
+
+}  // namespace
+
+template <int Dim> std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser,
+                                             const Result<Dim>* coarsest, Result<Dim>& result) {
+  const Comparison<Dim> comparison(settings, result, coarser, coarsest);
+  if (comparison.ratio() < least_coarsening)
+    return fmt::format("a coarser path has {} nodes for {}", coarser.approximation.nodes.cols(),
+                       result.approximation.nodes.cols());
+  if (comparison.until() == 0.0)
+    return fmt::format("a coarser path did not reach time {:.6g}", result.history.front().time);
+  result.path_errors = comparison.errors();
   return {};
 }
 
-template <int Dim>
-std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
-  if (settings.steps.coarser) return compare_paths(settings, *settings.steps.coarser, result);
+template <int Dim> std::string estimate_path(const Settings<Dim>& settings, const Result<Dim>* coarsest,
+                                             Result<Dim>& result, const Monitor& monitor) {
+  if (settings.steps.coarser) return compare_paths(settings, *settings.steps.coarser, coarsest, result);
   const Stage stage("coarser cloud", monitor);
   Result<Dim> other;
   other.mesh = result.mesh;
@@ -233,8 +353,8 @@ std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, co
     if (spacing_ratio(other, result) < least_coarsening)
       return fmt::format("a coarser cloud has {} nodes for {}", other.approximation.nodes.cols(),
                          result.approximation.nodes.cols());
-    answer_by_steps(of_other, other, stage.within());
-    return compare_paths(settings, other, result);
+    answer_by_steps<Dim>(of_other, nullptr, other, stage.within());
+    return compare_paths<Dim>(settings, other, nullptr, result);
   } catch (const InputError& error) {
     return fmt::format("no coarser cloud can be made: {}", error.what());
   } catch (const NumericalError& error) {
@@ -243,10 +363,10 @@ std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, co
 }
 
 template std::vector<double> times_of<2>(const Result<2>&);
-template std::string compare_paths<2>(const Settings<2>&, const Result<2>&, Result<2>&);
-template std::string estimate_path<2>(const Settings<2>&, Result<2>&, const Monitor&);
+template std::string compare_paths<2>(const Settings<2>&, const Result<2>&, const Result<2>*, Result<2>&);
+template std::string estimate_path<2>(const Settings<2>&, const Result<2>*, Result<2>&, const Monitor&);
 template std::vector<double> times_of<3>(const Result<3>&);
-template std::string compare_paths<3>(const Settings<3>&, const Result<3>&, Result<3>&);
-template std::string estimate_path<3>(const Settings<3>&, Result<3>&, const Monitor&);
+template std::string compare_paths<3>(const Settings<3>&, const Result<3>&, const Result<3>*, Result<3>&);
+template std::string estimate_path<3>(const Settings<3>&, const Result<3>*, Result<3>&, const Monitor&);
 
 }  // namespace efree::internal

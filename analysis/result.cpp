@@ -21,7 +21,7 @@ std::pair<double, std::string> PathErrors::largest() const {
   };
   look_at("reaction", reactions);
   look_at("probe", probes);
-  if (limit && *limit > most.first) most = {*limit, "the time at which it stops"};
+  if (limit && *limit > most.first) most = {*limit, "the largest time"};
   return most;
 }
 

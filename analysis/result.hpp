@@ -78,15 +78,16 @@ struct CloudAlone {
 };
 
 /// Estimated errors of a load path, relative, by a coarser path that stops at the same times: the largest difference on
-/// the way, over the largest value there, times 1 / (coarser^p - 1), as if errors fell with the spacing to the p: 1.5,
-/// of quadratic elements 2 (Richardson 1911). By arc length two paths have no times in common: then the distance from
-/// each step to the nearest point of the coarser path, in the plane of the time and the value, each over its largest
-/// value. The error of a mesh that both paths share is not in it.
+/// the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if errors fell with the spacing to the 1.5
+/// (Richardson 1911); with a third path as docs/theory.md says. By arc length two paths have no times in common: then
+/// the distance from each step to the nearest point of the coarser path, in the plane of the time and the value, each
+/// over its largest value. The errors of a mesh that both paths share and of the size of steps are not in it.
 struct PathErrors {
   double coarser = 0.0;  ///< spacing of the coarser path over that of this one, by their numbers of nodes
   double until = 0.0;    ///< time that both reached
   double work = 0.0;     ///< of the energy stored and dissipated
-  /// Of the time that a path which stopped has reached: of a limit load where loads are proportional to the time.
+  /// Of a limit load where loads are proportional to the time: where a path stopped; by arc length the first largest
+  /// time.
   std::optional<double> limit{};
   /// Of the stresses at the end: the root mean square over the body of the differences, over that of the stresses.
   /// Unknown unless both paths end at the same time.

@@ -134,6 +134,12 @@ template <int Dim> class EndOfPath {
         end_.of == PathEnd::Of::probe ? step.probes[probe_] : Vec<Dim>(step.reactions.at(end_.name).force);
     return end_.component < 0 ? all.norm() : all[end_.component];
   }
+  /// Whether the value comes to a bound if it changes as it has since an earlier step, for ten times as long.
+  bool is_near(const HistoryStep<Dim>& earlier, const HistoryStep<Dim>& last) const {
+    constexpr double times = 10.0;
+    const double now = value(last), later = now + times * (now - value(earlier));
+    return (end_.above && later > *end_.above) || (end_.below && later < *end_.below);
+  }
   /// Whether the last step is beyond a bound that the beginning or an earlier one was not beyond.
   bool is_passed(const std::vector<HistoryStep<Dim>>& history) const {
     if (history.empty()) return false;
@@ -150,26 +156,6 @@ template <int Dim> class EndOfPath {
   PathEnd end_;
   std::size_t probe_ = 0;
 };
-
-/// Stiffness against the load, relative to that at the beginning, on a plateau.
-constexpr double plateau = 1e-3;
-
-/// Whether it has been less since half of the work was done: by the range of the load and the work done there, against
-/// those of the first step.
-template <int Dim> bool is_on_plateau(const std::vector<HistoryStep<Dim>>& history) {
-  const auto work = [](const HistoryStep<Dim>& step) { return step.stored + step.dissipated; };
-  const HistoryStep<Dim>&first = history.front(), &last = history.back();
-  double low = last.time, high = last.time;
-  for (auto step = history.rbegin(); step != history.rend(); ++step) {
-    low = std::min(low, step->time);
-    high = std::max(high, step->time);
-    if (work(*step) > 0.5 * work(last)) continue;
-    const double compliance = 2.0 * work(first) / (first.time * first.time);
-    const double rise = compliance * std::max(std::abs(low), std::abs(high)) * (high - low);
-    return compliance > 0.0 && rise < plateau * (work(last) - work(*step));
-  }
-  return false;
-}
 
 /// An analysis on its way through time: by linear elasticity as long as that is enough, if the settings leave that
 /// open, and by the full model.
@@ -307,22 +293,25 @@ template <int Dim> class Walk {
                                    : fmt::format("time {:.6g}, up to which both agree to rounding", agreed.time)));
   }
 
-  /// Whether the path ends at its last step: where it is told to, or on a plateau.
+  /// Whether the path ends at its last step: where it is told to, or by arc length on a plateau.
   bool is_end() {
     const auto& history = there_.history;
-    if (end_) {
-      if (!end_->is_passed(history)) return false;
+    if (end_ && end_->is_passed(history)) {
       if (monitor_.say)
         monitor_.say(fmt::format("the path ends at t = {:.6g}: {}, it is {:.6g}", there_.at.time,
                                  text_of(settings_.time->until.value()), end_->value(history.back())));
       return true;
     }
-    if (!is_on_plateau(history)) return false;
-    stop(fmt::format(
-        "limit load reached at t = {:.6g}: along the arc the stiffness against the load is less than {:.2g} % of "
-        "that at the beginning while the work doubles; say what ends the path: [time] until = {{ probe = "
-        "..., above = ... }}",
-        there_.at.time, 100.0 * plateau));
+    if (path_.control != Control::arc_length) return false;
+    const auto plateau = plateau_of(history);
+    if (!plateau || (end_ && end_->is_near(history[plateau->begin], history.back()))) return false;
+    const std::string way = end_ ? fmt::format("the path would not come to where {}: it is {:.6g} there",
+                                               text_of(settings_.time->until.value()), end_->value(history.back()))
+                                 : "say what ends the path: [time] until = { probe = ..., above = ... }";
+    stop(
+        fmt::format("limit load reached at t = {:.6g}: it has risen by {:.2g} % while the work doubled along the arc, "
+                    "and the stiffness against it is less than {:.2g} % of that at the beginning; {}",
+                    there_.at.time, 100.0 * plateau->rise, 100.0 * plateau_stiffness, way));
     return true;
   }
 
@@ -435,10 +424,12 @@ template <int Dim> class Walk {
 /// Estimates the errors of the path where the finite elements do not give them, for this reason; a warning where
 /// nothing does.
 template <int Dim> void estimate_path_errors(const Settings<Dim>& settings, const std::string& unknown,
-                                             Result<Dim>& result, const Monitor& monitor) {
+                                             const Result<Dim>* coarsest, Result<Dim>& result, const Monitor& monitor) {
   const bool cloud = settings.approximation.kind == BasisKind::mls;
   const bool possible = settings.estimated && (cloud || settings.steps.coarser);
-  const std::string also = possible ? estimate_path(settings, result, monitor) : "";
+  const std::string also = possible                       ? estimate_path(settings, coarsest, result, monitor)
+                           : settings.estimated && !cloud ? "there is no coarser mesh to compare with"
+                                                          : "";
   if (result.path_errors) return;
   result.warnings.push_back(
       fmt::format("displacements, forces and stresses may be off by any amount: their errors are not estimated "
@@ -469,7 +460,8 @@ template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMes
   return settings.time.has_value() || !materials_of(settings.model, mesh).linear();
 }
 
-template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
+template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Result<Dim>* coarsest, Result<Dim>& result,
+                                        const Monitor& monitor) {
   if (settings.asks_for_accuracy())
     throw SettingError(
         "accuracy",
@@ -493,7 +485,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, Result<Di
     program.loads = [loads = std::move(program.loads)](double time) { return at_rest(loads(time)); };
   if (const std::string unknown = estimate_steps(settings, std::move(program), walk.at(), result, monitor);
       !unknown.empty())
-    estimate_path_errors(settings, unknown, result, monitor);
+    estimate_path_errors(settings, unknown, coarsest, result, monitor);
   warn_of_instability(result);
   warn_of_gap(equations, walk.at(), result);
   if (options.kind == BasisKind::p1 &&
@@ -530,7 +522,7 @@ template std::uint64_t fingerprint<2>(const Approximation<2>&);
 template std::uint64_t fingerprint<3>(const Approximation<3>&);
 template bool needs_steps<2>(const Settings<2>&, const FineMesh<2>&);
 template bool needs_steps<3>(const Settings<3>&, const FineMesh<3>&);
-template void answer_by_steps<2>(const Settings<2>&, Result<2>&, const Monitor&);
-template void answer_by_steps<3>(const Settings<3>&, Result<3>&, const Monitor&);
+template void answer_by_steps<2>(const Settings<2>&, const Result<2>*, Result<2>&, const Monitor&);
+template void answer_by_steps<3>(const Settings<3>&, const Result<3>*, Result<3>&, const Monitor&);
 
 }  // namespace efree::internal

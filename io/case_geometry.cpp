@@ -216,6 +216,9 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file,
   return [path = file.string(), options](const MeshSize& size) {
     GmshOptions sized = options;
     sized.size = size.length;
+    // The file's own sizes keep their proportions; the first meshes of an accuracy are not coarser than those.
+    constexpr double most = 2.5;
+    if (size.coarsening <= most) sized.factor = size.coarsening;
     sized.sagitta = size.sagitta_or_natural();
     CurvedMesh<Dim> curved = read_curved_gmsh<Dim>(path, sized);
     MadeMesh<Dim> made{.mesh = std::move(curved.mesh), .size = size.length};

@@ -173,10 +173,12 @@ class Stepper {
     const bool by_loads = equations_.loads_change(from.time, from.time + size);
     std::vector<std::string> ways;
     if (by_loads) ways.emplace_back("prescribe displacements");
-    if (options_.control == Control::load) ways.emplace_back("use arc length ([time] control = \"arc_length\")");
-    const std::string share = *stiffness > 1e-6    ? fmt::format("{:.2g} % of that at rest", 100.0 * *stiffness)
-                              : *stiffness < -1e-6 ? "negative"
-                                                   : "zero";
+    const bool is_zero = std::abs(*stiffness) <= 1e-6;  // all flows: along an arc there is nothing more to find
+    if (options_.control == Control::load && !is_zero)
+      ways.emplace_back("use arc length ([time] control = \"arc_length\")");
+    const std::string share = is_zero            ? "zero"
+                              : *stiffness < 0.0 ? "negative"
+                                                 : fmt::format("{:.2g} % of that at rest", 100.0 * *stiffness);
     return fmt::format(
         "{} reached at t = {:.6g}: steps of {:.3g} beyond it do not converge: {}; the stiffness against {} there is "
         "{}{}",

@@ -5,6 +5,9 @@
 #include "efree/analysis/result.hpp"
 #include "efree/solvers/elements_beside.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,12 +29,41 @@ template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Pro
 
 /// The times of the steps of a path.
 template <int Dim> std::vector<double> times_of(const Result<Dim>& result);
-/// Puts the errors of the path, by a coarser one of the same settings, into the result. Why they are unknown; nothing
-/// where they are known.
-template <int Dim>
-std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser, Result<Dim>& result);
-/// The same by Steps::coarser, or by a coarser cloud, which is solved.
-template <int Dim>
-std::string estimate_path(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
+/// Where the load of a path by arc length, proportional to the time, stays as it is for good.
+struct Plateau {
+  std::size_t begin;  ///< the step at which half of the work was done
+  double rise;        ///< of the load since then, relative
+};
+/// Stiffness against the load, relative to that at the beginning, on a plateau.
+inline constexpr double plateau_stiffness = 1e-3;
+/// That at the end of a history: since half of the work was done the stiffness has been less than plateau_stiffness, by
+/// the range of the load and the work done there against those of the first step, and the load is within 0.5 % of the
+/// largest. A load that tends to its limit as the inverse of the displacement lacks as much as it has risen.
+template <int Dim> std::optional<Plateau> plateau_of(const std::vector<HistoryStep<Dim>>& history) {
+  constexpr double most_rise = 5e-3;
+  const auto work = [](const HistoryStep<Dim>& step) { return step.stored + step.dissipated; };
+  const HistoryStep<Dim>&first = history.front(), &last = history.back();
+  double low = last.time, high = last.time;
+  for (std::size_t k = history.size(); k-- > 0;) {
+    const HistoryStep<Dim>& step = history[k];
+    low = std::min(low, step.time);
+    high = std::max(high, step.time);
+    if (work(step) > 0.5 * work(last)) continue;
+    const double compliance = 2.0 * work(first) / (first.time * first.time),
+                 most = std::max(std::abs(low), std::abs(high));
+    const bool is_plateau = compliance > 0.0 && high - low <= most_rise * most &&
+                            compliance * most * (high - low) < plateau_stiffness * (work(last) - work(step));
+    return is_plateau ? std::optional(Plateau{k, (high - low) / most}) : std::nullopt;
+  }
+  return std::nullopt;
+}
+
+/// Puts the errors of the path, by a coarser one of the same settings and, unless it is null, one that is coarser
+/// still, into the result. Why they are unknown; nothing where they are known.
+template <int Dim> std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser,
+                                             const Result<Dim>* coarsest, Result<Dim>& result);
+/// The same by Steps::coarser and `coarsest`, or by a coarser cloud, which is solved.
+template <int Dim> std::string estimate_path(const Settings<Dim>& settings, const Result<Dim>* coarsest,
+                                             Result<Dim>& result, const Monitor& monitor);
 
 }  // namespace efree::internal

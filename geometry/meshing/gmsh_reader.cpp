@@ -333,6 +333,8 @@ CurvedMesh<Dim> read(const GmshSession& session, const std::string& path, Format
   set_parameters(session, path, options.parameters);
   check_slits(session, Dim, options.slits);
   if (format == Format::msh) return {internal::gmsh_mesh<Dim>(session, 0.0, options.slits).mesh};
+  if (options.size == 0.0 && options.factor != 1.0)
+    gmsh::option::setNumber("Mesh.MeshSizeFactor", options.factor * internal::gmsh_option("Mesh.MeshSizeFactor"));
   if constexpr (Dim == 3) {
     if (internal::all_entities(3).empty()) session.fail("there is no volume in it");
     internal::generate_tetrahedra(session, options.size, options.sagitta);
@@ -381,6 +383,8 @@ template <int Dim> CurvedMesh<Dim> read_curved_gmsh(const std::string& path, con
   if (!(options.size >= 0.0))
     throw InputError(
         fmt::format("{}: size is {}, expected a positive length, or 0 for the file's own", path, options.size));
+  if (!(options.factor > 0.0))
+    throw InputError(fmt::format("{}: factor is {}, expected a positive number", path, options.factor));
   if (format == Format::msh && options.size > 0.0)
     throw InputError(fmt::format("{}: a .msh file comes with its own cells, a size ({}) applies to geometry only", path,
                                  options.size));

@@ -15,7 +15,7 @@
 namespace efree {
 namespace {
 
-using ::testing::Contains, ::testing::HasSubstr;
+using ::testing::AllOf, ::testing::Contains, ::testing::HasSubstr, ::testing::StartsWith;
 
 MeshSource<2> rectangle(double x, double width, double height, double natural) {
   return {.mesh = [=](const MeshSize& size, const Stage&) {
@@ -76,6 +76,65 @@ TEST(ChosenPath, AMeshThatSaysItsSizeKeepsItAndIsComparedWithACoarserOne) {
   EXPECT_NEAR(result.mesh->size(), 0.05, 0.02);
   ASSERT_TRUE(result.path_errors);
   EXPECT_GT(result.path_errors->coarser, 1.15);
+}
+
+TEST(ChosenPath, SpecifiedElementsKeepTheirMeshAndHaveErrorsAgainstCoarserOnes) {
+  Settings<2> settings = cylinder(0.18);
+  settings.approximation.kind = BasisKind::p2;
+  const MeshSource<2> source = rectangle(1.0, 1.0, 0.2, 0.05);
+  const Result<2> result = analyse(source, settings);
+  EXPECT_EQ(result.mesh->num_cells(), source.mesh({}, Stage("mesh", {})).mesh.cells.cols()) << "as it is natural";
+  EXPECT_EQ(result.attempts.size(), 3u);
+  ASSERT_TRUE(result.path_errors);
+  EXPECT_NEAR(result.path_errors->coarser, 1.5, 0.2);
+  EXPECT_LT(result.path_errors->largest().first, 0.01);
+  EXPECT_EQ(result.refusal, "");
+  settings.largest_error = 0.1 * result.path_errors->largest().first;
+  const Result<2> refused = analyse(source, settings);
+  EXPECT_THAT(refused.refusal, HasSubstr("off, judged by a coarser path"));
+  EXPECT_EQ(refused.fields.displacement, result.fields.displacement) << "results are kept";
+}
+
+TEST(ChosenPath, ElementsOnCellsOfAFileWarnThatErrorsAreNotEstimated) {
+  const MeshSource<2> rectangular = rectangle(1.0, 1.0, 0.2, 0.05);
+  const MeshSource<2> cells{.mesh = [&](const MeshSize& size, const Stage& stage) {
+    if (size.length > 0.0) throw InputError("cells have their size");
+    MadeMesh<2> made = rectangular.mesh({}, stage);
+    made.size = 0.0;
+    return made;
+  }};
+  Settings<2> settings = cylinder(0.18);
+  settings.approximation.kind = BasisKind::p2;
+  const Result<2> result = analyse(cells, settings);
+  EXPECT_EQ(result.attempts.size(), 1u) << "no coarser path";
+  EXPECT_FALSE(result.path_errors || result.estimates);
+  EXPECT_THAT(result.warnings, Contains(AllOf(StartsWith("displacements, forces and stresses may be off by any amount"),
+                                              HasSubstr("not estimated"), HasSubstr("no coarser mesh"))));
+  EXPECT_EQ(result.refusal, "");
+}
+
+/// A quarter of a perfectly plastic plate with a hole, in tension along an arc.
+TEST(ChosenPath, APlateauIsWithinOnePercentOfTheLimitLoadAndSaysHowFar) {
+  Settings<2> settings{
+      .model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = 1.0}), .plane = Plane::stress},
+      .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+      .loads = {.tractions = {pressure<2>("right", [](const Vec<2>&) { return -1.0; })}},
+      .probes = {{"end", {2.0, 0.0}}},
+      .time = TimeSettings<2>{.path = {.control = Control::arc_length, .end = 1.0, .step = 0.1}},
+      .approximation = {.kind = BasisKind::p2}};
+  const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 2.0, 0.3), {.size = 0.3});
+  const Result<2> result = analyse(mesh, settings);
+  EXPECT_THAT(result.stopped, AllOf(HasSubstr("limit load reached"), HasSubstr("[time] until = ")));
+  const double limit = result.history.back().time;
+  settings.time->until = PathEnd{.of = PathEnd::Of::probe, .name = "end", .component = 0, .above = 0.05};
+  const Result<2> farther = analyse(mesh, settings);
+  EXPECT_EQ(farther.stopped, "") << "on its plateau the path comes to the bound";
+  EXPECT_GT(farther.history.back().probes[0][0], 0.05);
+  EXPECT_NEAR(limit, farther.history.back().time, 0.01 * limit);
+  settings.time->until = PathEnd{.of = PathEnd::Of::reaction, .name = "left", .component = 0, .below = -5.0};
+  const Result<2> never = analyse(mesh, settings);
+  EXPECT_EQ(never.history.size(), result.history.size());
+  EXPECT_THAT(never.stopped, AllOf(HasSubstr("limit load reached"), HasSubstr("would not come to where")));
 }
 
 TEST(ChosenPath, ARunThatWasKilledGoesOnFromItsLastStepBitForBit) {
