@@ -100,6 +100,7 @@ template <int Dim> Built<Dim> on_cloud(const FineMesh<Dim>& mesh, const SharedMa
   if (options.support == 0.0) options.support = otm_support;
   options.axisymmetric = settings.model.plane == Plane::axisymmetric;
   options.dilatation = averaged_if(shares(motion, *material) && locks(*material));
+  options.pressures = PressureKind::constant;
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
   // Functions of other nodes vanish where some are held: values there are those of the nodes.
   for (const auto& part : motion.moved)

@@ -130,7 +130,8 @@ void run(int voxels, double size, const fs::path& folder, const std::vector<doub
     OtmBody<3> body = otm_body(approximate(mesh, {.spacing = spacing,
                                                   .support = value("support", otm_support),
                                                   .ratio = value("ratio", 0.0),
-                                                  .dilatation = averaged_if(value("averaged", 0.0) != 0.0)}),
+                                                  .dilatation = averaged_if(value("averaged", 0.0) != 0.0),
+                                                  .pressures = PressureKind::constant}),
                                steel, density);
     body.mass_terms = static_cast<Index>(value("terms", body.mass_terms));
     const std::string cloud = "cloud_" + name + "_" + std::to_string(spacing).substr(0, 4);

@@ -283,7 +283,8 @@ void limit(const std::filesystem::path& directory) {
   std::fflush(stdout);
   const auto all = [&](const char* body, MakeLimit make, double width) {
     const auto at = [&](double H) { return Resolution{0.25, width * H}; };
-    for (const double H : {1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0}) limit_one(body, cloud(0.25), make, at(H), lines);
+    for (const double H : {1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0})
+      limit_one(body, cloud(0.25), make, at(H), lines);
     const double H = 1.0 / 16.0;
     for (const Method& method : {on_linear(0.25), pointwise(0.25), full(0.25)})
       limit_one(body, method, make, at(H), lines);

@@ -43,11 +43,13 @@ OtmBody<Dim> otm_body(const Approximation<Dim>& approximation, SharedMaterial ma
   const bool elements = approximation.nodes.cols() == space.size();
   if (elements && space.degree() > 1)
     throw InputError("quadratic finite elements: lumped masses of corners are not positive, take linear ones");
+  if (approximation.pressures.nonZeros() != approximation.pressures.rows())
+    throw InputError("linear pressures on patches: explicit dynamics takes PressureKind::constant");
   OtmBody<Dim> body{.nodes = approximation.nodes,
                     .velocity = {},
                     .points = approximation.quadrature.points,
                     .volumes = approximation.quadrature.weights,
-                    .unions = approximation.union_of,
+                    .unions = approximation.patch_of,
                     .material = std::move(material),
                     .density = density,
                     .shape = approximation.quadrature.shape};

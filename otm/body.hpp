@@ -72,7 +72,8 @@ inline constexpr double otm_support = 1.75;
 
 /// Nodes, functions and quadrature of the static solver, which stay what they are (total Lagrangian). Of a cloud: four
 /// terms for the mass, walls act on the fine vertices of the boundary. Of finite elements: lumped masses, walls act on
-/// the nodes. Throws InputError for quadratic finite elements, whose masses are not positive.
+/// the nodes. Throws InputError for quadratic finite elements, whose masses are not positive, and for dilatations
+/// averaged by other than constant pressures (PressureKind::constant).
 template <int Dim>
 OtmBody<Dim> otm_body(const Approximation<Dim>& approximation, SharedMaterial material, double density);
 

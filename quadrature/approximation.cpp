@@ -5,15 +5,13 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/quadrature/internal/pressure_patches.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <map>
 #include <numeric>
-#include <queue>
 #include <utility>
 
 namespace efree {
@@ -190,105 +188,21 @@ template <int Dim> SecondaryBasis<Dim> mls_secondary(const FineSpace<Dim>& space
   }
 }
 
-/// Unions that carry the volumetric part: few enough not to lock.
-constexpr double unions_per_node = 0.5;
-/// Seeds of them, some of which are merged: about as many unions are left.
-constexpr double seeds_per_node_of_unions = 0.65;
-
-/// How many nodes each union holds: integrals of the size of their functions over it, as shares of those over the body.
-template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& union_of, Index unions) {
-  Vector whole = Vector::Zero(points.shape.num_nodes()), held = Vector::Zero(unions);
-  const auto for_each = [&](const auto& visit) {
-    for (Index K = 0; K < points.size(); ++K) {
-      const auto row = points.shape.row(K);
-      for (std::size_t k = 0; k < row.nodes.size(); ++k) visit(K, row.nodes[k], points.weights[K] * row.N[k]);
-    }
-  };
-  for_each([&](Index, Index I, double part) { whole[I] += std::abs(part); });
-  for_each([&](Index K, Index I, double part) {
-    if (whole[I] > 0.0) held[union_of[K]] += std::abs(part) / whole[I];
-  });
-  return held;
+/// Pressure patches: seeds to a node, and the nodes that a patch holds at least (docs/evidence.md, docs/stability.md).
+struct PatchSizes {
+  double seeds, fewest;
+};
+template <int Dim> constexpr PatchSizes patch_sizes(PressureKind pressures) {
+  return pressures == PressureKind::linear ? PatchSizes{0.085, 5.0} : PatchSizes{0.65, 2.0 / Dim};
 }
+/// Linear functions on so many clusters per node integrate the rest well enough; constant pressures take them as patches.
+constexpr double linear_clusters_per_node = 0.5;
 
-/// Merges unions that hold less than two displacements, the smallest first, with the neighbour that they share most of
-/// their surface with. Seeds on the boundary, in corners above all, get such unions, whose pressures too few
-/// displacements work on: the smallest inf-sup value of a cloud is theirs.
-template <int Dim>
-void merge_small(const FineMesh<Dim>& mesh, const SecondaryBasis<Dim>& secondary, Approximation<Dim>& result) {
-  constexpr double fewest = 2.0 / Dim;  // nodes
-  auto& union_of = result.union_of;
-  const Index unions = 1 + *std::ranges::max_element(union_of);
-  Vector held = nodes_held(result.quadrature, union_of, unions);
-  const auto per_cell = static_cast<Index>(secondary.rule.weights.size());
-  // Of the function that is largest there.
-  const auto union_at = [&](Index c) {
-    double largest = 0.0;
-    Index of = 0;
-    for (Index g = c * per_cell; g < (c + 1) * per_cell; ++g)
-      for (SparseRows::InnerIterator entry(secondary.in_cells, g); entry; ++entry)
-        if (entry.value() > largest) largest = entry.value(), of = static_cast<Index>(entry.col());
-    return union_of[of];
-  };
-  std::vector<std::map<Index, double>> shared(unions);  // about the surface between two of them
-  for (Index c = 0; c < mesh.num_cells(); ++c)
-    for (int i = 0; i <= Dim; ++i) {
-      const Index other = mesh.neighbour(i, c);
-      if (other < 0 || mesh.region(other) != mesh.region(c)) continue;
-      const Index a = union_at(c), b = union_at(other);
-      if (a == b) continue;
-      const double facet = std::pow(mesh.volume(c), (Dim - 1.0) / Dim);
-      shared[a][b] += facet;
-      shared[b][a] += facet;
-    }
-
-  std::vector<Index> into(unions);
-  std::iota(into.begin(), into.end(), 0);
-  using Small = std::pair<double, Index>;
-  std::priority_queue<Small, std::vector<Small>, std::greater<>> small;
-  for (Index g = 0; g < unions; ++g)
-    if (held[g] < fewest) small.emplace(held[g], g);
-  while (!small.empty()) {
-    const auto [then, g] = small.top();
-    small.pop();
-    if (into[g] != g || held[g] != then || shared[g].empty()) continue;
-    const Index to = std::ranges::max_element(shared[g], {}, [](const auto& other) { return other.second; })->first;
-    into[g] = to;
-    held[to] += held[g];
-    if (held[to] < fewest) small.emplace(held[to], to);
-    for (const auto& [other, surface] : shared[g]) {
-      shared[other].erase(g);
-      if (other == to) continue;
-      shared[other][to] += surface;
-      shared[to][other] += surface;
-    }
-    shared[g].clear();
-  }
-
-  std::vector<Index> number(unions, -1);
-  Index left = 0;
-  for (Index& g : union_of) {
-    while (into[g] != g) g = into[g];
-    if (number[g] < 0) number[g] = left++;
-    g = number[g];
-  }
-}
-
-/// Joins quadrature points, each of a cluster around one of these vertices, into unions around the nearest seeds;
-/// where there are no seeds, those of the same cluster.
-template <int Dim> void join_unions(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
-                                    const SecondaryBasis<Dim>& secondary, Approximation<Dim>& result) {
-  NearestSource owner;
-  if (seeds.size() > 0) owner = nearest_source(mesh, seeds.vertices);
-  std::vector<Index> renumbered(mesh.num_vertices(), -1);
-  Index unions = 0;
-  for (const Index v : secondary.vertices) {
-    Index& number = renumbered[seeds.size() > 0 ? seeds.vertices[owner.source[v]] : v];
-    if (number < 0) number = unions++;
-    result.union_of.push_back(number);
-  }
-  if (seeds.size() > 0) merge_small(mesh, secondary, result);
-  result.dilatation = merge(result.quadrature, result.union_of, 1 + *std::ranges::max_element(result.union_of));
+/// The coarser quadrature of the dilatations, once the patches are known.
+template <int Dim> void average(std::vector<Index> patch_of, SparseRows pressures, Approximation<Dim>& result) {
+  result.patch_of = std::move(patch_of);
+  result.pressures = std::move(pressures);
+  result.dilatation = merge(result.quadrature, result.pressures);
 }
 
 template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<const FineMesh<Dim>>& mesh,
@@ -307,10 +221,11 @@ template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<cons
   result.averaged = options.dilatation == Dilatation::averaged;
   result.undecided = options.dilatation == Dilatation::automatic;
   if (result.averaged) {
-    const Index cells = mesh->num_cells(), points = result.quadrature.size() / cells;
-    result.union_of.resize(result.quadrature.size());
-    for (Index K = 0; K < result.quadrature.size(); ++K) result.union_of[K] = K / points;
-    result.dilatation = merge(result.quadrature, result.union_of, cells);
+    const Index points = result.quadrature.size() / mesh->num_cells();
+    std::vector<Index> cell_of(result.quadrature.size());
+    for (Index K = 0; K < result.quadrature.size(); ++K) cell_of[K] = K / points;
+    SparseRows constant = internal::constant_pressures(cell_of);
+    average(std::move(cell_of), std::move(constant), result);
   }
   return result;
 }
@@ -319,7 +234,7 @@ template <int Dim> Approximation<Dim> finite_elements(const std::shared_ptr<cons
 template <int Dim> double default_ratio(SecondaryKind secondary, Dilatation dilatation) {
   switch (secondary) {
     case SecondaryKind::linear:
-      return dilatation == Dilatation::averaged ? unions_per_node * (Dim + 1) : 2.5;
+      return dilatation == Dilatation::averaged ? linear_clusters_per_node * (Dim + 1) : 2.5;
     case SecondaryKind::mls:
       return Dim == 2 ? 6.0 : 24.0;
     default:
@@ -410,10 +325,16 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
                              : every_cell(result.space);
   result.quadrature = project(result.space, result.shape, secondary);
   if (result.averaged) {
-    const bool whole = second_cloud && seeds_per_node <= unions_per_node;  // clusters are few enough as they are
-    const auto seeds =
-        whole ? NodeCloud<Dim>{} : sample_points(mesh, cloud, nearest, seeds_per_node_of_unions, options.seed + 1);
-    join_unions(mesh, seeds, secondary, result);
+    const bool linear = options.pressures == PressureKind::linear;
+    const auto [seeds, fewest] = patch_sizes<Dim>(options.pressures);
+    const bool by_cluster = !linear && second_cloud && seeds_per_node <= linear_clusters_per_node;
+    auto patch_of = by_cluster ? internal::patches_of_clusters(secondary)
+                               : internal::patches_around(
+                                     mesh, sample_points(mesh, cloud, nearest, seeds, options.seed + 1), secondary,
+                                     result.quadrature, fewest);
+    auto pressures = linear ? internal::linear_pressures(result.quadrature, patch_of)
+                            : internal::constant_pressures(patch_of);
+    average(std::move(patch_of), std::move(pressures), result);
   }
   if (options.fine && options.secondary != SecondaryKind::full)
     result.fine = project(result.space, result.shape, every_cell(result.space));

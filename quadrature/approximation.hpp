@@ -45,6 +45,13 @@ constexpr Dilatation averaged_if(bool averaged) {
   return averaged ? Dilatation::averaged : Dilatation::pointwise;
 }
 
+/// Which functions pressures are made of on a patch, where dilatations of a cloud are averaged; finite elements have
+/// constant ones.
+enum class PressureKind {
+  linear,    ///< Dim + 1 functions on each patch of five nodes or more
+  constant,  ///< one function on each patch of about two nodes, as explicit dynamics needs
+};
+
 /// Which functions and which quadrature; all may be left as it is.
 struct ApproximationOptions {
   BasisKind kind = BasisKind::mls;
@@ -63,6 +70,7 @@ struct ApproximationOptions {
   /// for mls 6 in the plane and 24 in space.
   double ratio = 0.0;
   Dilatation dilatation = Dilatation::automatic;
+  PressureKind pressures = PressureKind::linear;
   bool fine = false;  ///< also build full integration (for the deviatoric stabilisation)
   /// Named boundary parts on which the functions of all other nodes vanish, so that nodal values there can be set
   /// strongly.
@@ -85,9 +93,10 @@ template <int Dim> struct Approximation {
   Points<Dim> nodes;             ///< Dim x N
   std::vector<Index> node_dofs;  ///< N, fine degree of freedom each node sits on, all different
   Quadrature<Dim> quadrature;    ///< secondary basis: points, weights, projected gradients, traces
-  Quadrature<Dim> dilatation;    ///< unions of the above, about 0.5 per node; empty unless averaged
-  std::vector<Index> union_of;   ///< M, union each quadrature point belongs to; empty unless averaged
-  bool averaged = false;         ///< whether the volumetric part is on unions (B-bar)
+  std::vector<Index> patch_of;   ///< M, pressure patch of each quadrature point; empty unless averaged
+  SparseRows pressures;          ///< M x P: functions of the pressures, by patch; they sum to 1; empty unless averaged
+  Quadrature<Dim> dilatation;    ///< P, the quadrature merged by them; empty unless averaged
+  bool averaged = false;         ///< whether dilatations are averaged on patches (B-bar)
   bool undecided = false;        ///< Dilatation::automatic: nobody who knows the material said that it need not be
   Quadrature<Dim> fine;          ///< full integration; empty unless asked for
   MlsReport mls;                 ///< how often supports had to grow

@@ -3,8 +3,10 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/internal/accumulator.hpp"
+#include "efree/core/internal/groups.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/geodesics.hpp"
+#include "efree/quadrature/internal/regular_simplex.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -17,32 +19,10 @@
 #include <optional>
 
 namespace efree {
+
+using internal::from_rows, internal::indicators, internal::members_of, internal::regular_simplex;
+
 namespace {
-
-SparseRows from_rows(Index cols, const std::vector<Index>& offsets, const std::vector<Index>& columns,
-                     const std::vector<double>& values) {
-  return Eigen::Map<const SparseRows>(static_cast<Index>(offsets.size()) - 1, cols, static_cast<Index>(columns.size()),
-                                      offsets.data(), columns.data(), values.data());
-}
-
-/// The members of each group, ascending; group[k] is that of k.
-Ragged<Index> members_of(const std::vector<Index>& group, Index groups) {
-  Ragged<Index> members;
-  members.offsets.assign(groups + 1, 0);
-  for (const Index g : group) ++members.offsets[g + 1];
-  std::partial_sum(members.offsets.begin(), members.offsets.end(), members.offsets.begin());
-  members.items.resize(group.size());
-  std::vector<Index> cursor(members.offsets.begin(), members.offsets.end() - 1);
-  for (std::size_t k = 0; k < group.size(); ++k) members.items[cursor[group[k]]++] = static_cast<Index>(k);
-  return members;
-}
-
-/// One entry of 1 per row: rows of indicator functions.
-SparseRows indicators(const std::vector<Index>& column, Index cols) {
-  std::vector<Index> offsets(column.size() + 1);
-  std::iota(offsets.begin(), offsets.end(), 0);
-  return from_rows(cols, offsets, column, std::vector<double>(column.size(), 1.0));
-}
 
 /// What one fine function or node contributes to a quadrature point: value, gradient, and (axisymmetric) value over r:
 /// four numbers in 2D and in 3D.
@@ -299,16 +279,6 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
   }
   secondary.on_facets = from_rows(size, offsets, columns, values);
   return secondary;
-}
-
-/// Corners of the regular simplex with |xi_i|^2 = Dim: their sum is 0, xi_i . xi_j = -1.
-template <int Dim> Eigen::Matrix<double, Dim, Dim + 1> regular_simplex() {
-  Eigen::Matrix<double, Dim, Dim + 1> corners;
-  if constexpr (Dim == 2)
-    corners << 0.0, -std::sqrt(1.5), std::sqrt(1.5), std::sqrt(2.0), -std::sqrt(0.5), -std::sqrt(0.5);
-  else
-    corners << 1, 1, -1, -1, 1, -1, 1, -1, 1, -1, -1, 1;
-  return corners;
 }
 
 /// Linear functions on a set of cells, one at the point of their own and zero at the others.
@@ -637,35 +607,31 @@ template <int Dim> Quadrature<Dim> evaluate_at_points(const FineSpace<Dim>& spac
   return result;
 }
 
-template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const std::vector<Index>& group, Index groups) {
-  if (static_cast<Index>(group.size()) != fine.size())
-    throw InputError(fmt::format("merge: {} group numbers for {} quadrature points", group.size(), fine.size()));
+template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const SparseRows& functions) {
+  if (functions.rows() != fine.size())
+    throw InputError(fmt::format("merge: {} rows of functions for {} quadrature points", functions.rows(), fine.size()));
+  const auto count = static_cast<Index>(functions.cols());
+  const SparseRows members = functions.transpose();
   Quadrature<Dim> result;
-  result.points = Points<Dim>::Zero(Dim, groups);
-  result.weights = Vector::Zero(groups);
-  for (Index g : group)
-    if (g < 0 || g >= groups) throw InputError(fmt::format("merge: group number {}, expected 0 to {}", g, groups - 1));
-  const Ragged<Index> members = members_of(group, groups);
-  for (Index K = 0; K < fine.size(); ++K) {
-    result.weights[group[K]] += fine.weights[K];
-    result.points.col(group[K]) += fine.weights[K] * fine.points.col(K);
+  result.weights = members * fine.weights;
+  if (!(result.weights.minCoeff() > 0.0)) throw InputError("merge: a function without quadrature points");
+  result.points = Points<Dim>::Zero(Dim, count);
+  for (Index g = 0; g < count; ++g) {
+    result.region.push_back(fine.region[SparseRows::InnerIterator(members, g).col()]);
+    for (SparseRows::InnerIterator K(members, g); K; ++K) {
+      result.points.col(g) += fine.weights[K.col()] * K.value() / result.weights[g] * fine.points.col(K.col());
+      if (fine.region[K.col()] != result.region[g]) throw InputError("merge: a function spans two regions");
+    }
   }
-  if (!(result.weights.minCoeff() > 0.0)) throw InputError("merge: a group without quadrature points");
-  for (Index g = 0; g < groups; ++g) {
-    result.region.push_back(fine.region[members[g].front()]);
-    for (Index K : members[g])
-      if (fine.region[K] != result.region[g]) throw InputError("merge: a group spans two regions");
-  }
-  result.points.array().rowwise() /= result.weights.transpose().array();
-  result.on_facets = fine.on_facets * indicators(group, groups);
-  result.shape = TableBuilder<Dim>(groups, fine.shape.num_nodes(), fine.axisymmetric())
+  result.on_facets = fine.on_facets * functions;
+  result.shape = TableBuilder<Dim>(count, fine.shape.num_nodes(), fine.axisymmetric())
                      .build([&](Index begin, Index end, auto& out) {
                        Accumulator<Moment> nodal(fine.shape.num_nodes());
                        for (Index g = begin; g < end; ++g) {
                          nodal.clear();
-                         for (Index K : members[g]) {
-                           const double share = fine.weights[K] / result.weights[g];
-                           const auto row = fine.shape.row(K);
+                         for (SparseRows::InnerIterator K(members, g); K; ++K) {
+                           const double share = fine.weights[K.col()] * K.value() / result.weights[g];
+                           const auto row = fine.shape.row(static_cast<Index>(K.col()));
                            for (std::size_t k = 0; k < row.nodes.size(); ++k) {
                              auto& moment = nodal[row.nodes[k]];
                              moment[0] += share * row.N[k];
@@ -691,7 +657,7 @@ template SecondaryBasis<2> every_cell<2>(const FineSpace<2>&);
 template Vector secondary_weights<2>(const FineSpace<2>&, const SecondaryBasis<2>&);
 template Quadrature<2> project<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
 template Quadrature<2> evaluate_at_points<2>(const FineSpace<2>&, const ShapeTable<2>&, const SecondaryBasis<2>&);
-template Quadrature<2> merge<2>(const Quadrature<2>&, const std::vector<Index>&, Index);
+template Quadrature<2> merge<2>(const Quadrature<2>&, const SparseRows&);
 template struct Quadrature<3>;
 template Clusters nearest_clusters<3>(const FineMesh<3>&, const NodeCloud<3>&);
 template Clusters levelled<3>(const FineMesh<3>&, Clusters);
@@ -703,6 +669,6 @@ template SecondaryBasis<3> every_cell<3>(const FineSpace<3>&);
 template Vector secondary_weights<3>(const FineSpace<3>&, const SecondaryBasis<3>&);
 template Quadrature<3> project<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
 template Quadrature<3> evaluate_at_points<3>(const FineSpace<3>&, const ShapeTable<3>&, const SecondaryBasis<3>&);
-template Quadrature<3> merge<3>(const Quadrature<3>&, const std::vector<Index>&, Index);
+template Quadrature<3> merge<3>(const Quadrature<3>&, const SparseRows&);
 
 }  // namespace efree

@@ -102,8 +102,9 @@ template <int Dim> Quadrature<Dim> project(const FineSpace<Dim>& space, const Sh
 template <int Dim> Quadrature<Dim> evaluate_at_points(const FineSpace<Dim>& space, const ShapeTable<Dim>& shape,
                                                       const SecondaryBasis<Dim>& secondary);
 
-/// Unions of quadrature points: point K joins union group[K] (numbered 0 .. groups-1); gradients are the weighted means
-/// (B-bar).
-template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const std::vector<Index>& group, Index groups);
+/// A coarser quadrature by functions given at the points of a finer one (points x functions; they sum to one at every
+/// point): weights are their integrals, gradients the means under them (B-bar). Throws InputError for another number of
+/// rows, and for a function without points, with an integral that is not positive, or in two regions.
+template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const SparseRows& functions);
 
 }  // namespace efree

@@ -109,9 +109,9 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
                                                                    const std::vector<double>& bearable) {
   if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
     throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
-  const bool unions = approximation.dilatation.size() > 0;
+  const bool averages = approximation.dilatation.size() > 0;
   const bool stabilised = is_stabilised(approximation, stabilisation);
-  if (!unions && !stabilised) return {{&approximation.quadrature, materials.tangents(approximation.quadrature)}};
+  if (!averages && !stabilised) return {{&approximation.quadrature, materials.tangents(approximation.quadrature)}};
   const double share = stabilised ? 1.0 - stabilisation : 1.0;
   std::vector<StiffnessTerm<Dim>> terms;
   terms.push_back(
@@ -119,16 +119,14 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
   if (stabilised)
     terms.push_back(
         {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
-  const auto& volumetric = unions ? approximation.dilatation : approximation.quadrature;
+  const auto& volumetric = averages ? approximation.dilatation : approximation.quadrature;
   terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
   if (!bearable.empty()) {
-    std::vector<double> of_union(volumetric.size(), 0.0);
-    for (Index K = 0; K < approximation.quadrature.size(); ++K) {
-      const Index g = approximation.union_of[K];
-      of_union[g] += approximation.quadrature.weights[K] / volumetric.weights[g] * bearable[K];
-    }
+    const Vector& weights = approximation.quadrature.weights;
+    const Vector by_point = weights.cwiseProduct(Eigen::Map<const Vector>(bearable.data(), weights.size()));
+    const Vector by_function = (approximation.pressures.transpose() * by_point).cwiseQuotient(volumetric.weights);
     add_bulk(materials.trace(), bearable, 1.0, terms.front().tangents);
-    add_bulk(materials.trace(), of_union, -1.0, terms.back().tangents);
+    add_bulk(materials.trace(), std::vector<double>(by_function.begin(), by_function.end()), -1.0, terms.back().tangents);
   }
   return terms;
 }
@@ -209,15 +207,15 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   }
 
   /// What the materials say at the points of one term, with what takes that back to the gradients of the points and of
-  /// the unions.
+  /// the patches.
   struct Answer {
     PointResponses<Dim> of;
     Gradients<Dim> swelling;  ///< by point: strain s that pressure makes, per dilatation; empty: own dilatations
     Gradient<Dim> trace;
     std::vector<double> bearable{};  ///< by point; empty: nothing
-    Vector uneven{};                 ///< by point: the stress by which it resists another dilatation than its union's
+    Vector uneven{};                 ///< by point: the stress by which it resists another dilatation than its patch's
 
-    /// s . P, the stress that works on the dilatation of the union (or on none).
+    /// s . P, the stress that works on the averaged dilatation (or on none).
     double pressure(Index K) const { return swelling.col(K).dot(of.P.col(K)) - (bearable.empty() ? 0.0 : uneven[K]); }
     Gradient<Dim> borne(Index K) const { return bearable.empty() ? 0.0 * trace : bearable[K] * trace; }
     /// What works on the gradient of the point itself.
@@ -229,7 +227,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       const Tangent<Dim> left = Tangent<Dim>::Identity() - swelling.col(K) * trace.transpose();
       return left.transpose() * of.A[K] * left + borne(K) * trace.transpose();
     }
-    /// Change of `stress` by the dilatation of the union.
+    /// Change of `stress` by the averaged dilatation.
     Gradient<Dim> stress_by_dilatation(Index K) const {
       const Gradient<Dim> change = of.A[K] * swelling.col(K);
       return change - swelling.col(K).dot(change) * trace - borne(K);
@@ -246,8 +244,10 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     Answer answer{{}, {}, materials.trace()};
     Gradients<Dim> H = gradient(points, U);
     if (term.trace != Trace::own) {
-      Gradients<Dim> mean;
-      if (term.trace == Trace::averaged) mean = gradient(approximation.dilatation, U);
+      Vector averaged = Vector::Zero(points.size());
+      if (term.trace == Trace::averaged)
+        averaged = approximation.pressures *
+                   (gradient(approximation.dilatation, U).transpose() * Vector(answer.trace));
       answer.swelling.resizeLike(H);
       if (term.trace == Trace::averaged) answer.bearable = bearable;
       answer.uneven = Vector::Zero(static_cast<Index>(answer.bearable.size()));
@@ -255,10 +255,10 @@ template <int Dim> struct Equilibrium<Dim>::Data {
         Stiffness<Dim> room;
         const Gradient<Dim> s =
             gradient_of<Dim>(materials.stiffness(points.region[K], points.points.col(K), room).swelling);
-        const double wanted = mean.cols() > 0 ? answer.trace.dot(mean.col(approximation.union_of[K])) : 0.0;
+        const double off = answer.trace.dot(H.col(K)) - averaged[K];
         answer.swelling.col(K) = s;
-        if (!answer.bearable.empty()) answer.uneven[K] = bearable[K] * (answer.trace.dot(H.col(K)) - wanted);
-        H.col(K) += (wanted - answer.trace.dot(H.col(K))) * s;
+        if (!answer.bearable.empty()) answer.uneven[K] = bearable[K] * off;
+        H.col(K) -= off * s;
       });
     }
     answer.of = materials.respond(points, H, state.history.segment(first_history, materials.history_size(points)),
@@ -277,13 +277,6 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     }
   }
 
-  /// Sums over the points of each union, weighted: value(K).
-  template <class Value> Vector union_sums(const Discretization<Dim>& points, const Value& value) const {
-    Vector sums = Vector::Zero(approximation.dilatation.size());
-    for (Index K = 0; K < points.size(); ++K) sums[approximation.union_of[K]] += points.weights[K] * value(K);
-    return sums;
-  }
-
   /// The tangent where nothing has happened yet, of all coefficients, times U.
   Points<Dim> initial_forces(const Points<Dim>& U) const {
     if (U.isZero(0.0)) return Points<Dim>::Zero(Dim, U.cols());
@@ -300,10 +293,12 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       for (Index K = 0; K < term.points->size(); ++K) P.col(K) = term.share * answer.stress(K);
       forces += internal_force(*term.points, P);
       if (term.trace != WorkTerm<Dim>::Trace::averaged) return;
-      const auto& unions = approximation.dilatation;
-      const Vector pressure = union_sums(*term.points, [&](Index K) { return term.share * answer.pressure(K); });
-      const Vector mean = pressure.cwiseQuotient(unions.weights);
-      forces += internal_force(unions, Gradients<Dim>(answer.trace * mean.transpose()));
+      Vector pressure(term.points->size());
+      for (Index K = 0; K < pressure.size(); ++K)
+        pressure[K] = term.share * term.points->weights[K] * answer.pressure(K);
+      const Vector by_function =
+          (approximation.pressures.transpose() * pressure).cwiseQuotient(approximation.dilatation.weights);
+      forces += internal_force(approximation.dilatation, Gradients<Dim>(answer.trace * by_function.transpose()));
     });
     return forces;
   }
@@ -342,28 +337,45 @@ template <int Dim> struct Equilibrium<Dim>::Data {
   struct TangentTerm {
     const Discretization<Dim>* points;
     std::vector<Tangent<Dim>> A;   ///< by point, times the share
-    Vector bulk;                   ///< by union: work of a dilatation on itself; empty without averages
-    std::vector<Vec<Dim>> forces;  ///< by entry of the unions' table: those that a dilatation of the union makes
+    std::vector<Vec<Dim>> forces;  ///< by entry of the dilatations' table: those that such a dilatation makes, half of
+                                   ///< its work on itself and on others of its patch included; empty without averages
   };
 
   TangentTerm tangent_term(const WorkTerm<Dim>& term, const Answer& answer) const {
     const Discretization<Dim>& points = *term.points;
-    TangentTerm result{&points, std::vector<Tangent<Dim>>(points.size()), {}, {}};
+    TangentTerm result{&points, std::vector<Tangent<Dim>>(points.size()), {}};
     parallel_for(points.size(), [&](Index K) { result.A[K] = term.share * answer.tangent(K); });
     if (term.trace != WorkTerm<Dim>::Trace::averaged) return result;
     const auto& table = approximation.dilatation.shape;
-    result.bulk = union_sums(points, [&](Index K) { return term.share * answer.bulk(K); });
+    const auto first_entry = [&](Index j) { return static_cast<std::size_t>(table.row(j).N.data() - table.row(0).N.data()); };
+    using Pressure = typename SparseRows::InnerIterator;
     result.forces.assign(static_cast<std::size_t>(table.num_entries()), Vec<Dim>::Zero());
+    Matrix bulk = Matrix::Zero(Dim + 1, approximation.dilatation.size());  // column = function, row = one of its patch
+    std::vector<Index> first_of_patch(approximation.dilatation.size());
     for (Index K = 0; K < points.size(); ++K) {
-      const auto all = table.row(approximation.union_of[K]);
-      const auto first = static_cast<std::size_t>(all.N.data() - table.row(0).N.data());
-      const Gradient<Dim> change = term.share * points.weights[K] * answer.stress_by_dilatation(K);
+      const double weight = term.share * points.weights[K], on_itself = weight * answer.bulk(K);
+      const Gradient<Dim> change = weight * answer.stress_by_dilatation(K);
       const auto row = points.shape.row(K);
-      for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {
-        while (all.nodes[at] != row.nodes[k]) ++at;  // the union has all nodes of its points
-        result.forces[first + at] += nodal_gradient(row, k).force(change);
+      for (Pressure j(approximation.pressures, K); j; ++j) {
+        const auto all = table.row(static_cast<Index>(j.col()));
+        const std::size_t first = first_entry(static_cast<Index>(j.col()));
+        for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {
+          while (all.nodes[at] != row.nodes[k]) ++at;  // a function has all nodes of its points
+          result.forces[first + at] += nodal_gradient(row, k).force(Gradient<Dim>(j.value() * change));
+        }
+        Pressure i(approximation.pressures, K);
+        first_of_patch[j.col()] = static_cast<Index>(i.col());
+        for (Index at = 0; i; ++i, ++at) bulk(at, j.col()) += on_itself * i.value() * j.value();
       }
     }
+    const Gradient<Dim> trace = materials.trace();
+    for (Index j = 0; j < approximation.dilatation.size(); ++j)
+      for (Index i = 0; i <= Dim; ++i) {
+        if (bulk(i, j) == 0.0) continue;  // patches of constant pressures have one function
+        const auto other = table.row(first_of_patch[j] + i);
+        for (std::size_t k = 0; k < other.nodes.size(); ++k)
+          result.forces[first_entry(j) + k] += 0.5 * bulk(i, j) * nodal_gradient(other, k).force(trace);
+      }
     return result;
   }
 
@@ -373,21 +385,20 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       terms.push_back(tangent_term(term, answer));
     });
     const Gradient<Dim> trace = materials.trace();
-    const auto& unions = approximation.dilatation.shape;
+    const auto& table = approximation.dilatation.shape;
     pattern.sum(
         unknowns,
         [&](Index a, BlockColumn<Dim>& column) {
           for (const TangentTerm& term : terms) {
             add_stiffness(*term.points, term.A, a, column);
-            if (term.bulk.size() == 0) continue;
-            for (const auto& [g, k] : unions.by_node()[a]) {
-              const auto row = unions.row(g);
-              const Vec<Dim>* forces = term.forces.data() + (row.N.data() - unions.row(0).N.data());
+            if (term.forces.empty()) continue;
+            for (const auto& [j, k] : table.by_node()[a]) {
+              const auto row = table.row(j);
+              const Vec<Dim>* forces = term.forces.data() + (row.N.data() - table.row(0).N.data());
               const Vec<Dim> along = nodal_gradient(row, k).force(trace);
               for (std::size_t l = k; l < row.nodes.size(); ++l) {
                 const Vec<Dim> other = nodal_gradient(row, l).force(trace);
-                column[row.nodes[l]] +=
-                    (term.bulk[g] * other + forces[l]) * along.transpose() + other * forces[k].transpose();
+                column[row.nodes[l]] += forces[l] * along.transpose() + other * forces[k].transpose();
               }
             }
           }

@@ -10,6 +10,7 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/groups.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/solvers/internal/patch_shear.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
@@ -66,17 +67,57 @@ template <int Dim> struct Volume {
   }
 };
 
-/// Points of each union, ascending.
-Ragged<Index> members(const std::vector<Index>& union_of, Index unions) {
-  Ragged<Index> result;
-  result.offsets.assign(unions + 1, 0);
-  for (const Index g : union_of) ++result.offsets[g + 1];
-  for (Index g = 0; g < unions; ++g) result.offsets[g + 1] += result.offsets[g];
-  result.items.resize(union_of.size());
-  std::vector<Index> cursor(result.offsets.begin(), result.offsets.end() - 1);
-  for (std::size_t K = 0; K < union_of.size(); ++K) result.items[cursor[union_of[K]]++] = static_cast<Index>(K);
-  return result;
-}
+/// The pressure patches of an approximation.
+template <int Dim> struct Patches {
+  Ragged<Index> points;      ///< by patch, ascending; no rows without averages
+  Ragged<double> functions;  ///< by patch: values at its points, point by point; orthonormal under their weights
+  Ragged<Index> nodes;       ///< by patch: those that its dilatations depend on, ascending
+  Ragged<NodePlace> of_node;  ///< by node: (patch, position)
+  std::vector<Index> entry;   ///< by patch: first of the numbers by function and node
+
+  using Values = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, Dim + 1, 1>;  ///< by function of a patch
+
+  Patches() = default;
+  Patches(const Approximation<Dim>& of, const HeldGradient<Dim>& held)
+      : points(internal::members_of(of.patch_of, 1 + *std::ranges::max_element(of.patch_of))), entry{0} {
+    const Vector integrals = of.dilatation.weights.cwiseSqrt();
+    std::vector<Index> all;
+    for (Index g = 0; g < size(); ++g) {
+      all.clear();
+      for (const Index K : points[g]) {
+        for (SparseRows::InnerIterator j(of.pressures, K); j; ++j)
+          functions.items.push_back(j.value() / integrals[j.col()]);
+        const auto row = held.nodes(K);
+        all.insert(all.end(), row.begin(), row.end());
+      }
+      functions.close_row();
+      std::ranges::sort(all);
+      all.erase(std::unique(all.begin(), all.end()), all.end());
+      nodes.items.insert(nodes.items.end(), all.begin(), all.end());
+      nodes.close_row();
+      entry.push_back(entry.back() + num_functions(g) * static_cast<Index>(all.size()));
+    }
+    const auto places = places_of_nodes(held.num_nodes(), size(), [&](Index g) { return nodes[g]; });
+    of_node.offsets = places.offsets;
+    for (const auto& [row, position] : places.items) of_node.items.push_back({row, position});
+  }
+
+  Index size() const { return points.rows(); }
+  Index num_functions(Index g) const { return static_cast<Index>(functions[g].size() / points[g].size()); }
+  /// Of patch g, at its k-th point.
+  Eigen::Map<const Values> at(Index g, Index k) const {
+    const Index count = num_functions(g);
+    return {functions[g].data() + k * count, count};
+  }
+  /// Replaces values at the points of patch g by their best approximation by its functions, under these weights.
+  void project(Index g, const Vector& weights, Vector& values) const {
+    Values sums = Values::Zero(num_functions(g));
+    Index k = 0;
+    for (const Index K : points[g]) sums += weights[K] * values[K] * at(g, k++);
+    k = 0;
+    for (const Index K : points[g]) values[K] = sums.dot(at(g, k++));
+  }
+};
 
 }  // namespace
 
@@ -105,8 +146,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Gradients<Dim> H;     ///< of the points themselves
     Gradients<Dim> seen;  ///< by the materials
     internal::ShearedResponses<Dim> of;
-    Vector dilatation;  ///< by union: mean ln J (finite strains) or trace (small ones); empty without averages
-    Vector pressure;    ///< by union: work on its dilatation per volume
+    Vector dilatation;  ///< by point: averaged ln J (finite strains) or trace (small ones); empty without averages
+    Vector pressure;    ///< by point: likewise averaged, work on that dilatation per volume
   };
 
   /// What was found out last. A copy begins with none.
@@ -129,11 +170,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   HeldGradient<Dim> held;
   FollowerPressures<Dim> followers;
   std::vector<bool> finite;   ///< by region
-  std::vector<bool> swells;   ///< by region: means of dilatations change lengths alike in all directions
-  Ragged<Index> members;      ///< points by union; no rows without averages
-  Vector volumes;             ///< of unions
-  Ragged<Index> union_nodes;  ///< that the dilatation of a union depends on, ascending
-  Ragged<NodePlace> unions_of_node;
+  std::vector<bool> swells;   ///< by region: averages of dilatations change lengths alike in all directions
+  Patches<Dim> patches;
   SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
   Unknowns<Dim> unknowns;
   MatrixPattern<Dim> pattern;
@@ -159,27 +197,10 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Index nodes = of.shape.num_nodes();
     weak = held.penalty();
     if (of.dilatation.size() > 0) {
-      members = efree::members(of.union_of, of.dilatation.size());
-      volumes = Vector::Zero(members.rows());
-      std::vector<Index> all;
-      for (Index g = 0; g < members.rows(); ++g) {
-        all.clear();
-        for (const Index K : members[g]) {
-          volumes[g] += held.quadrature().weights[K];
-          const auto row = held.nodes(K);
-          all.insert(all.end(), row.begin(), row.end());
-        }
-        std::ranges::sort(all);
-        all.erase(std::unique(all.begin(), all.end()), all.end());
-        union_nodes.items.insert(union_nodes.items.end(), all.begin(), all.end());
-        union_nodes.close_row();
-      }
-      const auto places = places_of_nodes(nodes, members.rows(), [&](Index g) { return union_nodes[g]; });
-      unions_of_node.offsets = places.offsets;
-      for (const auto& [row, position] : places.items) unions_of_node.items.push_back({row, position});
+      patches = Patches<Dim>(of, held);
       weak += gather_blocks<Dim>(nodes, [&](Index a, Accumulator<Mat<Dim>>& sums) {
-        for (const auto& [g, k] : unions_of_node[a])
-          for (const Index node : union_nodes[g].subspan(k)) sums[node];
+        for (const auto& [g, k] : patches.of_node[a])
+          for (const Index node : patches.nodes[g].subspan(k)) sums[node];
       });
     }
     pattern = MatrixPattern<Dim>(nodes, {&held.quadrature().shape, &followers.table()}, weak);
@@ -234,7 +255,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Vector forces = weak.template selfadjointView<Eigen::Lower>() * U.reshaped();
     return forces.reshaped(Dim, U.cols());
   }
-  bool averaged() const { return members.rows() > 0; }
+  bool averaged() const { return patches.size() > 0; }
+  /// The same at the points of patch g, in place of values of their own.
+  void average(Index g, Vector& values) const { patches.project(g, held.quadrature().weights, values); }
   /// Whether tangents of all materials are.
   bool symmetric() const {
     const auto is = [](const SharedMaterial& material) { return !material || material->symmetric(); };
@@ -258,13 +281,13 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
-  /// What averages take the mean of over a union.
+  /// What is averaged on a patch.
   double dilatation(const Gradients<Dim>& H, Index K) const {
     return is_finite(K) ? std::log(volume(H, K).J) : materials.trace().dot(H.col(K));
   }
-  /// The energy by which a dilatation at a point resists being another than the mean of its union, k/2 (own - mean)^2,
+  /// The energy by which a dilatation at a point resists being another than the averaged one, k/2 (own - averaged)^2,
   /// of finite strains times I - 2, I = J^(-2/3) F : F: pressures that feed such dilatations grow with what distorts
-  /// the body. With its derivatives by the gradient and the mean, second ones (mean_mean, mixed, A) if asked for.
+  /// the body. With its derivatives by the gradient and the averaged one, second ones (mean_mean, mixed, A) if asked for.
   struct Unevenness {
     double energy = 0.0, by_mean = 0.0, mean_mean = 0.0;
     Gradient<Dim> P = Gradient<Dim>::Zero(), mixed = Gradient<Dim>::Zero();
@@ -274,7 +297,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Unevenness result;
     const double k = moduli.empty() ? 0.0 : moduli[K];
     if (k == 0.0 || (!shear.empty() && shear[K] > 0.0)) return result;  // shears have it instead
-    const double off = dilatation(answer.H, K) - answer.dilatation[approximation.union_of[K]];
+    const double off = dilatation(answer.H, K) - answer.dilatation[K];
     Gradient<Dim> g = materials.trace(), dI = Gradient<Dim>::Zero();  // by F: of the point's dilatation, of I
     Tangent<Dim> G = Tangent<Dim>::Zero(), ddI = G;                   // and second ones, -G of the dilatation
     double grown = k;
@@ -311,7 +334,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return result;
   }
 
-  /// What averages make of a point of finite strains: it sees F stretched by r, which gives it the mean volume.
+  /// What averages make of a point of finite strains: it sees F stretched by r, which gives it the averaged volume.
   struct Stretch {
     Gradient<Dim> F;
     Volume<Dim> of;
@@ -319,14 +342,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Stretch(const Gradient<Dim>& at, double mean) : F(at), of(at), r(std::exp(mean / 3.0) / std::cbrt(of.J)) {}
   };
   Stretch stretch(const Answer& answer, Index K) const {
-    return {deformation(answer.H, K), answer.dilatation[approximation.union_of[K]]};
+    return {deformation(answer.H, K), answer.dilatation[K]};
   }
 
   Gradients<Dim> gradients(const State& state) const {
     return held.of(displacements(state)) + acting(state.time)->motion.gradients;
   }
 
-  /// What a material works on the mean dilatation of the patch, per volume.
+  /// What a material works on the averaged dilatation, per volume.
   double work_of_mean(const Answer& answer, Index K) const {
     const Gradient<Dim> P = answer.of.P.col(K);
     const double work = is_finite(K) ? P.dot(deformation(answer.seen, K)) / 3.0 : swelling(K).dot(P);
@@ -341,30 +364,31 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Vector shears;
     if (averaged()) {
       const Gradient<Dim> trace = materials.trace();
-      answer.dilatation = Vector::Zero(members.rows());
+      answer.dilatation.resize(points.size());
       shears.resize(static_cast<Index>(shear.size()));
-      parallel_for(members.rows(), [&](Index g) {
-        double sum = 0.0;
-        for (const Index K : members[g]) sum += points.weights[K] * dilatation(answer.H, K);
-        answer.dilatation[g] = sum / volumes[g];
-        for (const Index K : members[g]) {
-          if (!shear.empty()) shears[K] = shear[K] * (dilatation(answer.H, K) - answer.dilatation[g]);
+      parallel_for(patches.size(), [&](Index g) {
+        for (const Index K : patches.points[g]) answer.dilatation[K] = dilatation(answer.H, K);
+        for (const Index K : patches.points[g])
+          if (!shear.empty()) shears[K] = shear[K] * answer.dilatation[K];
+        average(g, answer.dilatation);
+        for (const Index K : patches.points[g]) {
+          if (!shear.empty()) shears[K] -= shear[K] * answer.dilatation[K];
           if (is_finite(K)) {
             const Stretch at = stretch(answer, K);
             answer.seen.col(K) += (at.r - 1.0) * at.F;
           } else {
-            answer.seen.col(K) += (answer.dilatation[g] - trace.dot(answer.H.col(K))) * swelling(K);
+            answer.seen.col(K) += (answer.dilatation[K] - trace.dot(answer.H.col(K))) * swelling(K);
           }
         }
       });
     }
     answer.of = internal::respond(materials, model, points, answer.seen, shears, state.history, state.dt, tangents);
     if (averaged()) {
-      answer.pressure = Vector::Zero(members.rows());
-      parallel_for(members.rows(), [&](Index g) {
-        for (const Index K : members[g])
-          answer.pressure[g] +=
-              points.weights[K] / volumes[g] * (work_of_mean(answer, K) + unevenness(answer, K).by_mean);
+      answer.pressure.resize(points.size());
+      parallel_for(patches.size(), [&](Index g) {
+        for (const Index K : patches.points[g])
+          answer.pressure[K] = work_of_mean(answer, K) + unevenness(answer, K).by_mean;
+        average(g, answer.pressure);
       });
     }
     return answer;
@@ -388,15 +412,14 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return {last, &last->second};
   }
 
-  /// The stress that works on the gradient of a point, that through the dilatation of its union included.
+  /// The stress that works on the gradient of a point, that through averaged dilatations included.
   Gradients<Dim> stresses(const Answer& answer) const {
     if (!averaged()) return answer.of.P;
     Gradients<Dim> P(gradient_size<Dim>, held.size());
     const Gradient<Dim> trace = materials.trace();
     parallel_for(held.size(), [&](Index K) {
-      const Index g = approximation.union_of[K];
       const Gradient<Dim> of = answer.of.P.col(K);
-      const double pressure = answer.pressure[g];
+      const double pressure = answer.pressure[K];
       if (is_finite(K)) {
         const Stretch at = stretch(answer, K);
         P.col(K) = at.r * of + (pressure - work_of_mean(answer, K)) * at.of.g;
@@ -408,8 +431,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return P;
   }
 
-  /// How what a material sees changes with the gradient of its point, M, and with the dilatation of the union, s, and
-  /// how that of the point changes with its gradient, d: with averages.
+  /// How what a material sees changes with the gradient of its point, M, and with the averaged dilatation, s, and how
+  /// the point's own changes with its gradient, d.
   struct Seen {
     Tangent<Dim> M;
     Gradient<Dim> s, d;
@@ -424,7 +447,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return {Tangent<Dim>::Identity() - s * trace.transpose(), s, trace};
   }
 
-  /// Second derivatives of the energy by the gradient of a point and the dilatation of its union, per volume.
+  /// Second derivatives of the energy by the gradient of a point and the averaged dilatation there, per volume.
   struct PointTangent {
     Tangent<Dim> A;
     Gradient<Dim> dilatation;  ///< change of the point's dilatation by its gradient
@@ -442,7 +465,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Unevenness uneven = unevenness(answer, K, true);
     result = {M.transpose() * A * M + uneven.A, d, M.transpose() * change + uneven.mixed,
               s.dot(change) + uneven.mean_mean};
-    if (!shear.empty()) {  // gamma = c (dilatation of the point - mean)
+    if (!shear.empty()) {  // gamma = c (dilatation of the point - averaged one)
       const double c = shear[K], stiffness = answer.of.shear_stiffness[K];
       const Gradient<Dim> by_shear = 0.5 * (answer.of.stress_by_shear.col(K) + answer.of.shear_by_gradient.col(K));
       const Gradient<Dim> seen_by_shear = M.transpose() * by_shear;
@@ -453,7 +476,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       result.bulk -= c * (by_shear.dot(s) + of_mean);
     }
     if (!at) return result;
-    const double pressure = answer.pressure[approximation.union_of[K]];
+    const double pressure = answer.pressure[K];
     const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
     const double work = P.dot(deformation(answer.seen, K));
     const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
@@ -474,31 +497,32 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       parallel_for(held.size(), [&](Index K) { change.col(K) = skew(K) * Gradient<Dim>(change.col(K)); });
       return held.force(change);
     }
-    parallel_for(members.rows(), [&](Index g) {
-      double dilatation = 0.0, pressure = 0.0;
-      const auto share = [&](Index K) { return held.quadrature().weights[K] / volumes[g]; };
-      std::vector<Seen> by_member;
-      by_member.reserve(members[g].size());
-      for (const Index K : members[g]) {
-        by_member.push_back(seen(answer, K));
-        dilatation += share(K) * by_member.back().d.dot(change.col(K));
+    Vector dilatation(held.size()), pressure(held.size());
+    parallel_for(patches.size(), [&](Index g) {
+      std::vector<Seen> by_point;
+      by_point.reserve(patches.points[g].size());
+      for (const Index K : patches.points[g]) {
+        by_point.push_back(seen(answer, K));
+        dilatation[K] = by_point.back().d.dot(change.col(K));
       }
-      auto member = by_member.begin();
-      for (const Index K : members[g]) {
-        const auto& [M, s, d] = *member++;
-        const Gradient<Dim> seen_change = M * change.col(K) + dilatation * s;
+      average(g, dilatation);
+      auto point = by_point.begin();
+      for (const Index K : patches.points[g]) {
+        const auto& [M, s, d] = *point++;
+        const Gradient<Dim> seen_change = M * change.col(K) + dilatation[K] * s;
         Gradient<Dim> stress = skew(K) * seen_change;
         double on_shear = 0.0;
         if (!shear.empty()) {
           const Gradient<Dim> b = 0.5 * (answer.of.stress_by_shear.col(K) - answer.of.shear_by_gradient.col(K));
-          stress += shear[K] * (d.dot(change.col(K)) - dilatation) * b;
+          stress += shear[K] * (d.dot(change.col(K)) - dilatation[K]) * b;
           on_shear = -shear[K] * b.dot(seen_change);
         }
-        pressure += share(K) * (s.dot(stress) - on_shear);
+        pressure[K] = s.dot(stress) - on_shear;
         change.col(K) = M.transpose() * stress + on_shear * d;
       }
-      member = by_member.begin();
-      for (const Index K : members[g]) change.col(K) += pressure * (member++)->d;
+      average(g, pressure);
+      point = by_point.begin();
+      for (const Index K : patches.points[g]) change.col(K) += pressure[K] * (point++)->d;
     });
     return held.force(change);
   }
@@ -521,32 +545,43 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Answer& answer = *asked;
     const Index size = held.size();
     std::vector<Tangent<Dim>> A(size);
-    // By entry of a union's nodes: what its dilatation changes by, and the forces that a change of it makes.
+    // By function and node of a patch: what the function's dilatation changes by, and the forces that a change of it
+    // makes, half of its work on itself and on others of the patch included.
     std::vector<Vec<Dim>> along, forces;
     if (!averaged()) {
       parallel_for(size, [&](Index K) { A[K] = point_tangent(answer, K).A; });
     } else {
-      along.assign(union_nodes.items.size(), Vec<Dim>::Zero());
+      along.assign(patches.entry.back(), Vec<Dim>::Zero());
       forces = along;
-      parallel_for(members.rows(), [&](Index g) {
-        const auto nodes = union_nodes[g];
-        const Index first = union_nodes.offsets[g];
-        double bulk = 0.0;
-        for (const Index K : members[g]) {
+      parallel_for(patches.size(), [&](Index g) {
+        const auto nodes = patches.nodes[g];
+        const auto count = static_cast<Index>(nodes.size()), functions = patches.num_functions(g);
+        const Index first = patches.entry[g];
+        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, Dim + 1, Dim + 1> bulk;
+        bulk.setZero(functions, functions);
+        Index place = 0;
+        for (const Index K : patches.points[g]) {
           const PointTangent point = point_tangent(answer, K);
           A[K] = point.A;
+          const auto at_point = patches.at(g, place++);
           const double w = held.quadrature().weights[K];
-          bulk += w * point.bulk;
+          bulk += w * point.bulk * at_point * at_point.transpose();
           const auto row = held.nodes(K);
           for (std::size_t k = 0, at = 0; k < row.size(); ++k) {
             while (nodes[at] != row[k]) ++at;
             const GradientBlock<Dim> block = held.block(K, k);
-            along[first + at] += w / volumes[g] * (block.transpose() * point.dilatation);
-            forces[first + at] += w * (block.transpose() * point.mixed);
+            const Vec<Dim> by_node = w * (block.transpose() * point.dilatation);
+            const Vec<Dim> force = w * (block.transpose() * point.mixed);
+            for (Index j = 0; j < functions; ++j) {
+              along[first + j * count + at] += at_point[j] * by_node;
+              forces[first + j * count + at] += at_point[j] * force;
+            }
           }
         }
-        // Half of the work of the dilatation on itself from each side.
-        for (std::size_t at = 0; at < nodes.size(); ++at) forces[first + at] += 0.5 * bulk * along[first + at];
+        for (Index j = 0; j < functions; ++j)
+          for (Index i = 0; i < functions; ++i)
+            for (Index at = 0; at < count; ++at)
+              forces[first + j * count + at] += 0.5 * bulk(i, j) * along[first + i * count + at];
       });
     }
     const auto pressed = followers.now(acting(state.time)->pressures, displacements(state));
@@ -556,12 +591,13 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
           held.add_stiffness(A, a, column);
           if (!followers.empty()) followers.add_stiffness(pressed, a, column);
           if (!averaged()) return;
-          for (const auto& [g, k] : unions_of_node[a]) {
-            const auto nodes = union_nodes[g];
-            const Index first = union_nodes.offsets[g];
-            for (std::size_t l = k; l < nodes.size(); ++l)
-              column[nodes[l]] +=
-                  along[first + l] * forces[first + k].transpose() + forces[first + l] * along[first + k].transpose();
+          for (const auto& [g, k] : patches.of_node[a]) {
+            const auto nodes = patches.nodes[g];
+            const auto count = static_cast<Index>(nodes.size());
+            for (Index first = patches.entry[g]; first < patches.entry[g + 1]; first += count)
+              for (std::size_t l = k; l < nodes.size(); ++l)
+                column[nodes[l]] +=
+                    along[first + l] * forces[first + k].transpose() + forces[first + l] * along[first + k].transpose();
           }
         },
         weak, result);
@@ -576,18 +612,26 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     if (!averaged()) {
       parallel_for(held.size(), [&](Index K) { dP.col(K) = point_tangent(answer, K).A * dH.col(K); });
     } else {
-      parallel_for(members.rows(), [&](Index g) {
-        double change = 0.0, pressure = 0.0, bulk = 0.0;
-        for (const Index K : members[g]) {
-          const PointTangent point = point_tangent(answer, K);
-          const double share = held.quadrature().weights[K] / volumes[g];
-          change += share * point.dilatation.dot(dH.col(K));
-          pressure += share * point.mixed.dot(dH.col(K));
-          bulk += share * point.bulk;
+      Vector change(held.size()), pressure(held.size());
+      parallel_for(patches.size(), [&](Index g) {
+        const auto& points = patches.points[g];
+        std::vector<PointTangent> tangents;
+        tangents.reserve(points.size());
+        for (const Index K : points) {
+          tangents.push_back(point_tangent(answer, K));
+          change[K] = tangents.back().dilatation.dot(dH.col(K));
         }
-        for (const Index K : members[g]) {
-          const PointTangent point = point_tangent(answer, K);
-          dP.col(K) = point.A * dH.col(K) + change * point.mixed + (pressure + bulk * change) * point.dilatation;
+        average(g, change);
+        auto point = tangents.begin();
+        for (const Index K : points) {
+          pressure[K] = point->mixed.dot(dH.col(K)) + point->bulk * change[K];
+          ++point;
+        }
+        average(g, pressure);
+        point = tangents.begin();
+        for (const Index K : points) {
+          dP.col(K) = point->A * dH.col(K) + change[K] * point->mixed + pressure[K] * point->dilatation;
+          ++point;
         }
       });
     }

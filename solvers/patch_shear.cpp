@@ -32,9 +32,6 @@ template <int Dim> std::vector<double> patch_moduli(const Approximation<Dim>& ap
   const bool elements = approximation.shape.num_nodes() == approximation.space.size();
   const double most = bearable_incompressibility(elements ? BasisKind::p2 : BasisKind::mls);
   std::vector<double> moduli(points.size(), 0.0);
-  // Of clouds in plane strain more raises the limit loads of footing and notched strip beyond 3 % (docs/evidence.md).
-  constexpr double most_along_slip_lines = 0.35;
-  const bool slips = Dim == 2 && model.plane == Plane::strain && !elements;
   Stiffness<Dim> room;
   for (Index K = 0; K < points.size(); ++K) {
     const Index region = points.region[K];
@@ -46,7 +43,6 @@ template <int Dim> std::vector<double> patch_moduli(const Approximation<Dim>& ap
       moduli[K] = stiffness.kappa;
     else if (!elastic || !elements)
       moduli[K] = bearable_kappa(stiffness);
-    if (!elastic && slips) moduli[K] = std::min(moduli[K], most_along_slip_lines * G);
   }
   return moduli;
 }

@@ -131,16 +131,18 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
                                                       const std::vector<StiffnessTerm<Dim>>& terms,
                                                       std::vector<Points<Dim>> coefficients) {
   const auto& quadrature = approximation.quadrature;
-  const bool unions = approximation.dilatation.size() > 0;
+  const bool averages = approximation.dilatation.size() > 0;
   const bool by_points = terms.size() == 1;  // the stiffness is that of the points, and so is the energy
   const std::size_t count = coefficients.size();
   std::vector<Solution<Dim>> solutions(count);
-  std::vector<VoigtPoints<Dim>> mean(unions ? count : 0);
+  std::vector<Vector> averaged(averages ? count : 0);  // dilatations by point
   for (std::size_t k = 0; k < count; ++k) {
     solutions[k].coefficients = std::move(coefficients[k]);
     solutions[k].strain.resize(voigt_size<Dim>, quadrature.size());
     solutions[k].stress.resize(voigt_size<Dim>, quadrature.size());
-    if (unions) mean[k] = strain(approximation.dilatation, solutions[k].coefficients);
+    if (averages)
+      averaged[k] = approximation.pressures *
+                    strain(approximation.dilatation, solutions[k].coefficients).topRows(3).colwise().sum().transpose();
   }
   std::vector<const Points<Dim>*> of_solutions;
   for (const auto& solution : solutions) of_solutions.push_back(&solution.coefficients);
@@ -157,9 +159,8 @@ template <int Dim> std::vector<Solution<Dim>> derived(const Approximation<Dim>& 
       const auto row = quadrature.shape.row(K);
       std::size_t k = 0;
       for (const auto& u : displacements) {
-        for (Index lane = 0; unions && lane < u.count(); ++lane)  // the pressure lives on the unions
-          dilatations[lane] = mean[k + lane].col(approximation.union_of[K]).template head<3>().sum();
-        internal::respond(u, row, stiffness, unions ? dilatations.data() : nullptr, there);
+        for (Index lane = 0; averages && lane < u.count(); ++lane) dilatations[lane] = averaged[k + lane][K];
+        internal::respond(u, row, stiffness, averages ? dilatations.data() : nullptr, there);
         for (Index lane = 0; lane < u.count(); ++lane, ++k) {
           double* const strain = solutions[k].strain.col(K).data();
           double* const stress = solutions[k].stress.col(K).data();

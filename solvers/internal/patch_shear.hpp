@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What resists dilatations that deviate from the mean of their pressure patch where material flows.
+/// What resists dilatations that deviate from the averaged ones of their pressure patch where material flows.
 #pragma once
 
 #include "efree/assembly/materials.hpp"
@@ -10,7 +10,7 @@
 
 namespace efree::internal {
 
-/// By quadrature point the modulus k against deviations of its dilatation from the mean of its pressure patch [stress].
+/// By quadrature point the modulus k against deviations of its dilatation from the averaged one [stress].
 /// Where all materials are elastic bearable_kappas. Where one flows all points have patches, also those that do not
 /// need them: as long as functions bear the bulk modulus (bearable_incompressibility) k is all of it, so that what has
 /// not yielded is as stiff as without patches; else it is bearable_kappa. Zero in space where materials flow:
@@ -18,8 +18,8 @@ namespace efree::internal {
 template <int Dim> std::vector<double> patch_moduli(const Approximation<Dim>& approximation,
                                                     const Materials<Dim>& materials, const ElasticModel& model);
 
-/// In the plane and in bodies of revolution materials that flow see the deviation of a point's dilatation from the mean
-/// of its patch as a shear out of the plane, gamma_K = c_K (theta_K - theta_mean), c_K = sqrt(k_K / G). There is no
+/// In the plane and in bodies of revolution materials that flow see the deviation of a point's dilatation from the
+/// averaged one as a shear out of the plane, gamma_K = c_K (theta_K - theta_mean), c_K = sqrt(k_K / G). There is no
 /// other such shear, so that in isotropic materials it couples with no other strain: elastic ones have the energy k
 /// (theta_K - theta_mean)^2 / 2, and flow limits its stress as that of any part of the deviator. Without it deviations
 /// cost next to nothing where material flows, and rings lose their shape; an elastic energy would grow without bounds

@@ -9,11 +9,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <algorithm>
 
 namespace efree {
 namespace {
 
-using ::testing::ElementsAre, ::testing::Pair;
+using ::testing::ElementsAre, ::testing::Pair, ::testing::UnorderedElementsAre;
 
 struct Told {
   std::vector<std::pair<std::string, double>> progress{};
@@ -116,9 +117,10 @@ TEST(Monitor, EndsAnAnalysisAtWhateverStepItIsAsked) {
     Told told{.patience = patience};
     const std::string stage = cancelled_in([&] { pull(told.monitor()); });
     EXPECT_EQ(told.asked, patience + 1);
-    if (ends.empty() || ends.back() != stage) ends.push_back(stage);
+    if (std::ranges::find(ends, stage) == ends.end()) ends.push_back(stage);
   }
-  EXPECT_THAT(ends, ElementsAre("cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction"));
+  // One thread samples the cloud of the quadrature before the weights.
+  EXPECT_THAT(ends, UnorderedElementsAre("cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction"));
   EXPECT_GT(watched.asked, 12) << "not only at the beginning of stages: between iterations, too";
 }
 

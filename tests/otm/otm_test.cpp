@@ -305,7 +305,7 @@ TEST(OtmBar, VibratesOnTheFunctionsOfTheStaticSolverAsWell) {
                           .velocity = {},
                           .points = cloud.quadrature.points,
                           .volumes = cloud.quadrature.weights,
-                          .unions = cloud.union_of,
+                          .unions = cloud.patch_of,
                           .material = soft(0.0),
                           .density = 1.0,
                           .shape = cloud.quadrature.shape};

@@ -61,17 +61,17 @@ TEST(CoercivityOfPores, ProjectedStiffnessIsAtLeastAFifthOfTheFullOneWhereNodesA
   }
 }
 
-/// Smallest inf-sup value of pressures, constant on unions, and displacements: of int p div u over the norms of p in L2
+/// Smallest inf-sup value of pressures on patches and displacements: of int p div u over the norms of p in L2
 /// and of u in the energy of the projected gradients.
 double inf_sup(const Approximation<2>& approximation) {
   const Matrix basis = deformations(approximation.nodes);
   const Matrix energy = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
-  const Discretization<2>& unions = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(unions.size(), 2 * approximation.nodes.cols());
-  for (Index U = 0; U < unions.size(); ++U) {
-    const auto row = unions.shape.row(U);
+  const Discretization<2>& pressures = approximation.dilatation;
+  Matrix divergence = Matrix::Zero(pressures.size(), 2 * approximation.nodes.cols());
+  for (Index j = 0; j < pressures.size(); ++j) {
+    const auto row = pressures.shape.row(j);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.block<1, 2>(U, 2 * row.nodes[k]) = std::sqrt(unions.weights[U]) * row.dN[k].transpose();
+      divergence.block<1, 2>(j, 2 * row.nodes[k]) = std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
   }
   const Matrix reduced = divergence * basis;
   const Matrix schur = reduced * energy.llt().solve(reduced.transpose());
@@ -84,8 +84,7 @@ TEST(InfSup, ClustersOfLinearFunctionsHoldThePressureHoweverFineTheCloud) {
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {
       const auto approximation = approximate(
           mesh, {.spacing = H, .seed = seed, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged});
-      EXPECT_EQ(3 * approximation.dilatation.size(), approximation.quadrature.size());
-      EXPECT_GE(inf_sup(approximation), 0.3) << "H = " << H << ", cloud " << seed;
+      EXPECT_GE(inf_sup(approximation), 0.5) << "H = " << H << ", cloud " << seed;
     }
   }
 }

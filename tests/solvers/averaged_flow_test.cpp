@@ -10,19 +10,19 @@ namespace {
 
 using namespace bench;
 
-/// Ovalisation is the softest motion of a ring of which more than half has yielded; where nothing resists dilatations
-/// that deviate from the mean of a patch it is 20 to 70 % of the displacement (eight nodes through the wall, at the
-/// end).
+/// Ovalisation is the softest motion of a ring of which more than half has yielded. Constant pressures on patches leave
+/// it to the differences within a patch, which cost next to nothing: -22 to +13 % of the displacement (eight nodes
+/// through the wall, at the end; 20 to 70 % where nothing resists those).
 TEST(AveragedDilatation, ThickRingUnderPressureIsNotMadeAnOvalByPatches) {
   const PressedRing body;
-  const double spacing = 0.08;
+  const double spacing = 0.12;
   const FineMesh<2> mesh = body.mesh(0.5 * spacing);
-  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const auto result = analyse(mesh, body.settings({.spacing = spacing, .seed = seed}));
     ASSERT_EQ(result.stopped, "") << seed;
     EXPECT_TRUE(result.approximation.averaged);
     for (const auto& step : result.history)
-      EXPECT_LT(std::abs(body.worst(step)), step.time < 0.15 ? 0.02 : 0.07) << seed << ", " << step.time;
+      EXPECT_LT(std::abs(body.worst(step)), 0.02) << seed << ", " << step.time;
   }
 }
 

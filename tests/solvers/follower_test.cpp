@@ -274,7 +274,7 @@ TEST(FollowerPressure, InflatesAThickRubberSpherePastItsLargestPressure) {
   const bench::ThickWall wall{true};
   const FineMesh<2> section = triangulate(wall.section(0.0, 0.06), {.size = 0.06});
   const auto approximation =
-      approximate(section, {.axisymmetric = true, .spacing = 0.125, .dilatation = Dilatation::averaged});
+      approximate(section, {.axisymmetric = true, .spacing = 0.1, .dilatation = Dilatation::averaged});
   const NonlinearEquilibrium<2> equations(
       approximation, {.material = rubber(), .plane = Plane::axisymmetric},
       Program<2>::grows({symmetry_plane<2>("bottom")}, uniform_on<2>({"inner"}, 1.0)));

@@ -205,10 +205,11 @@ TEST(NonlinearEquilibrium, TangentIsTheDerivativeWhereMetalFlowsAndDilatationsAr
     }
 }
 
-TEST(PlasticFlow, SoilThatDoesNotSwellTakesNoMoreIterationsThanSoilThatDoes) {
+TEST(PlasticFlow, SoilThatDoesNotSwellTakesOneMoreIterationInAStepThanSoilThatDoes) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.1});
   const auto approximation = approximate(mesh, {.spacing = 0.25, .dilatation = Dilatation::averaged});
   std::vector<int> iterations;
+  int steps = 0;
   for (const double dilatancy : {0.6, 0.0}) {
     auto pressed = clamp<2>("top");
     pressed.components[1] = [](const Vec<2>&) { return -0.03; };
@@ -217,14 +218,15 @@ TEST(PlasticFlow, SoilThatDoesNotSwellTakesNoMoreIterationsThanSoilThatDoes) {
                                             Program<2>::grows({clamp<2>("bottom"), pressed}));
     Cholesky linear;
     int& all = iterations.emplace_back(0);
-    int steps = 0;
+    steps = 0;
     follow(equations, linear, equations.rest(), {.step = 0.1}, [&](const PathStep& step) {
       all += step.now.iterations();
       ++steps;
     });
     EXPECT_LE(steps, 12);
   }
-  EXPECT_LE(iterations[1], iterations[0] + 5);
+  // Tangents that are not symmetric take one more in a step.
+  EXPECT_LE(iterations[1], iterations[0] + steps);
 }
 
 TEST(NonlinearEquilibrium, FiniteAffineMotionsAreExactInThePlane) {

@@ -53,7 +53,7 @@ TEST(PlasticLimits, ThickTubeInPlaneStrainFollowsHillsPathToItsLimitPressure) {
 }
 
 TEST(PlasticLimits, StripFootingComesToPrandtlsLoadAndNoFurther) {
-  const LimitCase body = footing({}, {0.25, 1.0 / 32.0});
+  const LimitCase body = footing({}, {0.25, 1.0 / 64.0});
   const auto result = analyse(body.mesh, body.settings);
   ASSERT_EQ(result.stopped, "");
   EXPECT_NEAR(body.stress(result.history.back()), body.limit, 0.03 * body.limit);
@@ -61,7 +61,7 @@ TEST(PlasticLimits, StripFootingComesToPrandtlsLoadAndNoFurther) {
 }
 
 TEST(PlasticLimits, NotchedStripInPlaneStrainComesToItsLimitLoadAndNoFurther) {
-  const LimitCase body = notched_strip({}, {0.4, 1.0 / 64.0});
+  const LimitCase body = notched_strip({}, {0.4, 1.0 / 128.0});
   const auto result = analyse(body.mesh, body.settings);
   ASSERT_EQ(result.stopped, "");
   EXPECT_NEAR(body.stress(result.history.back()), body.limit, 0.03 * body.limit);

@@ -22,26 +22,17 @@ TEST(StabilityPressure, MeanStressOfAThickTubeIsConstant) {
   }
 }
 
-/// Unions that hold less than a node are merged with another: by themselves these have 0.40, 0.32 and 0.50 here.
-TEST(StabilityPressure, InfSupValueOfUnionsStaysAboveOneHalfOnThreeClouds) {
-  constexpr double H = 0.05;
-  const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 6.0});
-  for (std::uint64_t seed = 1; seed <= 3; ++seed)
-    EXPECT_GT(inf_sup(approximate(mesh, {.spacing = H, .seed = seed, .dilatation = Dilatation::averaged})), 0.5)
-        << seed;
-}
-
-/// Over H, H/2, H/4.
-TEST(StabilityPressure, InfSupValueOfLevelledClustersDoesNotDecay) {
-  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
-    double before = 0.0;
-    for (const double H : {0.2, 0.1, 0.05}) {
-      const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 6.0});
-      const double value = inf_sup(approximate(
-          mesh, {.spacing = H, .seed = seed, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged}));
-      EXPECT_GT(value, before) << "H " << H << ", cloud " << seed;
-      before = 0.9 * value;
-    }
+/// Over H, H/2, H/4. Constant pressures, half a patch to a node, have 0.42 to 0.66 here.
+TEST(StabilityPressure, InfSupValueOfPatchesStaysAboveOneHalfHoweverFineTheCloud) {
+  for (const double H : {0.2, 0.1, 0.05}) {
+    const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 6.0});
+    for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear})
+      for (std::uint64_t seed = 1; seed <= 3; ++seed)
+        EXPECT_GT(
+            inf_sup(approximate(
+                mesh, {.spacing = H, .seed = seed, .secondary = secondary, .dilatation = Dilatation::averaged})),
+            0.5)
+            << "H " << H << ", cloud " << seed;
   }
 }
 
