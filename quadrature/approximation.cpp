@@ -195,7 +195,8 @@ struct PatchSizes {
 template <int Dim> constexpr PatchSizes patch_sizes(PressureKind pressures) {
   return pressures == PressureKind::linear ? PatchSizes{0.085, 5.0} : PatchSizes{0.65, 2.0 / Dim};
 }
-/// Linear functions on so many clusters per node integrate the rest well enough; constant pressures take them as patches.
+/// Linear functions on so many clusters per node integrate the rest well enough; constant pressures take them as
+/// patches.
 constexpr double linear_clusters_per_node = 0.5;
 
 /// The coarser quadrature of the dilatations, once the patches are known.
@@ -328,12 +329,12 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
     const bool linear = options.pressures == PressureKind::linear;
     const auto [seeds, fewest] = patch_sizes<Dim>(options.pressures);
     const bool by_cluster = !linear && second_cloud && seeds_per_node <= linear_clusters_per_node;
-    auto patch_of = by_cluster ? internal::patches_of_clusters(secondary)
-                               : internal::patches_around(
-                                     mesh, sample_points(mesh, cloud, nearest, seeds, options.seed + 1), secondary,
-                                     result.quadrature, fewest);
-    auto pressures = linear ? internal::linear_pressures(result.quadrature, patch_of)
-                            : internal::constant_pressures(patch_of);
+    auto patch_of = by_cluster
+                        ? internal::patches_of_clusters(secondary)
+                        : internal::patches_around(mesh, sample_points(mesh, cloud, nearest, seeds, options.seed + 1),
+                                                   secondary, result.quadrature, fewest);
+    auto pressures =
+        linear ? internal::linear_pressures(result.quadrature, patch_of) : internal::constant_pressures(patch_of);
     average(std::move(patch_of), std::move(pressures), result);
   }
   if (options.fine && options.secondary != SecondaryKind::full)

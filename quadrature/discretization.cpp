@@ -609,7 +609,8 @@ template <int Dim> Quadrature<Dim> evaluate_at_points(const FineSpace<Dim>& spac
 
 template <int Dim> Quadrature<Dim> merge(const Quadrature<Dim>& fine, const SparseRows& functions) {
   if (functions.rows() != fine.size())
-    throw InputError(fmt::format("merge: {} rows of functions for {} quadrature points", functions.rows(), fine.size()));
+    throw InputError(
+        fmt::format("merge: {} rows of functions for {} quadrature points", functions.rows(), fine.size()));
   const auto count = static_cast<Index>(functions.cols());
   const SparseRows members = functions.transpose();
   Quadrature<Dim> result;

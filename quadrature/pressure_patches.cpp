@@ -138,10 +138,9 @@ template <int Dim> std::optional<Points<Dim>> whitened(const Discretization<Dim>
 
 }  // namespace
 
-template <int Dim>
-std::vector<Index> patches_around(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
-                                  const SecondaryBasis<Dim>& secondary, const Quadrature<Dim>& quadrature,
-                                  double fewest) {
+template <int Dim> std::vector<Index> patches_around(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
+                                                     const SecondaryBasis<Dim>& secondary,
+                                                     const Quadrature<Dim>& quadrature, double fewest) {
   const NearestSource owner = nearest_source(mesh, seeds.vertices);
   auto patch_of = numbered(secondary.vertices, seeds.size(), [&](Index v) { return owner.source[v]; });
   merge_small(mesh, secondary, quadrature, fewest, patch_of);
@@ -156,8 +155,7 @@ SparseRows constant_pressures(const std::vector<Index>& patch_of) {
   return indicators(patch_of, number_of_patches(patch_of));
 }
 
-template <int Dim>
-SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of) {
+template <int Dim> SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of) {
   const Index patches = number_of_patches(patch_of);
   const Ragged<Index> members = members_of(patch_of, patches);
   std::vector<std::optional<Points<Dim>>> places(patches);

@@ -126,7 +126,8 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
     const Vector by_point = weights.cwiseProduct(Eigen::Map<const Vector>(bearable.data(), weights.size()));
     const Vector by_function = (approximation.pressures.transpose() * by_point).cwiseQuotient(volumetric.weights);
     add_bulk(materials.trace(), bearable, 1.0, terms.front().tangents);
-    add_bulk(materials.trace(), std::vector<double>(by_function.begin(), by_function.end()), -1.0, terms.back().tangents);
+    add_bulk(materials.trace(), std::vector<double>(by_function.begin(), by_function.end()), -1.0,
+             terms.back().tangents);
   }
   return terms;
 }
@@ -246,8 +247,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     if (term.trace != Trace::own) {
       Vector averaged = Vector::Zero(points.size());
       if (term.trace == Trace::averaged)
-        averaged = approximation.pressures *
-                   (gradient(approximation.dilatation, U).transpose() * Vector(answer.trace));
+        averaged = approximation.pressures * (gradient(approximation.dilatation, U).transpose() * Vector(answer.trace));
       answer.swelling.resizeLike(H);
       if (term.trace == Trace::averaged) answer.bearable = bearable;
       answer.uneven = Vector::Zero(static_cast<Index>(answer.bearable.size()));
@@ -347,7 +347,9 @@ template <int Dim> struct Equilibrium<Dim>::Data {
     parallel_for(points.size(), [&](Index K) { result.A[K] = term.share * answer.tangent(K); });
     if (term.trace != WorkTerm<Dim>::Trace::averaged) return result;
     const auto& table = approximation.dilatation.shape;
-    const auto first_entry = [&](Index j) { return static_cast<std::size_t>(table.row(j).N.data() - table.row(0).N.data()); };
+    const auto first_entry = [&](Index j) {
+      return static_cast<std::size_t>(table.row(j).N.data() - table.row(0).N.data());
+    };
     using Pressure = typename SparseRows::InnerIterator;
     result.forces.assign(static_cast<std::size_t>(table.num_entries()), Vec<Dim>::Zero());
     Matrix bulk = Matrix::Zero(Dim + 1, approximation.dilatation.size());  // column = function, row = one of its patch

@@ -39,12 +39,12 @@ ElasticModel linearised(ElasticModel model);
 template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const FineMesh<Dim>& mesh);
 
 /// Internal forces are the adjoint of the gradient on the stresses of the materials at the quadrature points. With
-/// averaged dilatations (B-bar) materials see H + s (theta - tr H), theta the best approximation of tr H on the pressure
-/// patch by Approximation::pressures and s the strain that pressure makes where nothing has happened yet, per dilatation
-/// (Stiffness::swelling; Simo, Taylor & Pister 1985 have s = I / 3): of linear materials that is the split of the
-/// stiffness into kappa m m^T on the patches and the rest on the points. A stabilisation adds a share of the work of strains without dilatation by full
-/// integration, and takes the same off at the quadrature points. Displacements that Nitsche holds, and regions that it
-/// ties, bring the stresses of small strains on the boundary.
+/// averaged dilatations (B-bar) materials see H + s (theta - tr H), theta the best approximation of tr H on the
+/// pressure patch by Approximation::pressures and s the strain that pressure makes where nothing has happened yet, per
+/// dilatation (Stiffness::swelling; Simo, Taylor & Pister 1985 have s = I / 3): of linear materials that is the split
+/// of the stiffness into kappa m m^T on the patches and the rest on the points. A stabilisation adds a share of the
+/// work of strains without dilatation by full integration, and takes the same off at the quadrature points.
+/// Displacements that Nitsche holds, and regions that it ties, bring the stresses of small strains on the boundary.
 template <int Dim> class Equilibrium final : public Equations {
  public:
   /// Refers to the approximation. Throws InputError for materials under which it would lock while nobody said whether

@@ -69,9 +69,9 @@ template <int Dim> struct Volume {
 
 /// The pressure patches of an approximation.
 template <int Dim> struct Patches {
-  Ragged<Index> points;      ///< by patch, ascending; no rows without averages
-  Ragged<double> functions;  ///< by patch: values at its points, point by point; orthonormal under their weights
-  Ragged<Index> nodes;       ///< by patch: those that its dilatations depend on, ascending
+  Ragged<Index> points;       ///< by patch, ascending; no rows without averages
+  Ragged<double> functions;   ///< by patch: values at its points, point by point; orthonormal under their weights
+  Ragged<Index> nodes;        ///< by patch: those that its dilatations depend on, ascending
   Ragged<NodePlace> of_node;  ///< by node: (patch, position)
   std::vector<Index> entry;   ///< by patch: first of the numbers by function and node
 
@@ -169,8 +169,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   std::vector<StiffnessTerm<Dim>> initial;
   HeldGradient<Dim> held;
   FollowerPressures<Dim> followers;
-  std::vector<bool> finite;   ///< by region
-  std::vector<bool> swells;   ///< by region: averages of dilatations change lengths alike in all directions
+  std::vector<bool> finite;  ///< by region
+  std::vector<bool> swells;  ///< by region: averages of dilatations change lengths alike in all directions
   Patches<Dim> patches;
   SymmetricMatrix weak;  ///< penalties, springs, and room for what else meets
   Unknowns<Dim> unknowns;
@@ -287,7 +287,8 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
   /// The energy by which a dilatation at a point resists being another than the averaged one, k/2 (own - averaged)^2,
   /// of finite strains times I - 2, I = J^(-2/3) F : F: pressures that feed such dilatations grow with what distorts
-  /// the body. With its derivatives by the gradient and the averaged one, second ones (mean_mean, mixed, A) if asked for.
+  /// the body. With its derivatives by the gradient and the averaged one, second ones (mean_mean, mixed, A) if asked
+  /// for.
   struct Unevenness {
     double energy = 0.0, by_mean = 0.0, mean_mean = 0.0;
     Gradient<Dim> P = Gradient<Dim>::Zero(), mixed = Gradient<Dim>::Zero();
@@ -341,9 +342,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     double r;
     Stretch(const Gradient<Dim>& at, double mean) : F(at), of(at), r(std::exp(mean / 3.0) / std::cbrt(of.J)) {}
   };
-  Stretch stretch(const Answer& answer, Index K) const {
-    return {deformation(answer.H, K), answer.dilatation[K]};
-  }
+  Stretch stretch(const Answer& answer, Index K) const { return {deformation(answer.H, K), answer.dilatation[K]}; }
 
   Gradients<Dim> gradients(const State& state) const {
     return held.of(displacements(state)) + acting(state.time)->motion.gradients;

@@ -42,12 +42,12 @@ template <int Dim> struct PointFields {
 
 /// Total Lagrangian: residual = sum_K w_K G_K^T P(F_K) - forces, F = 1 + H. Displacements are held, and regions tied,
 /// by the gradients themselves (HeldGradient), or on nodal values. With averages materials see the best approximation
-/// of dilatations on their patch by Approximation::pressures: at small strains H + s (theta - tr H) as in Equilibrium; at
-/// finite ones (J_a / J)^(1/3) F, ln J_a the approximation of ln J (constant ones by the mean: Simo, Taylor & Pister 1985 take that of J, de Souza Neto et al. 1996 J at
-/// a centroid), which is the derivative of one energy; with what points bear by themselves: elastic ones by an energy,
-/// materials that flow (but in space) as a shear out of the plane that flow limits (docs/theory.md). Pressures that
-/// follow the body (Loads::followers) have a stiffness of their own. What is not symmetric of that, and of tangents of
-/// materials, is not_in_tangent.
+/// of dilatations on their patch by Approximation::pressures: at small strains H + s (theta - tr H) as in Equilibrium;
+/// at finite ones (J_a / J)^(1/3) F, ln J_a the approximation of ln J (constant ones by the mean: Simo, Taylor & Pister
+/// 1985 take that of J, de Souza Neto et al. 1996 J at a centroid), which is the derivative of one energy; with what
+/// points bear by themselves: elastic ones by an energy, materials that flow (but in space) as a shear out of the plane
+/// that flow limits (docs/theory.md). Pressures that follow the body (Loads::followers) have a stiffness of their own.
+/// What is not symmetric of that, and of tangents of materials, is not_in_tangent.
 template <int Dim> class NonlinearEquilibrium final : public Equations {
  public:
   /// Refers to the approximation. Throws InputError like Equilibrium; for a stabilisation, which is of linear

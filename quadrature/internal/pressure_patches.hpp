@@ -13,10 +13,9 @@ namespace efree::internal {
 /// By quadrature point the patch it belongs to, numbered from 0: those of clusters around vertices that are nearest to
 /// one of these seeds. Patches that hold fewer than `fewest` nodes are merged, the smallest first, with the neighbour
 /// that they share most of their surface with.
-template <int Dim>
-std::vector<Index> patches_around(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
-                                  const SecondaryBasis<Dim>& secondary, const Quadrature<Dim>& quadrature,
-                                  double fewest);
+template <int Dim> std::vector<Index> patches_around(const FineMesh<Dim>& mesh, const NodeCloud<Dim>& seeds,
+                                                     const SecondaryBasis<Dim>& secondary,
+                                                     const Quadrature<Dim>& quadrature, double fewest);
 /// The same with the points of each cluster as a patch.
 template <int Dim> std::vector<Index> patches_of_clusters(const SecondaryBasis<Dim>& secondary);
 
@@ -27,7 +26,6 @@ SparseRows constant_pressures(const std::vector<Index>& patch_of);
 /// covariance L L^T of its points and the corners xi_i of regular_simplex. They sum to one, are orthogonal under the
 /// weights of the points and have equal integrals. One, which is constant, where the points are fewer than twice as
 /// many or (nearly) in a plane. Points x functions.
-template <int Dim>
-SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of);
+template <int Dim> SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of);
 
 }  // namespace efree::internal

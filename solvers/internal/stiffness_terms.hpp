@@ -20,8 +20,9 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
                                                                    const std::vector<double>& bearable = {});
 
 /// Of a stiffness against dilatation, what the points bear where dilatations of elastic materials are averaged: what
-/// twice its (least) shear modulus has of it. The rest, lambda of an isotropic solid, is on the patches, as in selective
-/// integration (Hughes 1980); so waves as short as a patch do not find a body that has no stiffness against them.
+/// twice its (least) shear modulus has of it. The rest, lambda of an isotropic solid, is on the patches, as in
+/// selective integration (Hughes 1980); so waves as short as a patch do not find a body that has no stiffness against
+/// them.
 template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness);
 
 /// By quadrature point, on patches of a cloud; zero where materials flow, since these would lock by it. Empty without

@@ -251,9 +251,8 @@ TEST(OtmCloudInput, RefusesWhatMakesNoSense) {
   const FineMesh<2> mesh = block<2>(1.0, 0.1);
   EXPECT_THAT([&] { otm_body(approximate(mesh, {.kind = BasisKind::p2}), soft(), 1.0); },
               ThrowsMessage<InputError>(HasSubstr("quadratic finite elements")));
-  EXPECT_THAT(
-      [&] { otm_body(approximate(mesh, {.spacing = 0.3, .dilatation = Dilatation::averaged}), soft(), 1.0); },
-      ThrowsMessage<InputError>(HasSubstr("PressureKind::constant")));
+  EXPECT_THAT([&] { otm_body(approximate(mesh, {.spacing = 0.3, .dilatation = Dilatation::averaged}), soft(), 1.0); },
+              ThrowsMessage<InputError>(HasSubstr("PressureKind::constant")));
   const OtmBody<2> good = on_cloud<2>(1.0, 0.3, soft());
   const auto with = [&](const auto& change, const OtmOptions& options = {}) {
     return [&good, change, options] {

@@ -126,7 +126,8 @@ TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
     const auto exact = exact_moments(approximation.space, approximation.shape),
                found = moments(approximation.dilatation);
     EXPECT_LT((found[0] - exact[0]).cwiseAbs().maxCoeff(), 1e-12);
-    const bool positions = secondary == SecondaryKind::cells || (secondary == SecondaryKind::linear && interpolation == 2);
+    const bool positions =
+        secondary == SecondaryKind::cells || (secondary == SecondaryKind::linear && interpolation == 2);
     EXPECT_LT(reproduction_error(approximation.dilatation, approximation.nodes, positions), 1e-12);
   }
 }
@@ -297,8 +298,8 @@ TEST(Quadrature, MergeChecksItsFunctions) {
 
 /// What a pressure that is linear in the body does work on is the same in the merged quadrature as at the points.
 template <int Dim> void expect_linear_pressures(const FineMesh<Dim>& mesh, double spacing) {
-  const auto approximation = approximate(
-      mesh, {.spacing = spacing, .dilatation = Dilatation::averaged, .pressures = PressureKind::linear});
+  const auto approximation =
+      approximate(mesh, {.spacing = spacing, .dilatation = Dilatation::averaged, .pressures = PressureKind::linear});
   const auto& points = approximation.quadrature;
   const auto& dilatation = approximation.dilatation;
   const SparseRows& pressures = approximation.pressures;

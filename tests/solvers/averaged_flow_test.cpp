@@ -21,8 +21,7 @@ TEST(AveragedDilatation, ThickRingUnderPressureIsNotMadeAnOvalByPatches) {
     const auto result = analyse(mesh, body.settings({.spacing = spacing, .seed = seed}));
     ASSERT_EQ(result.stopped, "") << seed;
     EXPECT_TRUE(result.approximation.averaged);
-    for (const auto& step : result.history)
-      EXPECT_LT(std::abs(body.worst(step)), 0.02) << seed << ", " << step.time;
+    for (const auto& step : result.history) EXPECT_LT(std::abs(body.worst(step)), 0.02) << seed << ", " << step.time;
   }
 }
 

@@ -28,10 +28,9 @@ TEST(StabilityPressure, InfSupValueOfPatchesStaysAboveOneHalfHoweverFineTheCloud
     const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 6.0});
     for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear})
       for (std::uint64_t seed = 1; seed <= 3; ++seed)
-        EXPECT_GT(
-            inf_sup(approximate(
-                mesh, {.spacing = H, .seed = seed, .secondary = secondary, .dilatation = Dilatation::averaged})),
-            0.5)
+        EXPECT_GT(inf_sup(approximate(
+                      mesh, {.spacing = H, .seed = seed, .secondary = secondary, .dilatation = Dilatation::averaged})),
+                  0.5)
             << "H " << H << ", cloud " << seed;
   }
 }
