@@ -564,7 +564,9 @@ TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
     EXPECT_THAT([&] { beam(length, elements); }, ThrowsMessage<NumericalError>(HasSubstr("ill-conditioned"))) << length;
     EXPECT_THROW(beam(length, ""), NumericalError) << length;
   }
-  EXPECT_THROW(beam(1500.0, "[basis]\nkind = \"p1\"\n"), NumericalError);
+  // The matrix by itself, which forces out of balance do not tell of: at 600 the energy is 18 % off.
+  for (const double length : {600.0, 1500.0})
+    EXPECT_THROW(beam(length, "[basis]\nkind = \"p1\"\n"), NumericalError) << length;
 }
 
 TEST(Slenderness, StrainsBesideMotionsOfTheWholeBodyAreRightOrSaidToBeRounding) {
