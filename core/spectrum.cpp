@@ -26,8 +26,19 @@ template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric) {
     return eigenvalues<compiled_size<N>>(symmetric);
 }
 
-template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix) {
-  return Eigen::CompleteOrthogonalDecomposition<Mat<N>>(matrix).pseudoInverse();
+template <> Mat<3> pseudo_inverse<3>(const Mat<3>& matrix) {
+  return matrix.completeOrthogonalDecomposition().pseudoInverse();
+}
+template <> Mat<2> pseudo_inverse<2>(const Mat<2>& matrix) {
+  Mat<3> padded = Mat<3>::Zero();
+  padded.topLeftCorner<2, 2>() = matrix;
+  return pseudo_inverse<3>(padded).topLeftCorner<2, 2>();
+}
+
+template <int Columns>
+Eigen::Matrix<double, 3, Columns> least_squares_solution(const Mat<3>& matrix,
+                                                         const Eigen::Matrix<double, 3, Columns>& right) {
+  return matrix.completeOrthogonalDecomposition().solve(right);
 }
 
 template Spectrum<2> spectrum<2>(const Mat<2>&);
@@ -40,7 +51,7 @@ template Vec<2> eigenvalues<2>(const Mat<2>&);
 template Vec<3> eigenvalues<3>(const Mat<3>&);
 template Vec<6> eigenvalues<6>(const Mat<6>&);
 template Vector eigenvalues<Eigen::Dynamic>(const Matrix&);
-template Mat<2> pseudo_inverse<2>(const Mat<2>&);
-template Mat<3> pseudo_inverse<3>(const Mat<3>&);
+template Vec<3> least_squares_solution<1>(const Mat<3>&, const Vec<3>&);
+template Eigen::Matrix<double, 3, 9> least_squares_solution<9>(const Mat<3>&, const Eigen::Matrix<double, 3, 9>&);
 
 }  // namespace efree::internal

@@ -6,8 +6,6 @@
 namespace efree {
 namespace {
 
-using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-
 /// Triangles with neighbours, neighbour(i, c) lying opposite vertex i.
 class Flipper {
  public:
@@ -32,7 +30,8 @@ class Flipper {
   Cells<2> cells;
 
  private:
-  Kernel::Point_2 point(Index i, Index c) const {
+  using Point = CGAL::Exact_predicates_inexact_constructions_kernel::Point_2;
+  Point point(Index i, Index c) const {
     const auto x = mesh_.vertices().col(cells(i, c));
     return {x.x(), x.y()};
   }

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/heatgeo/internal/fast_marching.hpp"
 
+#include "efree/core/internal/infinity.hpp"
+
 #include <algorithm>
-#include <limits>
 
 namespace efree {
-namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-double cross(const Vec<2>& a, const Vec<2>& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
-}  // namespace
+using internal::infinity;
 
 FastMarching::FastMarching(const SightLines& sight)
     : sight_(sight), distance_(sight.mesh().num_vertices(), infinity), origin_(sight.mesh().num_vertices(), -1) {}

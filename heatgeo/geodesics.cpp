@@ -2,6 +2,7 @@
 #include "efree/heatgeo/geodesics.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/infinity.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/internal/fast_marching.hpp"
@@ -14,7 +15,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <mutex>
 #include <numeric>
 #include <optional>
@@ -23,7 +23,7 @@
 namespace efree {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 constexpr Index sources_per_chunk = 8;
 constexpr double cluster_width_in_radii = 1.5;
 constexpr int flow_steps = 6;

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/heatgeo/internal/marching_3d.hpp"
 
+#include "efree/core/internal/infinity.hpp"
+
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace efree {
-namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
+using internal::infinity;
 
 SpatialMarching::SpatialMarching(const SpatialSight& sight)
     : sight_(sight), states_(sight.mesh().num_vertices(), unreached), panorama_(sight) {}

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/heatgeo/internal/panorama.hpp"
 
+#include "efree/core/internal/infinity.hpp"
+
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace efree {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 /// Whether one of the planes between this side of the cube and the next keeps the triangle off it.
 bool misses(const Vec<3>& a, const Vec<3>& b, const Vec<3>& c, int side) {

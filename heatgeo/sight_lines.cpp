@@ -8,10 +8,6 @@
 namespace efree {
 namespace {
 
-double cross(const Vec<2>& a, const Vec<2>& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
 Index local_index(const FineMesh<2>& mesh, Index c, Index v) {
   return mesh.cells()(0, c) == v ? 0 : mesh.cells()(1, c) == v ? 1 : 2;
 }

@@ -13,10 +13,6 @@ constexpr double sector_slack = 1e-6;  // far more than the rounding of a direct
 constexpr double doubt_per_tolerance = 100.0;
 constexpr double close_per_tolerance = 1e6;  // directions to points nearer than this may be off by the sector slack
 
-double cross(const Vec<2>& a, const Vec<2>& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
 /// Grows with the angle of v from 0 to `sectors`, without trigonometry.
 double sector_coordinate(const Vec<2>& v) {
   const double p = v.x() / (std::abs(v.x()) + std::abs(v.y()));

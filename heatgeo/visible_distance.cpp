@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/heatgeo/internal/visible_distance.hpp"
 
+#include "efree/core/internal/infinity.hpp"
+
 #include <algorithm>
-#include <limits>
 
 namespace efree {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 VertexGrid<2>::Box box_around(const Vec<2>& x, double radius) {
   return {x.array() - radius, x.array() + radius};

@@ -94,20 +94,20 @@ struct Range {
   double at(double fraction) const { return low * std::pow(high / low, fraction); }  ///< on a logarithmic axis
   Range widened(double factor) const { return {low / factor, high * factor}; }
 };
-struct Box {
+struct Frame {
   Range x, y;
 };
-Box box_of(const Study& study, std::size_t kind, Against against) {
-  Box box;
+Frame frame_of(const Study& study, std::size_t kind, Against against) {
+  Frame frame;
   for (std::size_t m = 0; m < study.methods.size(); ++m)
     for (const StudyPoint& point : study.points(m)) {
       if (against == Against::nodes)
-        box.x.cover(point.nodes, point.nodes);
+        frame.x.cover(point.nodes, point.nodes);
       else
-        box.x.cover(point.seconds.low, point.seconds.high);
-      box.y.cover(point.errors[kind]->low, point.errors[kind]->high);
+        frame.x.cover(point.seconds.low, point.seconds.high);
+      frame.y.cover(point.errors[kind]->low, point.errors[kind]->high);
     }
-  return {box.x.widened(1.4), box.y.widened(1.5)};
+  return {frame.x.widened(1.4), frame.y.widened(1.5)};
 }
 
 /// Range and tics of a logarithmic axis: decades have labels, and 2 and 5 as well where there are few decades.
@@ -128,10 +128,10 @@ std::string log_axis(char axis, const Range& range) {
 }
 
 /// A triangle in the lower left corner whose side falls like H^order, H = nodes^(-1/dimension).
-std::string slope_triangle(const Box& box, int order, int dimension) {
-  const double width = std::pow(box.x.high / box.x.low, 0.2),
+std::string slope_triangle(const Frame& frame, int order, int dimension) {
+  const double width = std::pow(frame.x.high / frame.x.low, 0.2),
                height = std::pow(width, static_cast<double>(order) / dimension);
-  const double x0 = box.x.at(0.06), y0 = box.y.at(0.06), x1 = x0 * width, y1 = y0 * height;
+  const double x0 = frame.x.at(0.06), y0 = frame.y.at(0.06), x1 = x0 * width, y1 = y0 * height;
   std::string text = "unset arrow; unset label\n";
   const auto side = [&](double ax, double ay, double bx, double by) {
     text += fmt::format("set arrow from {},{} to {},{} nohead lw 1.2 lc rgb '#555555' front\n", ax, ay, bx, by);
@@ -171,7 +171,7 @@ std::string panels(const Study& study, const std::string& name, Against against)
   std::string text = fmt::format("set output '{}.'.type\nset multiplot\n", name);
   for (std::size_t slot = 0; slot < kinds.size(); ++slot) {
     const ErrorKind& kind = error_kinds[kinds[slot]];
-    const Box box = box_of(study, kinds[slot], against);
+    const Frame frame = frame_of(study, kinds[slot], against);
     const double x0 = left + static_cast<double>(slot) * (width + gap);
     text += fmt::format(
         "set lmargin at screen {:.4f}; set rmargin at screen {:.4f}; set tmargin at screen 0.90; set bmargin at screen "
@@ -180,13 +180,13 @@ std::string panels(const Study& study, const std::string& name, Against against)
     text += fmt::format("set title '{}' offset 0,-0.3\nset xlabel '{}'\n", kind.label,
                         against == Against::nodes ? "number of nodes" : "seconds, from mesh to solve");
     text += slot == 0 ? "set ylabel 'relative error'\n" : "unset ylabel\n";
-    text += log_axis('x', box.x) + log_axis('y', box.y);
+    text += log_axis('x', frame.x) + log_axis('y', frame.y);
     text += slot + 1 == kinds.size()
                 ? fmt::format("set key at screen {:.4f},0.89 left top Left reverse vertical spacing 1.35 samplen 2.5\n",
                               x0 + width + 20.0 * pixel)
                 : std::string("unset key\n");
     if (against == Against::nodes)
-      text += slope_triangle(box, kinds[slot] == 0 ? 2 : 1, study.dimension);
+      text += slope_triangle(frame, kinds[slot] == 0 ? 2 : 1, study.dimension);
     else if (slot + 1 == kinds.size())
       text += fmt::format(
           "set label \"medians; bars from\\nsmallest to largest\" at screen {:.4f},0.19 left font ',12' tc rgb "

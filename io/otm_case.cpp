@@ -19,7 +19,7 @@ namespace {
 
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
 
-const Section::Keys analysis_keys{"kind", "plane", "acceleration", "body_force", "rotation"};
+const Section::Keys otm_analysis_keys{"kind", "plane", "acceleration", "body_force", "rotation"};
 
 /// Whether this is said to be a case of bodies in motion.
 bool moves(const toml::table& table) {
@@ -300,7 +300,7 @@ template <int Dim> void read_functions(const Section& root, internal::PlaceReade
 
 template <int Dim> OtmCase<Dim> read(const std::filesystem::path& file, const toml::table& table, const Section& root,
                                      const Section& geometry, const Reading& reading) {
-  const Section analysis = root.required_section("analysis", analysis_keys);
+  const Section analysis = root.required_section("analysis", otm_analysis_keys);
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
   const auto velocities = root.sections("velocity", {"region", "value"});
@@ -385,7 +385,7 @@ AnyOtmCase read_otm_case(const std::filesystem::path& file, const Reading& readi
                      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity",
                       "fracture", "wall", "tool", "boundary", "gas", "contact", "probe", "time", "otm", "output"});
   const Section geometry = root.required_section("geometry", internal::geometry_keys());
-  const Section analysis = root.required_section("analysis", analysis_keys);
+  const Section analysis = root.required_section("analysis", otm_analysis_keys);
   if (!moves(table)) analysis.fail("kind", "kind: expected \"otm\"");
   if (internal::geometry_dimension(geometry, file.parent_path(), analysis.has("plane"), reading, monitor) == 2)
     return read<2>(file, table, root, geometry, reading);

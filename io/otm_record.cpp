@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* history_name = "history.csv";
-constexpr const char* axes[] = {"x", "y", "z"};
+constexpr const char* axis_names[] = {"x", "y", "z"};
 
 std::string frame(const char* of, std::size_t number) {
   return fmt::format("{}_{:04}.vtu", of, number);
@@ -83,7 +83,7 @@ template <int Dim> void OtmRecord<Dim>::add_frame(const Otm<Dim>& otm) {
   }
   std::vector<PointValues> values{{"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"body", of_point}};
   for (const auto& [name, scalar] : point_scalars(otm)) values.push_back({name, scalar.transpose()});
-  const std::vector<std::string> components(axes, axes + Dim);
+  const std::vector<std::string> components(axis_names, axis_names + Dim);
   points_.emplace_back(otm.time(), frame("points", points_.size()));
   nodes_.emplace_back(otm.time(), frame("nodes", nodes_.size()));
   write_points<Dim>(folder_ / points_.back().second, otm.points(), values);
@@ -123,17 +123,17 @@ template <int Dim> void OtmRecord<Dim>::note(const Otm<Dim>& otm, const More& mo
             {"merged", counts.merged},
             {"injected", counts.injected},
             {"eroded", counts.eroded}};
-  for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axes[i]), now.momentum[i]);
+  for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("momentum.{}", axis_names[i]), now.momentum[i]);
   for (int i = 0; i < now.moment.size(); ++i)
-    line.emplace_back(fmt::format("moment.{}", axes[Dim == 2 ? 2 : i]), now.moment[i]);
+    line.emplace_back(fmt::format("moment.{}", axis_names[Dim == 2 ? 2 : i]), now.moment[i]);
   const Points<Dim>& walls = otm.wall_forces();
   for (Index w = 0; w < walls.cols(); ++w)
-    for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("wall.{}.{}", w, axes[i]), walls(i, w));
+    for (int i = 0; i < Dim; ++i) line.emplace_back(fmt::format("wall.{}.{}", w, axis_names[i]), walls(i, w));
   const std::vector<ToolState<Dim>> tools = otm.tools();
   for (std::size_t k = 0; k < tools.size(); ++k) {
     const auto add = [&](const char* name, const auto& values) {
       for (int i = 0; i < values.size(); ++i)
-        line.emplace_back(fmt::format("tool.{}.{}.{}", k, name, axes[values.size() == 1 ? 2 : i]), values[i]);
+        line.emplace_back(fmt::format("tool.{}.{}.{}", k, name, axis_names[values.size() == 1 ? 2 : i]), values[i]);
     };
     add("centre", tools[k].centre);
     add("velocity", tools[k].velocity);

@@ -7,6 +7,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/json_array.hpp"
 #include "efree/io/internal/unfinished.hpp"
 #include "efree/io/picture.hpp"
 #include "efree/io/writers.hpp"
@@ -23,14 +24,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using nlohmann::ordered_json;
+using internal::json_array, nlohmann::ordered_json;
 
-constexpr std::string_view kind = "efree otm 3\n";
-constexpr const char* state_name = "otm.state";
-
-template <class Values> ordered_json array(const Values& values) {
-  return std::vector<double>(values.begin(), values.end());
-}
+constexpr std::string_view otm_state_kind = "efree otm 3\n";
+constexpr const char* otm_state_name = "otm.state";
 
 /// What probes say, by columns.
 template <int Dim>
@@ -66,7 +63,7 @@ template <int Dim> OtmRun<Dim>::OtmRun(fs::path directory, const OtmCase<Dim>& o
 template <int Dim> OtmRun<Dim>::~OtmRun() = default;
 
 template <int Dim> bool OtmRun<Dim>::is_unfinished() const {
-  return fs::exists(unfinished_->folder() / state_name);
+  return fs::exists(unfinished_->folder() / otm_state_name);
 }
 
 template <int Dim> void OtmRun<Dim>::begin() {
@@ -78,11 +75,11 @@ template <int Dim> void OtmRun<Dim>::begin() {
 
 template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies) {
   const bool killed = is_unfinished();
-  const fs::path folder = killed ? unfinished_->folder() : directory_, file = folder / state_name;
+  const fs::path folder = killed ? unfinished_->folder() : directory_, file = folder / otm_state_name;
   if (!fs::exists(file))
     throw InputError(
         fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
-  const internal::Sealed sealed = internal::read_sealed(file, kind, Dim, case_.mark);
+  const internal::Sealed sealed = internal::read_sealed(file, otm_state_kind, Dim, case_.mark);
   unfinished_->begin();
   std::string record;
   try {
@@ -100,7 +97,7 @@ template <int Dim> void OtmRun<Dim>::resume(MovingBodies<Dim>& bodies) {
   if (!killed)
     for (const auto& entry : fs::directory_iterator(directory_))
       if (const std::string name = entry.path().filename().string();
-          OtmRecord<Dim>::is_ours(name) || name == state_name)
+          OtmRecord<Dim>::is_ours(name) || name == otm_state_name)
         internal::link(entry.path(), unfinished_->folder() / name);
   record_.emplace(unfinished_->folder(), record);
 }
@@ -149,16 +146,18 @@ template <int Dim> void OtmRun<Dim>::checkpoint(const MovingBodies<Dim>& bodies)
   std::string record = record_->state();
   internal::Packer pack;
   pack(record);
-  internal::write_sealed(unfinished_->folder() / state_name, kind, Dim, case_.mark,
+  internal::write_sealed(unfinished_->folder() / otm_state_name, otm_state_kind, Dim, case_.mark,
                          {std::move(pack).bytes(), bodies.otm.state()});
 }
 
 template <int Dim> void OtmRun<Dim>::finish(OutputDirectory& out) const {
   for (const auto& entry : fs::directory_iterator(directory_))
-    if (const std::string name = entry.path().filename().string(); OtmRecord<Dim>::is_ours(name) || name == state_name)
+    if (const std::string name = entry.path().filename().string();
+        OtmRecord<Dim>::is_ours(name) || name == otm_state_name)
       out.supersede(name);
   for (const auto& entry : fs::directory_iterator(unfinished_->folder()))
-    if (const std::string name = entry.path().filename().string(); OtmRecord<Dim>::is_ours(name) || name == state_name)
+    if (const std::string name = entry.path().filename().string();
+        OtmRecord<Dim>::is_ours(name) || name == otm_state_name)
       internal::link(entry.path(), out.file(name));
 }
 
@@ -234,17 +233,17 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
                     {"prescribed", now.prescribed},   {"weight", now.weight},
                     {"fracture", now.fracture},       {"total", now.total()},
                     {"error", energy.error()},        {"largest_error", energy.largest_error()}};
-  json["momentum"] = array(now.momentum);
-  json["moment_of_momentum"] = array(now.moment);
+  json["momentum"] = json_array(now.momentum);
+  json["moment_of_momentum"] = json_array(now.moment);
   for (const ToolState<Dim>& tool : otm.tools())
-    json["tools"].push_back({{"centre", array(tool.centre)},
-                             {"velocity", array(tool.velocity)},
-                             {"spin", array(tool.spin)},
-                             {"force", array(tool.force)},
-                             {"impulse", array(tool.impulse)},
+    json["tools"].push_back({{"centre", json_array(tool.centre)},
+                             {"velocity", json_array(tool.velocity)},
+                             {"spin", json_array(tool.spin)},
+                             {"force", json_array(tool.force)},
+                             {"impulse", json_array(tool.impulse)},
                              {"work", tool.work}});
   for (Index w = 0; w < otm.wall_forces().cols(); ++w)
-    json["walls"].push_back({{"force", array(otm.wall_forces().col(w))}});
+    json["walls"].push_back({{"force", json_array(otm.wall_forces().col(w))}});
   json["probes"] = ordered_json::object();
   for (const auto& [name, values] : measure(of.motion, bodies)) {
     if (values.size() > 1)
@@ -258,8 +257,8 @@ template <int Dim> void write_otm_result(const fs::path& file, const OtmCase<Dim
     Index most = 0, least = 0;
     values.maxCoeff(&most);
     values.minCoeff(&least);
-    json["extremes"][name] = {{"max", {{"value", values[most]}, {"at", array(points.col(most))}}},
-                              {"min", {{"value", values[least]}, {"at", array(points.col(least))}}}};
+    json["extremes"][name] = {{"max", {{"value", values[most]}, {"at", json_array(points.col(most))}}},
+                              {"min", {{"value", values[least]}, {"at", json_array(points.col(least))}}}};
   }
   json["reports"]["warnings"] = warnings;
   const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +

@@ -51,8 +51,8 @@ template <int Dim> static auto fields(Checkpoint<Dim>& there) {
 
 namespace {
 
-constexpr std::string_view mark = "efree path 4\n";
-constexpr const char *state_name = "path.state", *history_name = "history.csv", *series_name = "fields.pvd";
+constexpr std::string_view path_state_kind = "efree path 4\n";
+constexpr const char *path_state_name = "path.state", *path_history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Whether where the path is, and all it says of its steps, are numbers.
 template <int Dim> bool is_finite(const Checkpoint<Dim>& there) {
@@ -99,11 +99,11 @@ template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<
   internal::Packer pack;
   Checkpoint<Dim> all = there;
   pack(all);
-  internal::write_sealed(file, mark, Dim, of, {std::move(pack).bytes()});
+  internal::write_sealed(file, path_state_kind, Dim, of, {std::move(pack).bytes()});
 }
 
 template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMark of) {
-  const internal::Sealed sealed = internal::read_sealed(file, mark, Dim, of);
+  const internal::Sealed sealed = internal::read_sealed(file, path_state_kind, Dim, of);
   internal::Unpacker unpack(sealed.packed());
   Checkpoint<Dim> there;
   try {
@@ -130,12 +130,12 @@ template <int Dim> PathRecord<Dim>::PathRecord(fs::path directory, const Case<Di
 template <int Dim> PathRecord<Dim>::~PathRecord() = default;
 
 template <int Dim> bool PathRecord<Dim>::is_unfinished() const {
-  return fs::exists(folder_ / state_name);
+  return fs::exists(folder_ / path_state_name);
 }
 
 template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
   const bool killed = is_unfinished();
-  const fs::path file = (killed ? folder_ : directory_) / state_name;
+  const fs::path file = (killed ? folder_ : directory_) / path_state_name;
   if (!fs::exists(file))
     throw InputError(
         fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
@@ -145,7 +145,7 @@ template <int Dim> Checkpoint<Dim> PathRecord<Dim>::resume() {
     for (const int step : steps_in(folder_)) fs::remove(folder_ / fields_name(step));
     for (const int step : steps_in(directory_))
       if (step <= there.at.steps) link(directory_ / fields_name(step), folder_ / fields_name(step));
-    write_checkpoint(folder_ / state_name, there, case_.mark);
+    write_checkpoint(folder_ / path_state_name, there, case_.mark);
   }
   take_back(there);  // fields of a step that was not the last yet
   steps_ = there.at.steps;
@@ -159,16 +159,16 @@ template <int Dim> void PathRecord<Dim>::keep(const Checkpoint<Dim>& there, cons
   const int now = there.at.steps;
   const bool has_fields = so_far.fields.displacement.size() > 0;
   if (has_fields) replace(folder_ / fields_name(now), [&](const fs::path& part) { write_fields(part, case_, so_far); });
-  write_checkpoint(folder_ / state_name, there, case_.mark);
+  write_checkpoint(folder_ / path_state_name, there, case_.mark);
   const bool again = now <= steps_;  // what followed is no more
   if (again) take_back(there);
   if (has_fields)
     replace(folder_ / series_name, [&](const fs::path& part) { write_series(part, steps_in(folder_), there.history); });
   if (!again) {
-    std::ofstream table(folder_ / history_name, std::ios::app);
+    std::ofstream table(folder_ / path_history_name, std::ios::app);
     if (steps_ == 0) table << history_header<Dim>(case_, there.history.back());
     table << history_line(there.history.back());
-    if (!table.flush()) internal::cannot_write(folder_ / history_name);
+    if (!table.flush()) internal::cannot_write(folder_ / path_history_name);
   }
   steps_ = now;
 }
@@ -179,14 +179,14 @@ template <int Dim> void PathRecord<Dim>::take_back(const Checkpoint<Dim>& there)
     if (step > there.at.steps) fs::remove(folder_ / fields_name(step));
   if (fs::exists(folder_ / series_name))
     replace(folder_ / series_name, [&](const fs::path& part) { write_series(part, steps_in(folder_), there.history); });
-  replace(folder_ / history_name, [&](const fs::path& part) { write_history(part, case_, there.history); });
+  replace(folder_ / path_history_name, [&](const fs::path& part) { write_history(part, case_, there.history); });
 }
 
 template <int Dim> void PathRecord<Dim>::finish(OutputDirectory& out, const Result<Dim>& result) const {
   for (const int step : steps_in(directory_)) out.supersede(fields_name(step));
-  for (const char* name : {state_name, series_name}) out.supersede(name);
+  for (const char* name : {path_state_name, series_name}) out.supersede(name);
   if (result.history.empty() || steps_ == 0) return;
-  link(folder_ / state_name, out.file(state_name));
+  link(folder_ / path_state_name, out.file(path_state_name));
   auto steps = steps_in(folder_);
   std::erase_if(steps, [&](int step) { return step > static_cast<int>(result.history.size()); });  // taken back
   for (const int step : steps) link(folder_ / fields_name(step), out.file(fields_name(step)));

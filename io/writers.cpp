@@ -5,6 +5,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/internal/cannot_write.hpp"
+#include "efree/io/internal/json_array.hpp"
 
 #include <fmt/format.h>
 #include <vtkCellArray.h>
@@ -28,7 +29,7 @@
 namespace efree {
 namespace {
 
-using nlohmann::ordered_json;
+using internal::json_array, nlohmann::ordered_json;
 
 using internal::cannot_write;
 
@@ -132,16 +133,12 @@ void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
   if (!writer->Write() || writer->GetErrorCode() != 0) cannot_write(file);
 }
 
-template <class Values> ordered_json array(const Values& values) {
-  return std::vector<double>(values.begin(), values.end());
-}
-
 template <int Dim> ordered_json json_of(const Resultant<Dim>& of) {
-  ordered_json json = {{"force", array(of.force)}};
+  ordered_json json = {{"force", json_array(of.force)}};
   if constexpr (Dim == 2)
     json["moment"] = of.moment[0];
   else
-    json["moment"] = array(of.moment);
+    json["moment"] = json_array(of.moment);
   return json;
 }
 
@@ -166,17 +163,18 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
   json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
   json["probes"] = ordered_json::object();
   for (const auto& [name, values] : answer.probes)
-    json["probes"][name] = {{"displacement", array(values.displacement)},
-                            {"strain", array(values.strain)},
-                            {"stress", array(values.stress)}};
+    json["probes"][name] = {{"displacement", json_array(values.displacement)},
+                            {"strain", json_array(values.strain)},
+                            {"stress", json_array(values.stress)}};
   for (const auto& [part, of] : answer.balance.reactions) json["reactions"][part] = json_of<Dim>(of);
   for (const auto& [name, values] : answer.probes)
     if (const auto error = answer.probe_errors.find(name); error != answer.probe_errors.end()) {
-      json["probes"][name]["error"] = array(error->second);
+      json["probes"][name]["error"] = json_array(error->second);
       json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
     }
   for (const auto& reaction : answer.reactions) {
-    json["reactions"][reaction.name].update({{"force", array(reaction.force)}, {"error", array(reaction.error)}});
+    json["reactions"][reaction.name].update(
+        {{"force", json_array(reaction.force)}, {"error", json_array(reaction.error)}});
     json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
   }
   json["loads"] = ordered_json::array();
@@ -188,14 +186,14 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
   }
   json["balance"] = balance_json(answer.balance);
   for (const auto& extreme : answer.extremes) {
-    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", array(extreme.at)}};
+    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", json_array(extreme.at)}};
     if (!extreme.error) continue;
     json["extremes"][extreme.of]["error"] = *extreme.error;
     json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
   }
   for (const auto& range : field_ranges(space, answer.fields))
-    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", array(range.most_at)}}},
-                                  {"min", {{"value", range.least}, {"at", array(range.least_at)}}}};
+    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", json_array(range.most_at)}}},
+                                  {"min", {{"value", range.least}, {"at", json_array(range.least_at)}}}};
 }
 
 ordered_json errors_json(const Errors& errors) {
@@ -373,7 +371,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (result.cells) {
     json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
     for (const CellLevel& level : result.cells->levels)
-      json["grids"].push_back({{"edges", array(level.edges)},
+      json["grids"].push_back({{"edges", json_array(level.edges)},
                                {"cells", level.cells},
                                {"iterations", level.iterations},
                                {"strain_energy", level.strain_energy}});

@@ -6,6 +6,7 @@
 #include "efree/materials/internal/finite_deformation.hpp"
 #include "efree/materials/internal/near_identity.hpp"
 #include "efree/materials/internal/principal.hpp"
+#include "efree/materials/internal/require_number.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/LU>
@@ -16,12 +17,6 @@ namespace efree {
 using namespace internal;
 
 namespace {
-
-const Mat<3> unit = Mat<3>::Identity();
-
-void require_number(const char* what, double value, bool good, const char* expected) {
-  if (!good || !std::isfinite(value)) throw InputError(fmt::format("{} = {}, expected {}", what, value, expected));
-}
 
 using State = EquationOfState::State;
 
@@ -47,7 +42,7 @@ EquationOfState::Step step_at(const Vec<3>& X, const EquationOfState& state, con
 
 /// ln(V) of f = V R.
 Mat<3> log_stretch(const Mat<3>& f) {
-  const Mat<3> H = f - unit, growth = H + H.transpose() + H * H.transpose();
+  const Mat<3> H = f - identity, growth = H + H.transpose() + H * H.transpose();
   Mat<3> log;
   if (!log_near_identity(growth, log)) {
     const auto [values, axes] = internal::spectrum<3>(growth);
@@ -164,12 +159,13 @@ void Fluid::respond(const Deformation& given, MaterialResponse& response) const 
     Mat<3> viscous_stress = Mat<3>::Zero();
     double heat = 0.0;
     if (viscous()) {
-      const Mat<3> old = unit + Mat<3>(given.history.col(p).segment<9>(3).reshaped(3, 3));
+      const Mat<3> old = identity + Mat<3>(given.history.col(p).segment<9>(3).reshaped(3, 3));
       const Mat<3> strain = log_stretch(at.F * old.inverse());
       const double trace = strain.trace();
       if (!strain.isZero(0.0)) {
         if (!(dt > 0.0)) throw NumericalError("a viscous fluid flows in no time " + place(X));
-        viscous_stress = (shear * (strain - trace / 3.0 * unit) + parameters_.bulk_viscosity * trace * unit) / dt;
+        viscous_stress =
+            (shear * (strain - trace / 3.0 * identity) + parameters_.bulk_viscosity * trace * identity) / dt;
         heat = at.J * viscous_stress.cwiseProduct(strain).sum();
       }
       response.history.col(p).segment<9>(3) = at.H.reshaped();
@@ -177,7 +173,7 @@ void Fluid::respond(const Deformation& given, MaterialResponse& response) const 
     const auto [after, pressure, by_J] = step_at(X, parameters_.state, remembered(given.history.col(p).head<3>()), at.J,
                                                  given.heat_at(p) + heat, parameters_.pressure.at(X));
     response.history.col(p).head<3>() = rows_of(after);
-    response.stress(p) = at.J * (viscous_stress - pressure * unit) * T;
+    response.stress(p) = at.J * (viscous_stress - pressure * identity) * T;
     response.energy[p] = after.energy - after.heat;
     response.dissipated[p] = heat;
     if (!response.tangent) continue;
@@ -188,7 +184,7 @@ void Fluid::respond(const Deformation& given, MaterialResponse& response) const 
     // d(J sigma F^-T) with dD = sym(dF F^-1) / dt.
     A += at.J * Mat<3>(viscous_stress * T).reshaped() * t.transpose() - at.J * crossed(viscous_stress * T, T) +
          at.J / dt *
-             (0.5 * shear * (paired(unit, T.transpose() * T) + crossed(T, T)) +
+             (0.5 * shear * (paired(identity, T.transpose() * T) + crossed(T, T)) +
               (parameters_.bulk_viscosity - shear / 3.0) * t * t.transpose());
   }
 }

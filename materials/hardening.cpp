@@ -2,6 +2,7 @@
 #include "efree/materials/hardening.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/materials/internal/require_number.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -11,9 +12,8 @@
 namespace efree {
 namespace {
 
-void require_number(const char* what, double value, bool good, const char* expected) {
-  if (!good || !std::isfinite(value)) throw InputError(fmt::format("{} = {}, expected {}", what, value, expected));
-}
+using internal::require_number;
+
 void require_yield(double yield) {
   require_number("yield stress", yield, yield >= 0.0, "a number that is not negative");
 }

@@ -14,8 +14,6 @@ using namespace internal;
 
 namespace {
 
-const Mat<3> unit = Mat<3>::Identity();
-
 double positive(const Parameter& parameter, const char* what, const Vec<3>& X) {
   const double value = parameter.at(X);
   if (!(value > 0.0) || !std::isfinite(value))
@@ -49,7 +47,8 @@ void respond_by_invariants(const FiniteDeformation& at, double c10, double c01, 
       t * g.transpose() - by_T * crossed(T, T);
   A.diagonal().array() += 2.0 * of_I1 + 2.0 * of_I2 * I1;
   if (of_I2 != 0.0)
-    A += of_I2 * (4.0 * f * f.transpose() - 2.0 * (paired(unit, C) + crossed(F, F) + paired(F * F.transpose(), unit)));
+    A += of_I2 *
+         (4.0 * f * f.transpose() - 2.0 * (paired(identity, C) + crossed(F, F) + paired(F * F.transpose(), identity)));
 }
 
 /// W, of which `law` are the derivatives by logarithmic strains.
@@ -67,13 +66,13 @@ void StVenantKirchhoff::respond(const Deformation& given, MaterialResponse& resp
     const auto [lambda, mu, kappa] = moduli_.at(given.X.col(p));
     const FiniteDeformation at(given, p);
     const Mat<3> E = at.green();
-    const Mat<3> S = lambda * E.trace() * unit + 2.0 * mu * E;
+    const Mat<3> S = lambda * E.trace() * identity + 2.0 * mu * E;
     response.stress(p) = at.F * S;
     response.energy[p] = 0.5 * S.cwiseProduct(E).sum();
     if (!response.tangent) continue;
     const Vec<9> f = at.F.reshaped();
-    response.tangent_at(p) = paired(unit, S) + lambda * f * f.transpose() +
-                             mu * (crossed(at.F, at.F) + paired(at.F * at.F.transpose(), unit));
+    response.tangent_at(p) = paired(identity, S) + lambda * f * f.transpose() +
+                             mu * (crossed(at.F, at.F) + paired(at.F * at.F.transpose(), identity));
   }
 }
 
@@ -135,7 +134,7 @@ void Ogden::respond(const Deformation& given, MaterialResponse& response) const 
   for (Index p = 0; p < given.size(); ++p) {
     const FiniteDeformation at(given, p);
     const Volumetric volumetric(positive(kappa_, "bulk modulus kappa", given.X.col(p)), at);
-    const PrincipalFrame frame(at.F, unit);
+    const PrincipalFrame frame(at.F, identity);
     const Vec<3> strain = frame.strain().array() - at.log_J / 3.0;
     double energy = volumetric.energy;
     PrincipalStress law{Vec<3>::Constant(volumetric.stress), Mat<3>::Constant(volumetric.slope), Mat<3>::Zero()};
@@ -164,7 +163,7 @@ void Hencky::respond(const Deformation& given, MaterialResponse& response) const
   for (Index p = 0; p < given.size(); ++p) {
     const auto [lambda, mu, kappa] = moduli_.at(given.X.col(p));
     const FiniteDeformation at(given, p);
-    const PrincipalFrame frame(at.F, unit);
+    const PrincipalFrame frame(at.F, identity);
     const auto law = PrincipalStress::linear(frame.strain(), kappa, mu);
     respond_by_stretches(frame, law, 0.5 * law.stress.dot(frame.strain()), p, response);
   }

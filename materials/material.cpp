@@ -8,7 +8,6 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,8 +17,8 @@ namespace efree {
 
 Deformation Deformation::none(Points<3> X, Index history_size) {
   const Eigen::Index n = X.cols();
-  const Mat<3> identity = Mat<3>::Identity();
-  return {std::move(X), Eigen::Map<const Vec<9>>(identity.data()).replicate(1, n), Matrix::Zero(history_size, n), 0.0};
+  const Mat<3> unit = Mat<3>::Identity();
+  return {std::move(X), Eigen::Map<const Vec<9>>(unit.data()).replicate(1, n), Matrix::Zero(history_size, n), 0.0};
 }
 
 MaterialResponse respond(const Material& material, const Deformation& deformation, bool tangent) {
@@ -77,7 +76,7 @@ std::vector<HistoryPart> PlaneStress::history_parts() const {
 Eigen::Matrix<double, 3, 9> PlaneStress::strains_across(const MaterialResponse::Tangent& A) {
   const Mat<3> stiffness = across.transpose() * A * across;
   // Matter that is torn across the plane has no stiffness there: then the least strains.
-  return -stiffness.completeOrthogonalDecomposition().solve(across.transpose() * A);
+  return -internal::least_squares_solution<9>(stiffness, across.transpose() * A);
 }
 
 MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent& A) {

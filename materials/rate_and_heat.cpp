@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/materials/rate_and_heat.hpp"
 
-#include "efree/core/error.hpp"
+#include "efree/materials/internal/require_number.hpp"
 
-#include <fmt/format.h>
 #include <cmath>
 
 namespace efree {
-namespace {
 
-void require_number(const char* what, double value, bool good, const char* expected) {
-  if (!good || !std::isfinite(value)) throw InputError(fmt::format("{} = {}, expected {}", what, value, expected));
-}
-
-}  // namespace
+using internal::require_number;
 
 RateFactor RateFactor::johnson_cook(double C, double reference) {
   require_number("sensitivity C to the rate", C, C >= 0.0, "a number that is not negative");

@@ -21,7 +21,7 @@ namespace efree::internal {
 namespace {
 
 /// How far nodes may go before they look for other bodies again, over the spacing.
-constexpr double skin = 0.25;
+constexpr double contact_skin = 0.25;
 /// How far nodes get into a body before they count as on its other side, over the spacing.
 constexpr double deepest = 0.8;
 /// How near bodies that seize have to come, over the spacing.
@@ -167,7 +167,8 @@ template <int Dim> void Motion<Dim>::find_near() {
     for (std::size_t other = 0; other < surfaces.size(); ++other) {
       if (other == b) continue;
       for (const Index a : surfaces[other].nodes) {
-        tree.centres.within(x.col(a), tree.reach + skin * (tree.widest + spacing[a]) + deepest * tree.widest, found);
+        tree.centres.within(x.col(a), tree.reach + contact_skin * (tree.widest + spacing[a]) + deepest * tree.widest,
+                            found);
         if (!found.empty()) approaching.push_back({a, static_cast<Index>(b), found});
       }
     }
@@ -283,7 +284,7 @@ template <int Dim> void Motion<Dim>::touch() {
   if (surfaces.empty()) find_surface();
   bool look = seen_at.size() == 0;
   for (Index a = 0; a < x.cols() && !look; ++a)
-    look = (x.col(a) - seen_at.col(a)).squaredNorm() > skin * skin * spacing[a] * spacing[a];
+    look = (x.col(a) - seen_at.col(a)).squaredNorm() > contact_skin * contact_skin * spacing[a] * spacing[a];
   if (look) find_near();
   if (options.contact.seizing) {
     seize();

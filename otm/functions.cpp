@@ -11,7 +11,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -51,7 +50,7 @@ template <int Dim> Mat<Dim> rounded(const Mat<Dim>& metric, double ratio) {
 }
 
 /// Nodes that a point sees, over those it saw at first, below which its support is too small.
-constexpr double least_share = 0.6;
+constexpr double least_seen = 0.6;
 
 /// Points whose functions a thread makes anew at once.
 constexpr Index points_at_once = 16;
@@ -65,9 +64,9 @@ void forget_flow(Eigen::Ref<Mat<3>> F, Eigen::Ref<Vec<6>> flow) {
   const double J = F.determinant();
   if (!(J > 0.0) || F.squaredNorm() <= far * std::cbrt(J * J)) return;
   const Mat<3> left = F * (Mat<3>::Identity() + internal::symmetric(flow)) * F.transpose();  // V_e^2
-  const Eigen::SelfAdjointEigenSolver<Mat<3>> axes(0.5 * (left + left.transpose()));
-  if (axes.info() != Eigen::Success || !(axes.eigenvalues()[0] > 0.0)) return;
-  const Mat<3> V = axes.operatorSqrt();
+  const auto [squares, axes] = spectrum<3>(0.5 * (left + left.transpose()));
+  if (!(squares[0] > 0.0)) return;
+  const Mat<3> V = axes * squares.cwiseSqrt().asDiagonal() * axes.transpose();
   const double growth = std::cbrt(J / V.determinant());
   F = growth * V;
   flow << Vec<3>::Constant(1.0 / (growth * growth) - 1.0), Vec<3>::Zero();
@@ -82,7 +81,7 @@ template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Di
     return skew / moment.trace();
   } else {
     const Mat<3> inertia = moment.trace() * Mat<3>::Identity() - moment;
-    const Vec<3> spin = inertia.completeOrthogonalDecomposition().solve(Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
+    const Vec<3> spin = least_squares_solution<1>(inertia, Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
     Mat<3> result;
     result << 0.0, -spin[2], spin[1], spin[2], 0.0, -spin[0], -spin[1], spin[0], 0.0;
     return result;
@@ -90,7 +89,7 @@ template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Di
 }
 
 /// How far nodes go before trees of them are built anew, over their least spacing.
-constexpr double skin = 0.1;
+constexpr double tree_skin = 0.1;
 
 /// Width of functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
@@ -135,7 +134,7 @@ template <int Dim> bool Motion<Dim>::find_functions(const OtmChunk<Dim>& chunk, 
     // Where nodes have come apart from each other more than points say, supports follow the nodes.
     for (int wider = 0; wider < 20; ++wider) {
       look(1.0);
-      if (static_cast<double>(used.size()) >= least_share * chunk.count[p]) break;
+      if (static_cast<double>(used.size()) >= least_seen * chunk.count[p]) break;
       metric /= 1.2;
     }
   }
@@ -532,7 +531,7 @@ template <int Dim> void Motion<Dim>::follow_nodes(Index body) {
   const Points<Dim>& then = trees[body]->points();
   if (then.cols() == count) {
     drift[body] = std::sqrt((x.middleCols(first, count) - then).colwise().squaredNorm().maxCoeff());
-    if (drift[body] <= skin * spacing.segment(first, count).minCoeff()) return;
+    if (drift[body] <= tree_skin * spacing.segment(first, count).minCoeff()) return;
   }
   build_tree(body);
 }

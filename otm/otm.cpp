@@ -18,7 +18,7 @@ namespace {
 /// turned inside out before its pressure says a word.
 constexpr double most_squeezed = 0.2;
 /// Of the stable step, to which that may shorten it: what asks for more joins another point, or breaks.
-constexpr double least_share = 0.05;
+constexpr double least_step = 0.05;
 
 /// Steps between looks at the energy, and at how stiff points are.
 constexpr Index between_looks = 64;
@@ -173,7 +173,7 @@ template <int Dim> double Otm<Dim>::step(double at_most) {
   for (auto& chunk : of.chunks) {
     damping = std::max(damping, chunk.damping);
     const auto& body = of.bodies[chunk.body];
-    const double least = of.joins(body) || body.fracture.on() ? least_share * of.stable : 0.0;
+    const double least = of.joins(body) || body.fracture.on() ? least_step * of.stable : 0.0;
     if (const double squeeze = std::exchange(chunk.squeeze, 0.0); squeeze > 0.0)
       squeezed = std::min(squeezed, std::max(most_squeezed / squeeze, least));
   }

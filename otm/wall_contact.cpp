@@ -12,7 +12,7 @@ namespace efree::internal {
 namespace {
 
 /// Gap below which points of a surface are near a tool, over the smallest spacing of nodes.
-constexpr double skin = 0.1;
+constexpr double wall_skin = 0.1;
 /// Of the velocity that is to be stopped this part may be left, and what so many iterations leave: gaps tell the next
 /// step of it. What takes more of them are motions of nodes that surfaces hardly feel, and forces are no better.
 constexpr double tolerance = 1e-3;
@@ -170,7 +170,7 @@ template <int Dim> void Motion<Dim>::take_surfaces(const std::vector<OtmBody<Dim
       surface_reach = std::max(surface_reach, sum);
     }
     for (Index a = bodies[b].first_node; a < bodies[b + 1].first_node; ++a)
-      surface_skin = std::min(surface_skin, skin * spacing[a]);
+      surface_skin = std::min(surface_skin, wall_skin * spacing[a]);
   }
   surface_points.resize(count, static_cast<Index>(x.cols()));
   surface_points.setFromTriplets(entries.begin(), entries.end());

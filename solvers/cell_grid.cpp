@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/cell_grid.hpp"
 
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cstring>
 
@@ -253,9 +253,8 @@ CellEigenvalues of_one_ratio(const Vec<3>& edges, float across_over_shear) {
       for (int b = 0; b < 24; ++b) K(b, a) = f[dof(b)];
     }
     const Eigen::Matrix<double, 24, 1> scale = K.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::Matrix<double, 24, 24> scaled = scale.asDiagonal() * K * scale.asDiagonal();
-    result[set] = static_cast<float>(
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 24, 24>>(scaled, Eigen::EigenvaluesOnly).eigenvalues()[23]);
+    const Matrix scaled = scale.asDiagonal() * K * scale.asDiagonal();
+    result[set] = static_cast<float>(eigenvalues<Eigen::Dynamic>(scaled)[23]);
   }
   return result;
 }

@@ -16,7 +16,7 @@ using internal::Field, internal::HeldSide, internal::SingleField, internal::for_
     internal::dot;
 
 /// Energy of a displacement that is none but for rounding, as part of that of its unknowns one by one.
-constexpr double rounding = 1e-18;
+constexpr double energy_rounding = 1e-18;
 
 /// Solves the problem of grid l from u, which has the prescribed displacements. In scaled units.
 CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& precondition, const CellOptions& options,
@@ -31,7 +31,8 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
     return dot(u, Ap);
   };
   const auto nothing = [&] {
-    return rounding * summed(dofs, [&](std::size_t i) { return inverse[i] > 0.0F ? u[i] * u[i] / inverse[i] : 0.0; });
+    return energy_rounding *
+           summed(dofs, [&](std::size_t i) { return inverse[i] > 0.0F ? u[i] * u[i] / inverse[i] : 0.0; });
   };
   CellLevel found{.edges = problem.edges, .cells = problem.num_cells()};
   double energy = energy_of(), rz = 0.0;

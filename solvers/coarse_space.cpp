@@ -17,7 +17,7 @@ namespace {
 constexpr double slim = 0.25;
 /// Turning nodes, squared, that are worth their factor, over what an iteration costs: nodes of the elements times
 /// reach of the smoother. In space factors grow with the square.
-constexpr double too_many = 10.0;
+constexpr double most_turning = 10.0;
 
 /// Displacement at x for rotations about the origin, one in each column; in the plane there is only one.
 template <int Dim> Mat<Dim> rotations(const Vec<Dim>& x) {
@@ -59,7 +59,7 @@ std::vector<char> thin_nodes(const ShapeTable<Dim>& shape, const Points<Dim>& pl
   std::vector<char> thin(shape.num_nodes());
   parallel_for(shape.num_nodes(), [&](Index I) { thin[I] = slimness<Dim>(shape, rows_at[I], places) < slim; });
   const auto turning = static_cast<double>(std::ranges::count(thin, 1));
-  if (turning * turning > too_many * static_cast<double>(count) * apart) std::ranges::fill(thin, 0);
+  if (turning * turning > most_turning * static_cast<double>(count) * apart) std::ranges::fill(thin, 0);
   return thin;
 }
 

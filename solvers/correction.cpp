@@ -45,7 +45,7 @@ constexpr int patience = 20;
 /// Blocks stored of the stiffness that are few enough for a direct solver.
 template <int Dim> constexpr double few_entries = Dim == 2 ? 5e6 : 5e5;
 /// Squared error, relative, that is rounding.
-constexpr double rounding = 1e-20;
+constexpr double error_rounding = 1e-20;
 /// Energy that is rounding, and a step's that is, relative to what it would be if nodes moved one by one: a body that
 /// moves as a whole has no more.
 constexpr double no_energy = 1e-24, no_step = 1e-28;
@@ -764,7 +764,7 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     if (own_stiffness > 0.0) add<Dim>(z, -dot<Dim>(pull, z) / own_stiffness, own);
     const double next = dot<Dim>(r, z);
     // The first iterate that is exact up to rounding: nothing is left to be taken off.
-    if (const double nothing = std::max(rounding * scale, no_step * one_by_one); !(next > nothing)) {
+    if (const double nothing = std::max(error_rounding * scale, no_step * one_by_one); !(next > nothing)) {
       if (!(next >= -nothing)) throw NumericalError("correction: the smoother is not positive definite");
       solved = true;
       break;

@@ -22,7 +22,7 @@ constexpr double nothing = 1e-7;
 
 /// Stiffness against volume over that against shear (incompressibility) from which on bulk moduli begin there, and
 /// their next values over the last ones: the second step has nothing to be foreseen from.
-constexpr double bearable = 20.0, first_rise = 3.0, rise = 10.0;
+constexpr double lowest_ratio = 20.0, first_rise = 3.0, rise = 10.0;
 
 template <int Dim> ApproximationOptions elements_of(const Approximation<Dim>& cloud, const ElasticModel& model) {
   return {.kind = ElementsBeside<Dim>::degree(cloud) == 2 ? BasisKind::p2 : BasisKind::p1,
@@ -154,7 +154,7 @@ template <int Dim> BesideCloud<Dim> ElementsBeside<Dim>::balance_from(const Stat
   const auto foresee = [&](double next) {
     if (slope.size() > 0) now.state.u += (next - softness) * slope;
   };
-  for (double ratio = bearable, factor = first_rise; ratio < highest; ratio *= factor, factor = rise) {
+  for (double ratio = lowest_ratio, factor = first_rise; ratio < highest; ratio *= factor, factor = rise) {
     const Vector before = now.state.u;
     foresee(1.0 / ratio);
     const SharedEquations softer = equations_of(softened(model_, ratios, ratio));

@@ -15,7 +15,7 @@ namespace {
 constexpr double edges_apart = 2.5, hat_reach = 2.0;
 /// Nodes, squared, that are worth their factor, over those of the elements, which measure an iteration. In space
 /// factors grow with the square; in the plane they are always cheap.
-constexpr double too_many = 50.0;
+constexpr double most_hats = 50.0;
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// Paths along the entries of K, longest edges at their ends as unit: what is short in a cell is no step.
@@ -75,7 +75,7 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
       }
     const auto n = static_cast<double>(chosen.size());
     // Bodies of their own need one each, however many they are.
-    if (Dim == 2 || n * n <= too_many * K.size() || chosen.size() == before) break;
+    if (Dim == 2 || n * n <= most_hats * K.size() || chosen.size() == before) break;
   }
   std::erase(nearest, infinite);
   const double apart = 2.0 * std::accumulate(nearest.begin(), nearest.end(), 0.0) / static_cast<double>(nearest.size());

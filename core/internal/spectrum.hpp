@@ -17,4 +17,9 @@ template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric);  ///< ascending
 /// Of Moore and Penrose, of any square matrix; N = 2 or 3.
 template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix);
 
+/// The smallest of all x that bring matrix x closest to the right-hand sides, by column; Columns = 1 or 9.
+template <int Columns>
+Eigen::Matrix<double, 3, Columns> least_squares_solution(const Mat<3>& matrix,
+                                                         const Eigen::Matrix<double, 3, Columns>& right);
+
 }  // namespace efree::internal

@@ -193,7 +193,7 @@ std::vector<char> boundary_nodes(const FineMesh<2>& mesh, const Vector& spacing)
 }
 
 /// What a vertex is to the surface, in the order in which nodes are sought.
-enum Place : char { corner, ridge, face, inside };
+enum class Place : char { corner, ridge, face, inside };
 
 /// Ridges are the boundary edges where the surface turns by more than 30 degrees or where named groups end; corners are
 /// the vertices where ridges end, meet or turn by more than 30 degrees.
@@ -214,9 +214,9 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
     return s.edge() != t.edge() ? s.edge() < t.edge() : s.facet < t.facet;
   });
 
-  std::vector<Place> place(mesh.num_vertices(), inside);
+  std::vector<Place> place(mesh.num_vertices(), Place::inside);
   for (Index f = 0; f < mesh.num_facets(); ++f)
-    for (int k = 0; k < 3; ++k) place[mesh.facets()(k, f)] = face;
+    for (int k = 0; k < 3; ++k) place[mesh.facets()(k, f)] = Place::face;
   std::vector<std::array<Index, 2>> ridges;
   for (std::size_t s = 0; s < sides.size();) {
     std::size_t end = s + 1;
@@ -237,7 +237,7 @@ std::vector<Place> places(const FineMesh<3>& mesh) {
   }
   const double straight = 2.0 - 2.0 * ridge_cosine;  // |e1 + e2|^2 for a turn of 30 degrees
   for (Index v = 0; v < mesh.num_vertices(); ++v)
-    if (count[v] > 0) place[v] = count[v] == 2 && sum.col(v).squaredNorm() < straight ? ridge : corner;
+    if (count[v] > 0) place[v] = count[v] == 2 && sum.col(v).squaredNorm() < straight ? Place::ridge : Place::corner;
   return place;
 }
 

@@ -2,13 +2,13 @@
 #include "efree/geometry/cloud/spacing.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/infinity.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <queue>
 #include <tuple>
@@ -16,7 +16,7 @@
 namespace efree {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 /// Vertices, the least value first; ties by number, so that the order is the same everywhere.
 using Entry = std::pair<double, Index>;

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/internal/disjoint_sets.hpp"
+#include "efree/core/internal/infinity.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
 
 #include <CGAL/AABB_traits.h>
@@ -15,7 +16,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 
@@ -26,7 +26,7 @@ namespace pmp = CGAL::Polygon_mesh_processing;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 /// Normal of a triangle times its area.
 Vec<3> area_vector(const SurfaceSoup& soup, Index t) {

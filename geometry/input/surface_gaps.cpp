@@ -2,6 +2,7 @@
 #include "efree/geometry/input/surface_gaps.hpp"
 
 #include "efree/core/internal/disjoint_sets.hpp"
+#include "efree/core/internal/infinity.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/input/internal/find_gaps.hpp"
 #include "efree/geometry/input/internal/surface_mesh.hpp"
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <map>
 
 namespace efree {
@@ -21,7 +21,7 @@ namespace {
 using internal::facing_walls, internal::normal_of, internal::Triangle, internal::TriangleTree;
 using Sample = SurfaceGap::Sample;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 constexpr double elongation = 8.0;  ///< area of a gap's walls over the square of its width, at least
 constexpr double most_samples = 1e6;
 

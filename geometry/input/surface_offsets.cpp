@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/input/surface_offsets.hpp"
 
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/input/internal/triangle_tree.hpp"
 #include "efree/geometry/mesh/internal/smooth_normals.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <map>
@@ -70,12 +70,11 @@ Vec<3> to_all(const std::vector<Tangent>& tangents) {
     normals += of.normal * of.normal.transpose();
     heights += of.height * of.normal;
   }
-  const Eigen::SelfAdjointEigenSolver<Mat<3>> solver(normals);
+  const auto [values, axes] = internal::spectrum<3>(normals);
   Vec<3> offset = Vec<3>::Zero();
   constexpr double parallel = 0.15;  // directions of facets that meet at 40 degrees are 0.13
   for (int k = 0; k < 3; ++k)
-    if (const double value = solver.eigenvalues()[k]; value > parallel * solver.eigenvalues()[2])
-      offset += solver.eigenvectors().col(k).dot(heights) / value * solver.eigenvectors().col(k);
+    if (values[k] > parallel * values[2]) offset += axes.col(k).dot(heights) / values[k] * axes.col(k);
   return offset;
 }
 

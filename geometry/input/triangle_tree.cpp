@@ -8,7 +8,7 @@
 namespace efree::internal {
 namespace {
 
-constexpr Index few = 4;  ///< triangles that are not parted further
+constexpr Index triangles_of_leaf = 4;  ///< triangles that are not parted further
 
 /// Distance along a ray to a triangle (Moeller & Trumbore 1997), rays along its edges included; infinity for none.
 double distance_to(const Triangle& triangle, const Vec<3>& from, const Vec<3>& direction) {
@@ -78,7 +78,7 @@ void TriangleTree::build(Index begin, Index end) {
   node.box.min().array() -= margin;
   node.box.max().array() += margin;
   nodes_.push_back(node);
-  if (end - begin > few) {
+  if (end - begin > triangles_of_leaf) {
     int axis = 0;
     middles.sizes().maxCoeff(&axis);
     const Index half = begin + (end - begin) / 2;

@@ -11,7 +11,7 @@ namespace {
 
 /// Triangles from farther away than this many radii count as one dipole: winding numbers are right to 0.01.
 constexpr double far_away = 3.0;
-constexpr Index few = 8;  ///< triangles that are not parted further
+constexpr Index triangles_of_cluster = 8;  ///< triangles that are not parted further
 
 /// Solid angle of a triangle seen from q, positive from behind (Van Oosterom & Strackee 1983).
 double solid_angle(const Triangle& triangle, const Vec<3>& q) {
@@ -64,7 +64,7 @@ void Winding::build(Index begin, Index end) {
     for (const Vec<3>& corner : triangles_[t])
       cluster.radius = std::max(cluster.radius, (corner - cluster.centre).norm());
   clusters_.push_back(cluster);
-  if (end - begin > few) {
+  if (end - begin > triangles_of_cluster) {
     int axis = 0;
     (high - low).maxCoeff(&axis);
     const Index half = begin + (end - begin) / 2;

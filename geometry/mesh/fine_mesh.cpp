@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/bodies.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
+#include "efree/geometry/mesh/internal/sorted_facet.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -29,15 +30,6 @@ template <int Dim> Key<Dim> facet_opposite(const Cells<Dim>& cells, Index c, Ind
   return facet;
 }
 
-template <int Dim> Key<Dim> sorted(Key<Dim> key) {
-  if constexpr (Dim == 3)
-    if (key[2] < key[0]) std::swap(key[0], key[2]);
-  if (key[1] < key[0]) std::swap(key[0], key[1]);
-  if constexpr (Dim == 3)
-    if (key[2] < key[1]) std::swap(key[1], key[2]);
-  return key;
-}
-
 /// One side of a facet: its sorted vertices, the cell, and the local vertex opposite.
 template <int Dim> struct HalfFacet {
   Key<Dim> key;
@@ -56,7 +48,8 @@ template <int Dim> std::vector<HalfFacet<Dim>> sorted_half_facets(const Cells<Di
   std::vector<std::size_t> begin(static_cast<std::size_t>(cells.maxCoeff()) + 2, 0);
   const auto for_each_side = [&](const auto& body) {
     for (Index c = 0; c < cells.cols(); ++c)
-      for (Index i = 0; i <= Dim; ++i) body(HalfFacet<Dim>{sorted<Dim>(facet_opposite<Dim>(cells, c, i)), c, i});
+      for (Index i = 0; i <= Dim; ++i)
+        body(HalfFacet<Dim>{internal::sorted_facet<Dim>(facet_opposite<Dim>(cells, c, i)), c, i});
   };
   for_each_side([&](const HalfFacet<Dim>& side) { ++begin[side.key[0] + 1]; });
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
@@ -313,11 +306,11 @@ template <int Dim> FineMesh<Dim>::FineMesh(MeshData<Dim> data) {
   });
 
   const auto find_facet = [&](const Key<Dim>& wanted) -> Index {
-    const Key<Dim> sought = sorted<Dim>(wanted);
+    const Key<Dim> sought = internal::sorted_facet<Dim>(wanted);
     for (Index f : facets_of(wanted[0])) {
       Key<Dim> key;
       for (int k = 0; k < Dim; ++k) key[k] = facets_(k, f);
-      if (sorted<Dim>(key) == sought) return f;
+      if (internal::sorted_facet<Dim>(key) == sought) return f;
     }
     return -1;
   };
@@ -432,7 +425,7 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
   if (facets.empty()) return mesh;
   check_indices(mesh);
   std::vector<Key<Dim>> cut;
-  for (const auto& facet : facets) cut.push_back(sorted<Dim>(facet));
+  for (const auto& facet : facets) cut.push_back(internal::sorted_facet<Dim>(facet));
   std::sort(cut.begin(), cut.end());
   cut.erase(std::unique(cut.begin(), cut.end()), cut.end());
   const auto is_cut = [&](const Key<Dim>& key) { return std::binary_search(cut.begin(), cut.end(), key); };
@@ -485,7 +478,7 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
             continue;
           }
           const Index next = neighbours(i, c);
-          if (next < 0 || is_cut(sorted<Dim>(facet_opposite<Dim>(old_cells, c, i)))) continue;
+          if (next < 0 || is_cut(internal::sorted_facet<Dim>(facet_opposite<Dim>(old_cells, c, i)))) continue;
           const auto p = position(next);
           if (!seen[p]) {
             seen[p] = 1;
@@ -498,8 +491,8 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
   for (std::size_t side = 0; side + 1 < sides.size(); ++side) {
     const auto &a = sides[side], &b = sides[side + 1];
     if (a.key == b.key && is_cut(a.key) &&
-        sorted<Dim>(facet_opposite<Dim>(mesh.cells, a.cell, a.opposite)) ==
-            sorted<Dim>(facet_opposite<Dim>(mesh.cells, b.cell, b.opposite)))
+        internal::sorted_facet<Dim>(facet_opposite<Dim>(mesh.cells, a.cell, a.opposite)) ==
+            internal::sorted_facet<Dim>(facet_opposite<Dim>(mesh.cells, b.cell, b.opposite)))
       throw InputError(fmt::format(
           "cut: the facet of vertices {} stays closed, a cut that ends inside the body takes more than one facet",
           fmt::join(a.key, ", ")));
@@ -512,8 +505,9 @@ template <int Dim> MeshData<Dim> cut_open(MeshData<Dim> mesh, const std::vector<
   for (auto& group : mesh.groups) {
     std::vector<Key<Dim>> followed;
     for (const auto& facet : group.facets) {
-      auto side = std::lower_bound(sides.begin(), sides.end(), HalfFacet<Dim>{sorted<Dim>(facet), -1, 0});
-      for (; side != sides.end() && side->key == sorted<Dim>(facet); ++side)
+      auto side =
+          std::lower_bound(sides.begin(), sides.end(), HalfFacet<Dim>{internal::sorted_facet<Dim>(facet), -1, 0});
+      for (; side != sides.end() && side->key == internal::sorted_facet<Dim>(facet); ++side)
         followed.push_back(facet_opposite<Dim>(mesh.cells, side->cell, side->opposite));
     }
     group.facets.assign(followed.begin(), followed.end());

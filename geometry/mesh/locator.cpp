@@ -20,7 +20,7 @@ namespace {
 
 namespace bg = boost::geometry;
 
-constexpr double tolerance = 1e-9;
+constexpr double barycentric_tolerance = 1e-9;
 
 template <int Dim> using Corner = bg::model::point<double, Dim, bg::cs::cartesian>;
 template <int Dim> using Box = bg::model::box<Corner<Dim>>;
@@ -74,7 +74,7 @@ template <int Dim> bool is_behind(const FineMesh<Dim>& mesh, Index f, Index othe
   const Vec<Dim> normal = mesh.facet_normal(f), on_it = mesh.vertex(mesh.facets()(0, f));
   double ahead = 0.0;
   for (const Index v : mesh.facets().col(other)) ahead = std::max(ahead, normal.dot(mesh.vertex(v) - on_it));
-  return ahead <= tolerance * mesh.size();
+  return ahead <= barycentric_tolerance * mesh.size();
 }
 
 }  // namespace
@@ -91,7 +91,7 @@ template <int Dim> struct Locator<Dim>::Tree {
       const Eigen::Matrix<double, Dim, Dim + 1> corners = mesh.vertices()(Eigen::all, mesh.cells().col(c));
       const Vec<Dim> low = corners.rowwise().minCoeff(), high = corners.rowwise().maxCoeff();
       // Wider than what the tolerance lets in, and than rounding in flat cells.
-      const double margin = 1000.0 * tolerance * (high - low).maxCoeff();
+      const double margin = 1000.0 * barycentric_tolerance * (high - low).maxCoeff();
       out.emplace_back(Box<Dim>(corner<Dim>(low.array() - margin), corner<Dim>(high.array() + margin)), c);
     }
     return out;
@@ -154,7 +154,7 @@ template <int Dim> std::optional<Location<Dim>> Locator<Dim>::beside_boundary(co
 template <int Dim> Location<Dim> Locator<Dim>::operator()(const Vec<Dim>& x) const {
   const Location<Dim> best =
       tree_ ? best_of(*mesh_, tree_->around(x), x) : best_of(*mesh_, std::views::iota(Index(0), mesh_->num_cells()), x);
-  if (best.at.minCoeff() >= -tolerance) return best;
+  if (best.at.minCoeff() >= -barycentric_tolerance) return best;
   if (const auto beside = beside_boundary(x)) return *beside;
   Index nearest = 0;
   (mesh_->vertices().colwise() - x).colwise().stableNorm().minCoeff(&nearest);

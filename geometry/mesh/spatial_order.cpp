@@ -16,9 +16,8 @@
 
 namespace efree {
 
-using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-
 template <int Dim> std::vector<std::size_t> internal::along_curve(const Points<Dim>& vertices) {
+  using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
   std::vector<std::size_t> order(vertices.cols());
   std::iota(order.begin(), order.end(), 0);
   const auto sort = [&]<class Point, template <class, class> class Traits>(std::vector<Point> points) {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/mesh/summary.hpp"
 
+#include "efree/core/internal/infinity.hpp"
+#include "efree/geometry/mesh/internal/sorted_facet.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 
@@ -12,7 +14,7 @@ namespace efree {
 namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 /// Normal of a facet times its measure, outward for a boundary facet in FineMesh's order.
 template <int Dim> Vec<Dim> area_vector(const Points<Dim>& x, const std::array<Index, Dim>& facet) {
@@ -25,17 +27,12 @@ template <int Dim> Vec<Dim> area_vector(const Points<Dim>& x, const std::array<I
   }
 }
 
-template <int Dim> std::array<Index, Dim> sorted(std::array<Index, Dim> facet) {
-  std::sort(facet.begin(), facet.end());
-  return facet;
-}
-
 template <int Dim>
 GroupSummary<Dim> summarize_group(const MeshData<Dim>& mesh, const typename MeshData<Dim>::Group& group,
                                   const std::map<std::array<Index, Dim>, std::array<Index, Dim>>& outward) {
   GroupSummary<Dim> out{group.name, 0, 0.0, std::nullopt, {}, Vec<Dim>::Zero()};
   auto facets = group.facets;
-  for (auto& facet : facets) facet = sorted<Dim>(facet);
+  for (auto& facet : facets) facet = internal::sorted_facet<Dim>(facet);
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
   Vec<Dim> sum = Vec<Dim>::Zero();
@@ -104,7 +101,7 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     std::array<Index, Dim> facet;
     for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.facets()(k, f)];
-    outward.emplace(sorted<Dim>(facet), facet);
+    outward.emplace(internal::sorted_facet<Dim>(facet), facet);
   }
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const auto gradients = mesh.hat_gradients(c);
@@ -114,7 +111,7 @@ template <int Dim> GeometrySummary<Dim> summarize(const MeshData<Dim>& data) {
       std::array<Index, Dim> facet;
       for (int k = 0; k < Dim; ++k) facet[k] = given[mesh.cells()((i + 1 + k) % (Dim + 1), c)];
       if (area_vector<Dim>(data.vertices, facet).dot(gradients.col(i)) > 0.0) std::swap(facet[0], facet[1]);
-      outward.emplace(sorted<Dim>(facet), facet);
+      outward.emplace(internal::sorted_facet<Dim>(facet), facet);
     }
   }
   for (const auto& group : data.groups) out.groups.push_back(summarize_group<Dim>(data, group, outward));

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/mesh/walls.hpp"
 
+#include "efree/core/internal/infinity.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
 
 namespace efree {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using internal::infinity;
 
 /// Not the middle itself: on regular meshes the way from there runs along edges, and through vertices.
 template <int Dim> Vec<Dim> near_middle(const FineMesh<Dim>& mesh, Index f) {

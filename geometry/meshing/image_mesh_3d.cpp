@@ -25,10 +25,11 @@ namespace efree {
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Domain = CGAL::Mesh_domain_with_polyline_features_3<CGAL::Labeled_mesh_domain_3<Kernel>>;
-using Triangulation = CGAL::Mesh_triangulation_3<Domain>::type;
-using Complex = CGAL::Mesh_complex_3_in_triangulation_3<Triangulation, Domain::Corner_index, Domain::Curve_index>;
-using Criteria = CGAL::Mesh_criteria_3<Triangulation>;
+using ImageDomain = CGAL::Mesh_domain_with_polyline_features_3<CGAL::Labeled_mesh_domain_3<Kernel>>;
+using ImageTriangulation = CGAL::Mesh_triangulation_3<ImageDomain>::type;
+using ImageComplex =
+    CGAL::Mesh_complex_3_in_triangulation_3<ImageTriangulation, ImageDomain::Corner_index, ImageDomain::Curve_index>;
+using ImageCriteria = CGAL::Mesh_criteria_3<ImageTriangulation>;
 
 /// The image as a domain for Mesh_3. Grey values are not used: they came later, for the lattice.
 class Volume {
@@ -137,11 +138,11 @@ Kernel::Point_3 to_cgal(const Vec<3>& p) {
 }
 
 void insert_seeds(const std::vector<std::pair<Vec<3>, Vec<3>>>& segments, const LabelImage<3>& image, double size,
-                  const Domain& domain, Complex& complex) {
+                  const ImageDomain& domain, ImageComplex& complex) {
   const Vec<3> low = image.origin,
                high = low + image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
   const auto intersection = domain.construct_intersection_object();
-  Triangulation& tr = complex.triangulation();
+  ImageTriangulation& tr = complex.triangulation();
   const auto weighted = tr.geom_traits().construct_weighted_point_3_object();
   for (const auto& [from, to] : segments) {
     // The balls around the features on the frame have at most this radius; nothing may go into them.
@@ -150,17 +151,17 @@ void insert_seeds(const std::vector<std::pair<Vec<3>, Vec<3>>>& segments, const 
     const auto hit = intersection(Kernel::Segment_3(to_cgal(from), to_cgal(to)));
     if (std::get<2>(hit) == 0) continue;
     const auto v = tr.insert(weighted(std::get<0>(hit)));
-    if (v == Triangulation::Vertex_handle()) continue;
+    if (v == ImageTriangulation::Vertex_handle()) continue;
     complex.set_dimension(v, 2);
     complex.set_index(v, std::get<1>(hit));
   }
 }
 
 /// Vertices along a space-filling curve, those on the frame exactly there.
-MeshData<3> collect(const Complex& complex, const LabelImage<3>& image) {
-  const Triangulation& tr = complex.triangulation();
-  std::map<Triangulation::Vertex_handle, Index> used;
-  std::vector<Triangulation::Vertex_handle> vertices;
+MeshData<3> collect(const ImageComplex& complex, const LabelImage<3>& image) {
+  const ImageTriangulation& tr = complex.triangulation();
+  std::map<ImageTriangulation::Vertex_handle, Index> used;
+  std::vector<ImageTriangulation::Vertex_handle> vertices;
   Points<3> points(3, tr.number_of_vertices());
   for (auto v = tr.finite_vertices_begin(); v != tr.finite_vertices_end(); ++v) {
     const auto& p = v->point().point();
@@ -284,16 +285,17 @@ template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMes
   const Vec<3> extent = image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
   const Vec<3> low = image.origin - 0.01 * extent, high = image.origin + 1.01 * extent;
   const double voxel = image.spacing.minCoeff();
-  Domain domain([&](const Kernel::Point_3& p) { return volume(p); },
-                CGAL::Bbox_3(low.x(), low.y(), low.z(), high.x(), high.y(), high.z()), 1e-5 * voxel / extent.norm());
+  ImageDomain domain([&](const Kernel::Point_3& p) { return volume(p); },
+                     CGAL::Bbox_3(low.x(), low.y(), low.z(), high.x(), high.y(), high.z()),
+                     1e-5 * voxel / extent.norm());
   const auto polylines = features(image, regions);
   domain.add_features(polylines.begin(), polylines.end());
 
   namespace p = CGAL::parameters;
   const double radius = 0.7 * options.size;  // of the ball around a cell: its edges are about 1.4 of these
-  const Criteria criteria(p::edge_size = options.size, p::facet_size = radius,
-                          p::facet_distance = options.facet_distance * voxel, p::cell_size = radius);
-  Complex complex;
+  const ImageCriteria criteria(p::edge_size = options.size, p::facet_size = radius,
+                               p::facet_distance = options.facet_distance * voxel, p::cell_size = radius);
+  ImageComplex complex;
   CGAL::Mesh_3::internal::init_c3t3_with_features(complex, domain, criteria);
   const Index cube = std::max(2, static_cast<Index>(std::lround(2.0 * options.size / image.spacing.maxCoeff())));
   insert_seeds(seeds(image, volume, cube), image, options.size, domain, complex);

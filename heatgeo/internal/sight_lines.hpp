@@ -9,6 +9,11 @@
 
 namespace efree {
 
+/// a x b, the component out of the plane.
+inline double cross(const Vec<2>& a, const Vec<2>& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
 /// Where the boundary passes a vertex: it comes from `previous` and goes on to `next`, the body on its left.
 struct Corner {
   Index previous, next;

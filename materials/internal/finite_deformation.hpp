@@ -6,6 +6,8 @@
 
 namespace efree::internal {
 
+inline const Mat<3> identity = Mat<3>::Identity();
+
 /// det(I + H) - 1, accurate for small H.
 double growth(const Mat<3>& H);
 

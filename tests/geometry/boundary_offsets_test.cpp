@@ -19,7 +19,7 @@
 namespace efree {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Area or volume between facets and surface.
 template <int Dim> double enclosed(const FineMesh<Dim>& mesh, const Matrix& vectors) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "files.hpp"
 #include "meshes.hpp"
 
 #include <omp.h>
 #include <cmath>
-#include <fstream>
 #include <numbers>
 
 namespace efree {
@@ -12,19 +12,12 @@ namespace {
 
 using test::euler_characteristic;
 using test::expect_consistent;
+using test::file;
 using test::length;
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
-/// Writes a file for the running test and returns its path.
-std::string file(const std::string& name, const std::string& text) {
-  const std::string path =
-      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
-  std::ofstream(path) << text;
-  return path;
-}
-
-const char* const plate = R"(
+const char* const plate_script = R"(
 radius = DefineNumber[1, Name "Parameters/radius"];
 width = DefineNumber[4, Name "Parameters/width"];
 Point(1) = {0, 0, 0}; Point(2) = {radius, 0, 0}; Point(3) = {width, 0, 0}; Point(4) = {width, width, 0};
@@ -57,7 +50,7 @@ void expect_plate(const FineMesh<2>& mesh, double radius, double width, double s
 }
 
 TEST(GmshReader, PlateWithHoleHasItsSizeAndGroups) {
-  const std::string path = file("plate.geo", plate);
+  const std::string path = file("plate.geo", plate_script);
   for (const double size : {0.3, 0.1}) {
     const FineMesh<2> mesh(read_gmsh<2>(path, {.size = size}));
     expect_plate(mesh, 1.0, 4.0, size);
@@ -67,7 +60,7 @@ TEST(GmshReader, PlateWithHoleHasItsSizeAndGroups) {
 }
 
 TEST(GmshReader, ParametersAreKnownByFullAndShortName) {
-  const std::string path = file("plate.geo", plate);
+  const std::string path = file("plate.geo", plate_script);
   expect_plate(
       FineMesh<2>(read_gmsh<2>(path, {.size = 0.2, .parameters = {{"radius", 0.75}, {"Parameters/width", 3.0}}})), 0.75,
       3.0, 0.2);
@@ -76,7 +69,7 @@ TEST(GmshReader, ParametersAreKnownByFullAndShortName) {
 }
 
 TEST(GmshReader, WithoutASizeTheFilesOwnSizesHold) {
-  const std::string path = file("plate.geo", std::string(plate) + "Mesh.MeshSizeMax = 0.25;\n");
+  const std::string path = file("plate.geo", std::string(plate_script) + "Mesh.MeshSizeMax = 0.25;\n");
   const FineMesh<2> mesh(read_gmsh<2>(path));
   expect_plate(mesh, 1.0, 4.0, 0.3);
   EXPECT_LT(mesh.size(), 0.5);
@@ -84,7 +77,8 @@ TEST(GmshReader, WithoutASizeTheFilesOwnSizesHold) {
 }
 
 TEST(GmshReader, FinerSizesOfTheFileAreKept) {
-  const FineMesh<2> mesh(read_gmsh<2>(file("plate.geo", std::string(plate) + "MeshSize{:} = 0.05;\n"), {.size = 0.3}));
+  const FineMesh<2> mesh(
+      read_gmsh<2>(file("plate.geo", std::string(plate_script) + "MeshSize{:} = 0.05;\n"), {.size = 0.3}));
   expect_plate(mesh, 1.0, 4.0, 0.05);
   EXPECT_GE(mesh.group("bottom").size(), 60u);
   EXPECT_GT(mesh.size(), 0.2);
@@ -223,7 +217,7 @@ TEST(GmshReader, ReadsMshFiles) {
 TEST(GmshReader, LeavesTheNumberOfThreadsAlone) {
   const int before = omp_get_max_threads();
   omp_set_num_threads(2);
-  read_gmsh<2>(file("plate.geo", plate), {.size = 0.5});
+  read_gmsh<2>(file("plate.geo", plate_script), {.size = 0.5});
   EXPECT_EQ(omp_get_max_threads(), 2);
   omp_set_num_threads(before);
 }
@@ -231,7 +225,7 @@ TEST(GmshReader, LeavesTheNumberOfThreadsAlone) {
 TEST(GmshReader, RefusesWrongInputInGmshsWords) {
   EXPECT_INPUT_ERROR(read_gmsh<2>("nowhere/plate.geo"), "nowhere/plate.geo: cannot read the file");
   EXPECT_INPUT_ERROR(read_gmsh<2>("plate.stl"), "expected a .geo or .msh file");
-  const std::string good = file("plate.geo", plate);
+  const std::string good = file("plate.geo", plate_script);
   EXPECT_INPUT_ERROR(read_gmsh<2>(good, {.size = -1.0}), "size is -1");
   EXPECT_INPUT_ERROR(read_gmsh<2>(file("typo.geo", "Point(1) = {0, 0, zero};\n"), {.size = 0.1}),
                      "line 1: Unknown variable 'zero'");
@@ -247,7 +241,7 @@ TEST(GmshReader, RefusesWrongInputInGmshsWords) {
       "tilted.geo",
       "SetFactory(\"OpenCASCADE\"); Rectangle(1) = {0, 0, 0, 1, 1}; Rotate{{1, 0, 0}, {0, 0, 0}, 1}{ Surface{1}; }\n");
   EXPECT_INPUT_ERROR(read_gmsh<2>(tilted, {.size = 0.3}), "not in one plane z = const");
-  EXPECT_INPUT_ERROR(read_gmsh<2>(file("quads.geo", std::string(plate) + "Recombine Surface{1};\n")),
+  EXPECT_INPUT_ERROR(read_gmsh<2>(file("quads.geo", std::string(plate_script) + "Recombine Surface{1};\n")),
                      "expected triangles only");
   EXPECT_INPUT_ERROR(read_gmsh<2>(file("junk.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 3\nxx\n")),
                      "junk.msh: Could not read nodes");

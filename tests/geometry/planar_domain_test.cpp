@@ -14,7 +14,7 @@ using test::euler_characteristic;
 using test::expect_consistent;
 using test::length;
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Area of a regular polygon with n corners, and length of its sides together.
 double polygon_area(double radius, int n) {

@@ -25,7 +25,7 @@ const FineMesh<2>& strip() {
   static const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 2, 1), {.size = 0.25});
   return mesh;
 }
-const FineMesh<2>& plate() {
+const FineMesh<2>& holed_plate() {
   static const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1, 4, 0.4), {.size = 0.4});
   return mesh;
 }
@@ -70,7 +70,7 @@ TEST(Selection, PlaneHasTheFacetsInItWhicheverWayItsNormalPoints) {
 }
 
 TEST(Selection, FacingHasTheFacetsThatLookThatWay) {
-  EXPECT_EQ(selected<2>(plate(), Facing<2>{{-1, 0}, 1.0}), plate().group("left"));
+  EXPECT_EQ(selected<2>(holed_plate(), Facing<2>{{-1, 0}, 1.0}), holed_plate().group("left"));
   EXPECT_EQ(selected<3>(cylinder(), Facing<3>{{0, 0, 3}, 30.0}), cylinder().group("top"));
   // Half of the shell of the cylinder looks to the right; facets exactly at the angle belong to it.
   const double half = measure(cylinder(), selected<3>(cylinder(), Facing<3>{{1, 0, 0}, 89.0}));
@@ -80,8 +80,8 @@ TEST(Selection, FacingHasTheFacetsThatLookThatWay) {
 }
 
 TEST(Selection, NearestStopsAtEdges) {
-  EXPECT_EQ(selected<2>(plate(), NearestPatch<2>{{0, 0}}), plate().group("hole"));
-  EXPECT_EQ(selected<2>(plate(), NearestPatch<2>{{9, 3}}), plate().group("right"));
+  EXPECT_EQ(selected<2>(holed_plate(), NearestPatch<2>{{0, 0}}), holed_plate().group("hole"));
+  EXPECT_EQ(selected<2>(holed_plate(), NearestPatch<2>{{9, 3}}), holed_plate().group("right"));
   EXPECT_EQ(selected<3>(cylinder(), NearestPatch<3>{{0.1, 0.1, 2.5}}), cylinder().group("top"));
   EXPECT_EQ(selected<3>(cylinder(), NearestPatch<3>{{2, 0, 1}}), cylinder().group("side"));
   EXPECT_EQ(selected<3>(block(), NearestPatch<3>{{1, 1, -9}}), block().group("bottom"));

@@ -2,16 +2,17 @@
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "files.hpp"
 #include "meshes.hpp"
 
-#include <fstream>
 #include <map>
 #include <numbers>
 
 namespace efree {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
+using test::file;
 
 double area(const FineMesh<3>& mesh, const std::string& group) {
   double sum = 0.0;
@@ -146,14 +147,6 @@ TEST(Solids, RefuseLengthsThatMakeNoShape) {
   EXPECT_INPUT_ERROR(solids::thick_sphere(1.0, 2.0, 0.2, 1e-6), "a mesh of size 1e-06 at a wall");
   EXPECT_INPUT_ERROR(solids::spherical_cavity(1.0, 2.0, 0.2, 1e-6), "a mesh of size 1e-06 at a wall");
   EXPECT_INPUT_ERROR(solids::cylinder(1.0, 0.0, 0.1), "expected positive ones");
-}
-
-/// Writes a file for the running test and returns its path.
-std::string file(const std::string& name, const std::string& text) {
-  const std::string path =
-      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
-  std::ofstream(path) << text;
-  return path;
 }
 
 double volume(const FineMesh<3>& mesh, const std::string& region) {

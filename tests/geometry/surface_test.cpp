@@ -4,6 +4,7 @@
 #include "efree/geometry/mesh/internal/flat_cells.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/geometry/meshing/surface_image.hpp"
+#include "files.hpp"
 #include "meshes.hpp"
 #include "surfaces.hpp"
 
@@ -17,14 +18,7 @@ namespace {
 
 using namespace efree::test;
 
-constexpr double pi = std::numbers::pi;
-
-std::string file(const std::string& name, const std::string& text) {
-  const std::string path =
-      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name;
-  std::ofstream(path, std::ios::binary) << text;
-  return path;
-}
+using std::numbers::pi;
 
 TEST(Surface, AStepFarBelowTheMeshSizeIsNoSharpEdge) {
   // A block whose top has a step of 1e-4: its two edges, protected, would need thousands of balls of that size.
@@ -175,7 +169,7 @@ TEST(Surface, WrapClosesHolesAndSaysHowFarItIs) {
 }
 
 /// Volume and bodies of what a surface encloses, on a lattice.
-auto on_lattice(const SurfaceSoup& soup, double size) {
+auto summary_on_lattice(const SurfaceSoup& soup, double size) {
   return summarize<3>(mesh_surface_on_lattice(soup, size).mesh);
 }
 
@@ -186,7 +180,7 @@ TEST(SurfaceOnLattice, SphereConvergesWithTheSquareOfTheEdges) {
     volume += std::abs(sphere.points(Eigen::all, std::array{a, b, c}).determinant()) / 6.0;
   std::vector<double> errors;
   for (const double size : {0.4, 0.2, 0.1})
-    errors.push_back(std::abs(on_lattice(sphere, size).volume - volume) / volume);
+    errors.push_back(std::abs(summary_on_lattice(sphere, size).volume - volume) / volume);
   EXPECT_LT(errors.back(), 0.006);
   for (int k = 0; k < 2; ++k) {
     EXPECT_GT(errors[k] / errors[k + 1], 2.5);
@@ -197,12 +191,13 @@ TEST(SurfaceOnLattice, SphereConvergesWithTheSquareOfTheEdges) {
 TEST(SurfaceOnLattice, BodiesThatCrossAreOneAndThoseApartAreTwo) {
   const SurfaceSoup boxes =
       together(box_surface({0, 0, 0}, {1, 1, 1}), box_surface({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));
-  const auto crossing = on_lattice(boxes, 0.05);
+  const auto crossing = summary_on_lattice(boxes, 0.05);
   EXPECT_NEAR(crossing.volume, 1.125, 0.01);
   EXPECT_EQ(crossing.num_components, 1);
   ASSERT_EQ(crossing.groups.size(), 1u);
   EXPECT_EQ(crossing.groups[0].name, "surface 1");
-  const auto apart = on_lattice(together(sphere_surface({0, 0, 0}, 1.0, 16), sphere_surface({3, 0, 0}, 0.5, 16)), 0.1);
+  const auto apart =
+      summary_on_lattice(together(sphere_surface({0, 0, 0}, 1.0, 16), sphere_surface({3, 0, 0}, 0.5, 16)), 0.1);
   EXPECT_EQ(apart.num_components, 2);
 }
 
@@ -211,11 +206,11 @@ TEST(SurfaceOnLattice, ShellsInsideThatFaceInwardAreCavities) {
   for (auto& t : pore.triangles) std::swap(t[0], t[1]);
   const SurfaceSoup box = box_surface({0, 0, 0}, {1, 1, 1});
   const double volume = 1.0 - 4.0 / 3.0 * pi * 0.027;
-  EXPECT_NEAR(on_lattice(together(box, pore), 0.05).volume, volume, 0.01);
+  EXPECT_NEAR(summary_on_lattice(together(box, pore), 0.05).volume, volume, 0.01);
   // All of it inside out.
   SurfaceSoup turned = together(box, pore);
   for (auto& t : turned.triangles) std::swap(t[0], t[1]);
-  EXPECT_NEAR(on_lattice(turned, 0.05).volume, volume, 0.01);
+  EXPECT_NEAR(summary_on_lattice(turned, 0.05).volume, volume, 0.01);
 }
 
 TEST(SurfaceOnLattice, ShellsInsideOthersAreCavitiesWhicheverWayTheyFace) {
@@ -240,7 +235,7 @@ TEST(SurfaceOnLattice, ShellsInsideOthersAreCavitiesWhicheverWayTheyFace) {
 
 TEST(SurfaceOnLattice, ClosesHolesAndTurnsTrianglesAndSaysSo) {
   SurfaceSoup dirty = sphere_surface({0, 0, 0}, 1.0, 24);
-  const double clean = on_lattice(dirty, 0.1).volume;
+  const double clean = summary_on_lattice(dirty, 0.1).volume;
   EXPECT_EQ(mesh_surface_on_lattice(dirty, 0.1).turned, 0);
   EXPECT_EQ(mesh_surface_on_lattice(dirty, 0.1).closed, 0.0);
   SurfaceSoup kept = dirty;

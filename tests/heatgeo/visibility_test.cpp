@@ -13,10 +13,6 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-double cross(const Vec<2>& a, const Vec<2>& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
 /// Shortest paths over the corners of closed polygons, every pair of points tested against every side.
 class CornerGraph {
  public:

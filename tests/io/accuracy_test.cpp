@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Errors of cases: estimated, corrected, asked for, and refused.
-#include "efree/tests/io/workspace.hpp"
+#include "efree/tests/io/solved.hpp"
 
 #include "efree/analysis/internal/refinement.hpp"
 #include "efree/core/error.hpp"
@@ -12,7 +12,7 @@
 namespace efree {
 namespace {
 
-using test::json, test::plate, test::replaced, test::Workspace;
+using test::json, test::plate, test::replaced, test::solved, test::Workspace;
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
@@ -33,12 +33,6 @@ displacement = [0, 0, 0]
 on = "right"
 traction = [0, 0, 1e-3]
 )";
-
-Result<2> solved(const std::string& text) {
-  const Workspace work(text);
-  const auto analysis = std::get<Case<2>>(read_case(work / "case.toml"));
-  return analysis.asks_for_accuracy() ? analyse_to_accuracy(analysis) : analyse(analysis);
-}
 
 /// Of all but the facets: exact solutions are compared with on the mesh.
 double beside_facets(const Estimates& errors) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Reactions, resultants of loads and their balance; loads by resultant, forces per mass, elastic supports.
-#include "efree/tests/io/workspace.hpp"
+#include "efree/tests/io/solved.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
@@ -16,15 +16,11 @@
 namespace efree {
 namespace {
 
-using test::json, test::replaced, test::Workspace;
+using test::json, test::replaced, test::solved, test::Workspace;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-template <int Dim = 2> Result<Dim> solved(const std::string& text) {
-  const Workspace work(text);
-  return analyse(std::get<Case<Dim>>(read_case(work / "case.toml")));
-}
 std::string with(const std::string& text, const std::string& analysis, const std::string& basis = "") {
   const std::string said = text.find("[analysis]\n") == std::string::npos
                                ? text + "[analysis]\n" + analysis + "\n"

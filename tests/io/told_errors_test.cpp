@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Errors of probes, reactions and extremes against closed forms.
-#include "efree/tests/io/workspace.hpp"
+#include "efree/tests/io/solved.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/io/case_file.hpp"
@@ -14,20 +14,15 @@
 namespace efree {
 namespace {
 
-using test::json, test::replaced, test::Workspace;
+using test::json, test::replaced, test::solved, test::Workspace;
 using ::testing::HasSubstr;
 
-template <int Dim = 2> Result<Dim> solved(const std::string& text) {
-  const Workspace work(text);
-  const auto analysis = std::get<Case<Dim>>(read_case(work / "case.toml"));
-  return analysis.asks_for_accuracy() ? analyse_to_accuracy(analysis) : analyse(analysis);
-}
 std::string with_basis(const std::string& kind) {
   return fmt::format("[basis]\nkind = \"{}\"\n", kind);
 }
 
 /// The pole of the hole moves by -1, the point of the hole on the axis of tension by 3.
-const std::string plate =
+const std::string probed_plate =
     replaced(test::plate, "[analysis]\n", "[analysis]\nextremes = [\"displacement\", \"von_mises\"]\n") + R"([[probe]]
 name = "pole"
 at = [0, 1]
@@ -42,7 +37,7 @@ on = "bottom"
 /// Chords of 0.2 stand for the arc: 0.009 at the equator, more than all else with quadratic cells.
 TEST(ToldErrors, OfDisplacementsAtAHoleAreHalfToTwiceTheTruth) {
   for (const char* kind : {"p1", "p2", "mls"}) {
-    const auto result = solved(plate + with_basis(kind));
+    const auto result = solved(probed_plate + with_basis(kind));
     for (const auto& [name, values] : result.probes) {
       const int axis = name == "pole" ? 1 : 0;
       const double truth = std::abs(values.displacement[axis] - (name == "pole" ? -1.0 : 3.0));
@@ -85,7 +80,7 @@ TEST(ToldErrors, OfLoadCasesAreThoseOfEachAlone) {
 /// Equilibrium alone says what the foot carries: the tractions' resultant, with any mesh.
 TEST(ToldErrors, AReactionThatEquilibriumDeterminesIsExactAndSaidToBe) {
   for (const char* kind : {"p1", "p2", "mls"}) {
-    const auto result = solved(plate + with_basis(kind));
+    const auto result = solved(probed_plate + with_basis(kind));
     ASSERT_EQ(result.reactions.size(), 1u);
     EXPECT_NEAR(result.reactions[0].force.y(), 0.1171875, 1e-6) << kind;
     EXPECT_EQ(result.reactions[0].force.x(), 0.0) << kind;
@@ -94,7 +89,7 @@ TEST(ToldErrors, AReactionThatEquilibriumDeterminesIsExactAndSaidToBe) {
 }
 
 TEST(ToldErrors, OfACloudThatIsNotCorrectedCoverItsDistanceToTheFiniteElements) {
-  const auto bare = solved(replaced(plate, "plane = \"stress\"", "plane = \"stress\"\ncorrection = \"off\""));
+  const auto bare = solved(replaced(probed_plate, "plane = \"stress\"", "plane = \"stress\"\ncorrection = \"off\""));
   const double truth = std::abs(bare.probes[0].second.displacement.y() + 1.0);
   EXPECT_GT(truth, 0.05);
   EXPECT_NEAR(bare.probe_errors.at("pole").y(), truth, 0.2 * truth);
@@ -102,7 +97,7 @@ TEST(ToldErrors, OfACloudThatIsNotCorrectedCoverItsDistanceToTheFiniteElements) 
 
 TEST(ToldErrors, OfTheLargestStressAndDisplacementOfThePlate) {
   for (const char* kind : {"p1", "p2", "mls"}) {
-    const auto result = solved(plate + with_basis(kind));
+    const auto result = solved(probed_plate + with_basis(kind));
     ASSERT_EQ(result.extremes.size(), 2u);
     EXPECT_LT((result.extremes[0].at - Vec<2>(4.0, 0.0)).norm(), 1e-12);
     // Kirsch: ((1 - nu) r + (1 + nu) / r + (1 + nu) r + 4 / r - (1 + nu) / r^3) / 2 at r = 4; chords take 0.01 at most.
@@ -115,7 +110,7 @@ TEST(ToldErrors, OfTheLargestStressAndDisplacementOfThePlate) {
 }
 
 TEST(ToldErrors, OfExtremesAreKnownInCasesWithoutProbes) {
-  const std::string bare = plate.substr(0, plate.find("[[probe]]"));
+  const std::string bare = probed_plate.substr(0, probed_plate.find("[[probe]]"));
   for (const char* kind : {"p1", "mls"})
     for (const auto& extreme : solved(bare + with_basis(kind)).extremes) EXPECT_TRUE(extreme.error.has_value()) << kind;
 }
@@ -288,7 +283,7 @@ on = "bottom"
 }
 
 TEST(ToldErrors, FieldIsTheErrorOfTheMeshInAllAndLargestAtTheHole) {
-  const auto result = solved(plate + "[basis]\ninterpolation = 1\n");
+  const auto result = solved(probed_plate + "[basis]\ninterpolation = 1\n");
   const FineMesh<2>& mesh = *result.mesh;
   Index worst = 0;
   result.error_density.maxCoeff(&worst);
@@ -299,7 +294,8 @@ TEST(ToldErrors, FieldIsTheErrorOfTheMeshInAllAndLargestAtTheHole) {
 
 TEST(ToldErrors, GoalsAreReachedWhereTheyAreAskedFor) {
   for (const double wanted : {0.02, 0.005}) {
-    const auto result = solved(plate + fmt::format("[accuracy]\nprobes.pole = {}\nreactions.foot = 0.01\n", wanted));
+    const auto result =
+        solved(probed_plate + fmt::format("[accuracy]\nprobes.pole = {}\nreactions.foot = 0.01\n", wanted));
     EXPECT_LE(result.probe_errors.at("pole").norm(), wanted);
     EXPECT_NEAR(result.probes[0].second.displacement.y(), -1.0, wanted);
     EXPECT_FALSE(result.attempts.empty());
@@ -309,7 +305,7 @@ TEST(ToldErrors, GoalsAreReachedWhereTheyAreAskedFor) {
 }
 
 TEST(ToldErrors, GoalsThatAreMissedAreSaid) {
-  const auto result = solved(replaced(plate, "half_width = 4 }", "half_width = 4 }\nmesh_size = 1") +
+  const auto result = solved(replaced(probed_plate, "half_width = 4 }", "half_width = 4 }\nmesh_size = 1") +
                              "[accuracy]\nprobes.pole = 0.0001\n");
   ASSERT_FALSE(result.warnings.empty());
   EXPECT_THAT(result.warnings.back(), HasSubstr("of the probe \"pole\" was asked for"));
@@ -323,16 +319,17 @@ TEST(ToldErrors, OfNamesThatTheCaseDoesNotHaveAreRefusedWithOneMessage) {
     EXPECT_FALSE(std::filesystem::exists(work / "out"));
     return run.output;
   };
-  EXPECT_THAT(refused(plate + "[accuracy]\nprobes.pol = 0.02\n"), HasSubstr("did you mean \"pole\"?"));
-  EXPECT_THAT(refused(plate + "[accuracy]\nreactions.left = 0.02\n"), HasSubstr("unknown key \"left\""));
-  EXPECT_THAT(refused(plate + "[accuracy]\nprobes.pole = 2\n"), HasSubstr("pole is 2, expected a number"));
-  EXPECT_THAT(refused(plate + "[[reaction]]\nname = \"free\"\non = \"top\"\n"),
+  EXPECT_THAT(refused(probed_plate + "[accuracy]\nprobes.pol = 0.02\n"), HasSubstr("did you mean \"pole\"?"));
+  EXPECT_THAT(refused(probed_plate + "[accuracy]\nreactions.left = 0.02\n"), HasSubstr("unknown key \"left\""));
+  EXPECT_THAT(refused(probed_plate + "[accuracy]\nprobes.pole = 2\n"), HasSubstr("pole is 2, expected a number"));
+  EXPECT_THAT(refused(probed_plate + "[[reaction]]\nname = \"free\"\non = \"top\"\n"),
               HasSubstr("no displacement is prescribed on \"top\""));
-  EXPECT_THAT(refused(replaced(plate, "\"von_mises\"]", "\"stress\"]")), HasSubstr("expected \"displacement\" or"));
+  EXPECT_THAT(refused(replaced(probed_plate, "\"von_mises\"]", "\"stress\"]")),
+              HasSubstr("expected \"displacement\" or"));
 }
 
 TEST(ToldErrors, AreWrittenAndPrintedNextToTheirValues) {
-  const Workspace work(plate);
+  const Workspace work(probed_plate);
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   ASSERT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, HasSubstr("probe \"pole\": displacement ("));

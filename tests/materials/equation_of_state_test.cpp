@@ -19,21 +19,21 @@ using testing::rotation, testing::Specimen;
 using State = EquationOfState::State;
 
 constexpr double gas_gamma = 1.4, stiffening = 6.0, bulk = 2.2, exponent = 7.15;
-constexpr MieGrueneisen copper{.density = 8.93, .sound_speed = 3.94, .slope = 1.489, .gamma = 1.99};
+constexpr MieGrueneisen copper_shock{.density = 8.93, .sound_speed = 3.94, .slope = 1.489, .gamma = 1.99};
 const auto gas = EquationOfState::ideal_gas(gas_gamma), stiff_gas = EquationOfState::stiffened_gas(4.4, stiffening),
-           water = EquationOfState::tait(bulk, exponent), metal = EquationOfState::mie_grueneisen(copper);
+           water = EquationOfState::tait(bulk, exponent), metal = EquationOfState::mie_grueneisen(copper_shock);
 
-struct Named {
+struct NamedState {
   const char* name;
   EquationOfState state;
   double at_rest;  ///< pressure
 };
-std::vector<Named> all() {
+std::vector<NamedState> equations_of_state() {
   return {{"ideal gas", gas, 1.5}, {"stiffened gas", stiff_gas, 0.2}, {"Tait", water, 0.1}, {"metal", metal, 0.3}};
 }
 
 /// To this J in as many steps.
-EquationOfState::Step led(const Named& one, double J, int steps) {
+EquationOfState::Step led(const NamedState& one, double J, int steps) {
   EquationOfState::Step step{};
   for (int k = 1; k <= steps; ++k) step = one.state.step(step.after, 1.0 + (J - 1.0) * k / steps, 0.0, one.at_rest);
   return step;
@@ -43,15 +43,15 @@ TEST(EquationOfState, IsTheLawThatWasAskedFor) {
   EXPECT_DOUBLE_EQ(gas.at(0.5, 3.0).pressure, 0.4 * 3.0 / 0.5);
   EXPECT_DOUBLE_EQ(stiff_gas.at(0.5, 30.0).pressure, 3.4 * 30.0 / 0.5 - 4.4 * stiffening);
   EXPECT_DOUBLE_EQ(water.at(0.9, 77.0).pressure, bulk / exponent * (std::pow(0.9, -exponent) - 1.0));
-  const double eta = 0.1, K = copper.density * copper.sound_speed * copper.sound_speed;
-  EXPECT_DOUBLE_EQ(
-      metal.at(0.9, 2.0).pressure,
-      K * eta / std::pow(1.0 - copper.slope * eta, 2) * (1.0 - 0.5 * copper.gamma * eta) + copper.gamma * 2.0);
-  EXPECT_DOUBLE_EQ(metal.at(1.25, 2.0).pressure, -0.2 * K + copper.gamma * 2.0);
+  const double eta = 0.1, K = copper_shock.density * copper_shock.sound_speed * copper_shock.sound_speed;
+  EXPECT_DOUBLE_EQ(metal.at(0.9, 2.0).pressure,
+                   K * eta / std::pow(1.0 - copper_shock.slope * eta, 2) * (1.0 - 0.5 * copper_shock.gamma * eta) +
+                       copper_shock.gamma * 2.0);
+  EXPECT_DOUBLE_EQ(metal.at(1.25, 2.0).pressure, -0.2 * K + copper_shock.gamma * 2.0);
 }
 
 TEST(EquationOfState, DerivativesAreThoseOfThePressure) {
-  for (const Named& one : all())
+  for (const NamedState& one : equations_of_state())
     for (const double J : {0.7, 0.95, 1.2})
       for (const double energy : {10.0, 25.0}) {
         const double h = 1e-5;
@@ -71,12 +71,12 @@ TEST(EquationOfState, SoundTravelsAsFastAsTheTextbooksSay) {
   EXPECT_NEAR(stiff_gas.sound_speed(J, (p + 4.4 * stiffening) * J / 3.4, rho0), std::sqrt(4.4 * (p + stiffening) / rho),
               1e-13);
   EXPECT_NEAR(water.sound_speed(1.0, 0.0, rho0), std::sqrt(bulk / rho0), 1e-15);
-  EXPECT_NEAR(metal.sound_speed(1.0, 0.0, copper.density), copper.sound_speed, 1e-15);
+  EXPECT_NEAR(metal.sound_speed(1.0, 0.0, copper_shock.density), copper_shock.sound_speed, 1e-15);
   EXPECT_THROW(gas.sound_speed(1.0, -1.0, 1.0), NumericalError);
 }
 
 TEST(EquationOfState, StepsWithoutHeatFollowTheIsentropeToSecondOrder) {
-  for (const Named& one : all()) {
+  for (const NamedState& one : equations_of_state()) {
     // dE/dJ = -p, by a method of fourth order in steps that are short.
     const auto isentrope = [&](double J) {
       const double rest = one.state.energy_at_rest(one.at_rest),
@@ -116,7 +116,7 @@ TEST(EquationOfState, StepsWithoutHeatFollowTheIsentropeToSecondOrder) {
 }
 
 TEST(EquationOfState, CompressionAndBackAgainIsNoLoss) {
-  for (const Named& one : all()) {
+  for (const NamedState& one : equations_of_state()) {
     EquationOfState::Step step = led(one, 0.75, 3);
     for (const double J : {1.0 - 0.5 / 3.0, 1.0 - 0.25 / 3.0, 1.0})
       step = one.state.step(step.after, J, 0.0, one.at_rest);
@@ -134,16 +134,16 @@ TEST(EquationOfState, OneStepAsLongAsAShockIsTheShock) {
   for (const double J : {0.95, 0.8, 0.65}) {
     const auto shocked = metal.step({}, J, 0.0, 0.0);
     // 1 - J = u_p / U_s.
-    const double up = (1.0 - J) * copper.sound_speed / (1.0 - copper.slope * (1.0 - J)),
-                 Us = copper.sound_speed + copper.slope * up;
-    EXPECT_NEAR(shocked.pressure / (copper.density * Us * up), 1.0, 1e-13) << J;
-    EXPECT_NEAR(shocked.after.energy / (0.5 * copper.density * up * up), 1.0, 1e-13) << J;
+    const double up = (1.0 - J) * copper_shock.sound_speed / (1.0 - copper_shock.slope * (1.0 - J)),
+                 Us = copper_shock.sound_speed + copper_shock.slope * up;
+    EXPECT_NEAR(shocked.pressure / (copper_shock.density * Us * up), 1.0, 1e-13) << J;
+    EXPECT_NEAR(shocked.after.energy / (0.5 * copper_shock.density * up * up), 1.0, 1e-13) << J;
   }
 }
 
 TEST(EquationOfState, HeatPressesWhereTheLawSaysSo) {
   const State before{-0.2, 0.3, 0.1};
-  for (const Named& one : all()) {
+  for (const NamedState& one : equations_of_state()) {
     const auto cold = one.state.step(before, 0.8, 0.0, one.at_rest),
                warm = one.state.step(before, 0.8, 0.7, one.at_rest);
     EXPECT_NEAR(warm.pressure - cold.pressure, 0.7 * one.state.at(0.8, 0.0).by_energy, 1e-13) << one.name;
@@ -327,7 +327,7 @@ TEST(Fluid, ViscousStressIsOfTheRateOfStrain) {
 }
 
 TEST(Fluid, IsAtItsPressureWhereNothingHasHappenedAndThatOfThePlace) {
-  for (const Named& one : all()) {
+  for (const NamedState& one : equations_of_state()) {
     const Fluid fluid(
         {.state = one.state, .pressure = [&](const Vec<3>& X) { return one.at_rest * (1.0 + X[0] * X[0]); }});
     EXPECT_FALSE(fluid.homogeneous());

@@ -9,7 +9,7 @@
 namespace efree {
 namespace {
 
-std::vector<Hardening> all() {
+std::vector<Hardening> hardening_laws() {
   return {
       450.0,
       Hardening::linear(450.0, 130.0),
@@ -23,7 +23,7 @@ std::vector<Hardening> all() {
 }
 
 TEST(Hardening, SlopesAndWorkAreDerivativeAndIntegralOfTheYieldStress) {
-  for (std::size_t k = 0; const Hardening& hardening : all()) {
+  for (std::size_t k = 0; const Hardening& hardening : hardening_laws()) {
     for (const double a : {0.0, 0.03, 0.2, 0.41, 0.63, 1.2}) {
       const double h = 1e-6;
       const auto [stress, slope] = hardening.at(a + h);

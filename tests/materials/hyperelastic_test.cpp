@@ -19,12 +19,12 @@ constexpr double mu = 0.8, kappa = 2.1;
 const ElasticModuli moduli{.mu = mu, .kappa = kappa};
 const std::vector<OgdenTerm> rubber{{0.18, 6.3}, {0.3, 0.4}, {-0.173, -2.0}};  // shear modulus 0.8
 
-struct Named {
+struct ElasticMaterial {
   const char* name;
   std::shared_ptr<Material> material;
 };
 /// All with the same shear and bulk modulus.
-std::vector<Named> all() {
+std::vector<ElasticMaterial> elastic_materials() {
   return {{"St. Venant-Kirchhoff", std::make_shared<StVenantKirchhoff>(moduli)},
           {"neo-Hookean", std::make_shared<NeoHookean>(moduli)},
           {"neo-Hookean, split", std::make_shared<NeoHookeanSplit>(moduli)},
@@ -42,7 +42,7 @@ Mat<3> kirchhoff(const Material& material, const Mat<3>& F) {
 }
 
 TEST(Hyperelastic, StressAndTangentAreDerivativesOfTheEnergy) {
-  for (const auto& [name, material] : all()) {
+  for (const auto& [name, material] : elastic_materials()) {
     auto at = testing::random_deformation(*material, 20, 0.3);
     const auto [stress, tangent] = testing::derivative_errors(*material, at, 1e-3);
     // Fourth order: h^4 times fifth derivatives of what det F = 0.3 makes stiff.
@@ -72,7 +72,7 @@ TEST(Hyperelastic, ASoftenedMaterialHasAShareOfTheBulkModulusAndTheSameShearModu
 }
 
 TEST(Hyperelastic, StressAndTangentHoldWherePrincipalStretchesAreEqualOrNearlySo) {
-  for (const auto& [name, material] : all())
+  for (const auto& [name, material] : elastic_materials())
     for (const double stretch : {0.8, 1.0, 1.5}) {
       Deformation at = Deformation::none(Points<3>::Zero(3, 16));
       at.F = testing::nearly_equal_stretches(stretch);
@@ -83,7 +83,7 @@ TEST(Hyperelastic, StressAndTangentHoldWherePrincipalStretchesAreEqualOrNearlySo
 }
 
 TEST(Hyperelastic, TangentsAreContinuousWherePrincipalStretchesMeet) {
-  for (const auto& [name, material] : all()) {
+  for (const auto& [name, material] : elastic_materials()) {
     const Mat<3> Q = rotation(0.7, {1.0, 1.0, 0.3});
     const auto tangent = [&, &one = *material](double apart) {
       const Vec<3> stretches(1.3, 1.3 + apart, 0.9);
@@ -97,7 +97,7 @@ TEST(Hyperelastic, TangentsAreContinuousWherePrincipalStretchesMeet) {
 
 TEST(Hyperelastic, RotationsOfBodyAndOfMatterChangeNothingElse) {
   const Mat<3> Q = rotation(1.1, {0.3, -1.0, 0.5});
-  for (const auto& [name, material] : all()) {
+  for (const auto& [name, material] : elastic_materials()) {
     const auto at = testing::random_deformation(*material, 10, 0.3);
     auto turned = at, matter = at;
     for (Index p = 0; p < at.size(); ++p) {
@@ -122,7 +122,7 @@ TEST(Hyperelastic, RotationsOfBodyAndOfMatterChangeNothingElse) {
 TEST(Hyperelastic, SmallStrainsAreThoseOfLinearElasticityToTheirLastDigits) {
   const LinearElastic linear(moduli);
   const Mat<3> H = Mat<3>{{1.0, 0.3, -0.2}, {0.3, -0.6, 0.5}, {-0.2, 0.5, 0.1}};
-  for (const auto& [name, material] : all()) {
+  for (const auto& [name, material] : elastic_materials()) {
     auto rest = respond(*material, deformed(*material, Mat<3>::Identity()), true);
     const auto expected = respond(linear, deformed(linear, Mat<3>::Identity()), true);
     EXPECT_EQ(rest.P.cwiseAbs().maxCoeff(), 0.0) << name;
@@ -202,7 +202,7 @@ TEST(Hyperelastic, NeoHookeanIsThePublishedCauchyStress) {
 TEST(Hyperelastic, PressureIsThatOfTheVolumeAndUnboundedAtBothEnds) {
   for (const double J : {1e-3, 0.5, 1.0, 2.0, 50.0}) {
     const Mat<3> F = std::cbrt(J) * Mat<3>::Identity();
-    for (const Named& one : {all()[2], all()[3], all()[4]}) {
+    for (const ElasticMaterial& one : {elastic_materials()[2], elastic_materials()[3], elastic_materials()[4]}) {
       const Mat<3> tau = kirchhoff(*one.material, F);
       EXPECT_LT((tau - 0.5 * kappa * (J * J - 1.0) * Mat<3>::Identity()).cwiseAbs().maxCoeff(), 1e-13 * (1.0 + J * J))
           << one.name << " J = " << J;
@@ -238,7 +238,7 @@ TEST(Hyperelastic, UniaxialStressOfHenckyIsYoungsModulusTimesLogarithmicStrain) 
 }
 
 TEST(Hyperelastic, MatterTurnedInsideOutIsAnErrorThatNamesThePlace) {
-  for (const auto& [name, material] : all())
+  for (const auto& [name, material] : elastic_materials())
     for (const double third : {-0.5, 0.0, std::nan("")}) {
       Deformation at = deformed(*material, Vec<3>(1.0, 2.0, third).asDiagonal());
       at.X.col(0) << 0.5, -1.0, 2.0;
@@ -250,7 +250,7 @@ TEST(Hyperelastic, MatterTurnedInsideOutIsAnErrorThatNamesThePlace) {
 }
 
 TEST(Hyperelastic, WithoutATangentNoneIsMadeAndStressesAreTheSame) {
-  for (const auto& [name, material] : all()) {
+  for (const auto& [name, material] : elastic_materials()) {
     const auto at = testing::random_deformation(*material, 5, 0.3);
     const auto without = respond(*material, at, false);
     EXPECT_EQ(without.A.size(), 0) << name;

@@ -17,12 +17,12 @@ namespace {
 using testing::deformed;
 const std::vector<int> in_plane{0, 1, 3, 4};
 
-struct Named {
+struct SheetMaterial {
   const char* name;
   SharedMaterial material;
 };
 /// With mu = 1 and this bulk modulus.
-std::vector<Named> hyperelastic(double kappa) {
+std::vector<SheetMaterial> hyperelastic(double kappa) {
   const ElasticModuli moduli{.mu = 1.0, .kappa = kappa};
   return {{"neo-Hookean", NeoHookean(moduli)},
           {"neo-Hookean, split", NeoHookeanSplit(moduli)},
@@ -32,7 +32,7 @@ std::vector<Named> hyperelastic(double kappa) {
 }
 
 /// With yield stresses of 0.05.
-std::vector<Named> plastic(double kappa) {
+std::vector<SheetMaterial> plastic(double kappa) {
   const ElasticModuli moduli{.mu = 1.0, .kappa = kappa};
   const Hardening linear = Hardening::linear(0.05, 0.2), voce = Hardening::voce(0.05, 0.08, 10.0);
   return {{"J2, perfect", J2({.moduli = moduli, .yield = 0.05})},
@@ -83,7 +83,7 @@ TEST(PlaneStress, IsFoundFromFarAwayHoweverIncompressible) {
 }
 
 /// Sheets deformed at random in two steps, and by a third; the same whatever was drawn before.
-Deformation after_steps(const Material& material, Index points, double size) {
+Deformation sheets_after_steps(const Material& material, Index points, double size) {
   std::srand(1);
   Deformation at = Deformation::none(Points<3>::Zero(3, points), material.history_size());
   for (int step = 0; step < 3; ++step) {
@@ -98,7 +98,7 @@ TEST(PlaneStress, StressAndTangentOfPlasticSheetsAreDerivatives) {
     for (const auto& [name, material] : plastic(kappa))
       for (const double size : {0.02, 0.1}) {
         const PlaneStress in_sheet{material};
-        const Deformation at = after_steps(in_sheet, 50, size);
+        const Deformation at = sheets_after_steps(in_sheet, 50, size);
         const auto [stress, tangent] = testing::derivative_errors(in_sheet, at, 2e-6, in_plane);
         EXPECT_LT(tangent, 5e-9) << name << " " << kappa << " " << size;
         EXPECT_TRUE(stress < 2e-10 || !in_sheet.symmetric()) << name << " " << kappa << " " << size << ": " << stress;

@@ -21,10 +21,9 @@ namespace {
 
 using testing::rotation;
 
-constexpr double mu = 1.0, kappa = 2.0;
-const ElasticModuli moduli{.mu = mu, .kappa = kappa};
+const ElasticModuli moduli{.mu = 1.0, .kappa = 2.0};
 
-struct Named {
+struct PlasticMaterial {
   std::string name;
   SharedMaterial material;
   /// How far a (Kirchhoff) stress is outside of the yield surface, by the stress and the history.
@@ -35,7 +34,7 @@ Mat<3> deviator(const Mat<3>& stress) {
   return stress - stress.trace() / 3.0 * Mat<3>::Identity();
 }
 
-Named j2(std::string name, const Hardening& yield, double kinematic, Strain strain) {
+PlasticMaterial j2(std::string name, const Hardening& yield, double kinematic, Strain strain) {
   return {std::move(name), J2({.moduli = moduli, .yield = yield, .kinematic = kinematic, .strain = strain}),
           [=](const Mat<3>& stress, const Vector& history) {
             Mat<3> plastic;
@@ -45,7 +44,8 @@ Named j2(std::string name, const Hardening& yield, double kinematic, Strain stra
                    yield.at(history[6]).stress;
           }};
 }
-Named drucker_prager(std::string name, const Hardening& cohesion, double friction, double dilatancy, Strain strain) {
+PlasticMaterial drucker_prager(std::string name, const Hardening& cohesion, double friction, double dilatancy,
+                               Strain strain) {
   // The outer edges of Mohr and Coulomb's pyramid.
   const double eta = 6.0 * std::sin(friction) / (std::sqrt(3.0) * (3.0 - std::sin(friction)));
   const double xi = 6.0 * std::cos(friction) / (std::sqrt(3.0) * (3.0 - std::sin(friction)));
@@ -57,7 +57,7 @@ Named drucker_prager(std::string name, const Hardening& cohesion, double frictio
                    xi * cohesion.at(history[6]).stress;
           }};
 }
-Named rankine(std::string name, double strength, double softening, Strain strain) {
+PlasticMaterial rankine(std::string name, double strength, double softening, Strain strain) {
   return {std::move(name), Rankine({.moduli = moduli, .strength = strength, .softening = softening, .strain = strain}),
           [=](const Mat<3>& stress, const Vector& history) {
             const Mat<3> both = 0.5 * (stress + stress.transpose());
@@ -66,7 +66,7 @@ Named rankine(std::string name, double strength, double softening, Strain strain
           }};
 }
 
-std::vector<Named> all() {
+std::vector<PlasticMaterial> plastic_materials() {
   const Hardening swift = Hardening::power_law(0.05, 0.02, 0.3), voce = Hardening::voce(0.05, 0.09, 10.0, 0.05),
                   linear = Hardening::linear(0.05, 0.2), table = Hardening::table({0.0, 0.04, 0.3}, {0.05, 0.07, 0.06});
   return {j2("J2, perfect", 0.05, 0.0, Strain::small),
@@ -86,7 +86,7 @@ std::vector<Named> all() {
           rankine("Rankine, finite, softening", 0.08, 0.4, Strain::finite)};
 }
 
-Mat<3> yield_stress_of(const Named& one, const MaterialResponse& response, const Deformation& at, Index p) {
+Mat<3> yield_stress_of(const PlasticMaterial& one, const MaterialResponse& response, const Deformation& at, Index p) {
   const Mat<3> P = Eigen::Map<const Mat<3>>(response.P.col(p).data());
   return one.material->finite_strain() ? Mat<3>(P * at.gradient(p).transpose()) : P;
 }
@@ -104,7 +104,7 @@ Deformation after_steps(const Material& material, Index points, double size) {
 }
 
 TEST(Plasticity, StressesAreOnTheYieldSurfaceOrInside) {
-  for (const Named& one : all())
+  for (const PlasticMaterial& one : plastic_materials())
     for (const double size : {0.01, 0.05, 0.2}) {
       const Deformation at = after_steps(*one.material, 300, size);
       const MaterialResponse response = respond(*one.material, at, false);
@@ -127,7 +127,7 @@ TEST(Plasticity, StressesAreOnTheYieldSurfaceOrInside) {
 }
 
 TEST(Plasticity, TangentsAreDerivativesAndSymmetricIfTheySayItAndThenStressesHaveAPotential) {
-  for (const Named& one : all())
+  for (const PlasticMaterial& one : plastic_materials())
     for (const double size : {0.02, 0.15}) {
       const Deformation at = after_steps(*one.material, 150, size);
       const auto [stress, tangent] = testing::derivative_errors(*one.material, at, 2e-6);
@@ -144,7 +144,7 @@ TEST(Plasticity, TangentsAreDerivativesAndSymmetricIfTheySayItAndThenStressesHav
 }
 
 TEST(Plasticity, TangentsHoldWherePrincipalStrainsAreEqualOrNearlySo) {
-  for (const Named& one : all())
+  for (const PlasticMaterial& one : plastic_materials())
     for (const double stretch : {0.9, 1.02, 1.2}) {
       const Tensors F = testing::nearly_equal_stretches(stretch);
       Deformation at = Deformation::none(Points<3>::Zero(3, F.cols()), 7);
@@ -168,7 +168,7 @@ TEST(Plasticity, TangentsHoldWherePrincipalStrainsAreEqualOrNearlySo) {
 
 TEST(Plasticity, FiniteStrainsTurnWithTheBodyAndRememberNothingOfTheTurn) {
   const Mat<3> Q = rotation(2.0, {1.0, -0.4, 0.3});
-  for (const Named& one : all()) {
+  for (const PlasticMaterial& one : plastic_materials()) {
     if (!one.material->finite_strain()) continue;
     Deformation at = after_steps(*one.material, 50, 0.1), turned = at;
     for (Index p = 0; p < at.size(); ++p) turned.F.col(p) = (Q * at.gradient(p)).reshaped();
@@ -182,7 +182,7 @@ TEST(Plasticity, FiniteStrainsTurnWithTheBodyAndRememberNothingOfTheTurn) {
 }
 
 TEST(Plasticity, WorkIsWhatIsStoredAndWhatIsDissipated) {
-  for (const Named& one : all()) {
+  for (const PlasticMaterial& one : plastic_materials()) {
     // Around a loop, in steps so small that backward Euler's error is: of first order.
     testing::Specimen specimen(*one.material);
     Mat<3> shape;
@@ -206,7 +206,7 @@ TEST(Plasticity, WorkIsWhatIsStoredAndWhatIsDissipated) {
 TEST(Plasticity, BelowYieldIsElasticityAndNothingIsRemembered) {
   const LinearElastic small(moduli);
   const Hencky finite(moduli);
-  for (const Named& one : all()) {
+  for (const PlasticMaterial& one : plastic_materials()) {
     const Material& elastic = one.material->finite_strain() ? static_cast<const Material&>(finite) : small;
     const Deformation at = testing::random_deformation(*one.material, 20, 0.008);
     Deformation bare = at;
@@ -244,7 +244,7 @@ TEST(Plasticity, SmallAndFiniteStrainsMeetWhereStrainsAreSmall) {
 }
 
 TEST(Plasticity, WithoutATangentNoneIsMadeAndAnswersAreTheSame) {
-  for (const Named& one : all()) {
+  for (const PlasticMaterial& one : plastic_materials()) {
     const Deformation at = after_steps(*one.material, 20, 0.1);
     const auto without = respond(*one.material, at, false), with = respond(*one.material, at, true);
     EXPECT_EQ(without.A.size(), 0) << one.name;
@@ -259,7 +259,7 @@ TEST(Plasticity, WithoutATangentNoneIsMadeAndAnswersAreTheSame) {
 }
 
 TEST(Plasticity, WhatHasNoAnswerIsAnErrorThatNamesThePlace) {
-  for (const Named& one : all()) {
+  for (const PlasticMaterial& one : plastic_materials()) {
     Deformation at = testing::deformed(*one.material, Vec<3>(1.0, 1.0, std::nan("")).asDiagonal());
     at.X.col(0) << 0.5, -1.0, 2.0;
     const auto ask = [&] { respond(*one.material, at, false); };

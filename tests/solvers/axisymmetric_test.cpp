@@ -3,6 +3,7 @@
 #include "efree/bench/lame.hpp"
 #include "efree/core/error.hpp"
 #include "efree/tests/bodies.hpp"
+#include "efree/tests/solvers/patch_tolerance.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,8 +14,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
-
-constexpr double bar = 1e-11;
 
 /// The mesh moved along x.
 FineMesh<2> moved(const FineMesh<2>& mesh, double distance) {
@@ -63,8 +62,8 @@ testing::PatchError patch_error(const Approximation<2>& approximation, const Ela
   double volume = 0.0;
   for (Index c = 0; c < approximation.space.mesh().num_cells(); ++c) volume += approximation.space.volume(c);
   EXPECT_NEAR(approximation.quadrature.weights.sum() / volume, 1.0, 1e-13);
-  EXPECT_NEAR(solution.strain_energy / (0.5 * volume * stress.dot(ConstantStrain::strain())), 1.0, bar);
-  EXPECT_LE((fields.strain.colwise() - ConstantStrain::strain()).cwiseAbs().maxCoeff(), 10.0 * bar);
+  EXPECT_NEAR(solution.strain_energy / (0.5 * volume * stress.dot(ConstantStrain::strain())), 1.0, patch_tolerance);
+  EXPECT_LE((fields.strain.colwise() - ConstantStrain::strain()).cwiseAbs().maxCoeff(), 10.0 * patch_tolerance);
   const double scale = C(0, 0);
   return {displacement, (solution.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale,
           (fields.stress.colwise() - stress).cwiseAbs().maxCoeff() / scale};
@@ -85,9 +84,9 @@ class AxisymmetricPatchTest : public ::testing::TestWithParam<std::tuple<std::st
       for (const bool all : {true, false}) {
         const auto error = all ? patch_error(approximation, model, body.outer, body.inner)
                                : patch_error(approximation, model, {"bottom"}, loaded);
-        EXPECT_LE(error.displacement, bar) << (all ? "held" : "loaded") << ", cloud " << seed;
-        EXPECT_LE(error.stress, bar) << (all ? "held" : "loaded") << ", cloud " << seed;
-        EXPECT_LE(error.recovered, bar) << (all ? "held" : "loaded") << ", cloud " << seed;
+        EXPECT_LE(error.displacement, patch_tolerance) << (all ? "held" : "loaded") << ", cloud " << seed;
+        EXPECT_LE(error.stress, patch_tolerance) << (all ? "held" : "loaded") << ", cloud " << seed;
+        EXPECT_LE(error.recovered, patch_tolerance) << (all ? "held" : "loaded") << ", cloud " << seed;
       }
     }
   }
@@ -170,9 +169,9 @@ TEST_P(AxisymmetricQuadraticPatch, IsExactOnLinearFunctionsOfClusters) {
     for (Index K = 0; K < approximation.quadrature.size(); ++K)
       stress = std::max(
           stress, (solution.stress.col(K) - C * LinearStrain::strain(approximation.quadrature.points.col(K))).norm());
-    EXPECT_LE(displacement, bar) << "cloud " << seed;
-    EXPECT_LE(stress, bar) << "cloud " << seed;
-    EXPECT_LE(recovered, bar) << "cloud " << seed;
+    EXPECT_LE(displacement, patch_tolerance) << "cloud " << seed;
+    EXPECT_LE(stress, patch_tolerance) << "cloud " << seed;
+    EXPECT_LE(recovered, patch_tolerance) << "cloud " << seed;
   }
 }
 
@@ -194,8 +193,8 @@ TEST(AxisymmetricFiniteElements, ConstantStrainIsExact) {
         const auto error = patch_error(
             approximation, {.material = LinearElastic(1.0, 0.3), .plane = Plane::axisymmetric, .essential = essential},
             {"bottom"}, {"left", "right", "top", "notch"});
-        EXPECT_LE(error.displacement, bar) << name;
-        EXPECT_LE(error.stress, bar) << name;
+        EXPECT_LE(error.displacement, patch_tolerance) << name;
+        EXPECT_LE(error.stress, patch_tolerance) << name;
       }
   }
 }

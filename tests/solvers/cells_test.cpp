@@ -31,7 +31,7 @@ DisplacementCondition<3> moved(const std::string& on, const std::function<Vec<3>
   return condition;
 }
 
-std::vector<DisplacementCondition<3>> stretched(double by) {
+std::vector<DisplacementCondition<3>> stretched_along_z(double by) {
   return {symmetry_plane<3>("left"),
           symmetry_plane<3>("front"),
           symmetry_plane<3>("bottom"),
@@ -103,7 +103,7 @@ TEST(Cells, PatchTestOnAnyGridWithVoidAndTwoMaterialsOfOneStiffness) {
 TEST(Cells, LayersInSeriesHaveTheirExactStiffnessWhereCellsEndBetweenThem) {
   // A bar that cannot contract: each layer has its constrained modulus.
   const auto image = image_of({8, 8, 16}, [](const Vec<3>& x) -> Label { return x[2] < 8.0 ? 1 : 2; });
-  std::vector<DisplacementCondition<3>> held = stretched(0.16);
+  std::vector<DisplacementCondition<3>> held = stretched_along_z(0.16);
   held.push_back(symmetry_plane<3>("right"));
   held.push_back(symmetry_plane<3>("back"));
   const auto modulus = [](const IsotropicModuli& m) {
@@ -161,7 +161,7 @@ TEST(Cells, PorousBlockComesWithinTwoPercentOfItsSpheresAndSaysItsError) {
   // 0.4653 +- 0.001: fine voxels of the spheres, extrapolated. Here half as large an image would do other spheres.
   const auto image = keep_largest(random_spheres<3>(128, {.porosity = 0.3, .r_min = 6.0, .r_max = 14.0})).image;
   const CellSolution solution =
-      solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched(1.28), {}, {.size = 2.0});
+      solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched_along_z(1.28), {}, {.size = 2.0});
   const double scale = 2.0 / (1e-4 * std::pow(128.0, 3)), reference = 0.4653;
   const double modulus = scale * solution.finest().strain_energy;
   EXPECT_NEAR(modulus, reference, 0.02 * reference);
@@ -179,7 +179,8 @@ TEST(Cells, NoiseIsSolvedWhereBodiesHangLooseAndBitwiseTheSameOnThreads) {
   std::vector<CellSolution> solutions;
   for (const int threads : {1, 3}) {
     set_num_threads(threads);
-    solutions.push_back(solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched(0.24), {}, {.size = 1.0}));
+    solutions.push_back(
+        solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched_along_z(0.24), {}, {.size = 1.0}));
   }
   set_num_threads(before);
   EXPECT_EQ(solutions[0].displacement, solutions[1].displacement);
@@ -193,13 +194,13 @@ TEST(Cells, WallsAndSlitsAVoxelThickKeepTheirStiffness) {
   const auto plates =
       image_of({16, 16, 16}, [](const Vec<3>& x) -> Label { return x[0] < 4.0 || (x[0] > 9.0 && x[0] < 10.0); });
   const LinearElastic material(2.0, 0.0);
-  const CellSolution wall = solve_on_cells(plates, {{}, material}, stretched(0.16), {}, {.size = 2.0});
+  const CellSolution wall = solve_on_cells(plates, {{}, material}, stretched_along_z(0.16), {}, {.size = 2.0});
   const double energy = 0.5 * 2.0 * 1e-4 * 5.0 * 16.0 * 16.0;
   EXPECT_NEAR(wall.finest().strain_energy, energy, 1e-4 * energy);
   // A slit of one voxel across the pull, three quarters of the way through: softer than the solid block by far.
   const auto slit =
       image_of({16, 16, 16}, [](const Vec<3>& x) -> Label { return x[2] < 8.0 || x[2] > 9.0 || x[0] < 4.0; });
-  const CellSolution open = solve_on_cells(slit, {{}, material}, stretched(0.16), {}, {.size = 1.0});
+  const CellSolution open = solve_on_cells(slit, {{}, material}, stretched_along_z(0.16), {}, {.size = 1.0});
   const double solid = 0.5 * 2.0 * 1e-4 * std::pow(16.0, 3);
   EXPECT_LT(open.finest().strain_energy, 0.7 * solid);
 }
@@ -211,7 +212,8 @@ TEST(Cells, SlenderBarsAreRightOnEveryGridAndThinSheetsHaveFewCells) {
                      {.tractions = {tension<3>("top", 1.0)}, .body_force = {}}, {.size = 1.0, .tolerance = 1e-6});
   for (const CellLevel& level : solution.levels) EXPECT_NEAR(level.strain_energy, 0.5 * 400.0 * 4.0, 0.01);
   const auto sheet = image_of({1, 80, 80}, [](const Vec<3>&) -> Label { return 1; });
-  const CellSolution flat = solve_on_cells(sheet, {{}, LinearElastic(1.0, 0.3)}, stretched(0.8), {}, {.size = 2.0});
+  const CellSolution flat =
+      solve_on_cells(sheet, {{}, LinearElastic(1.0, 0.3)}, stretched_along_z(0.8), {}, {.size = 2.0});
   EXPECT_LE(flat.finest().cells, 4 * 48 * 48);
   EXPECT_NEAR(flat.finest().strain_energy, 0.5 * 1e-4 * 6400.0, 1e-3);
 }
@@ -231,11 +233,12 @@ TEST(Cells, RigidMotionsHaveNoEnergyAndNoError) {
 TEST(Cells, UnitsDoNotMatter) {
   auto image = image_of({12, 12, 12}, [](const Vec<3>& x) -> Label { return x.norm() > 5.0; });
   const double energy =
-      solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched(0.12), {}).finest().strain_energy;
+      solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, stretched_along_z(0.12), {}).finest().strain_energy;
   for (const double E : {1e-40, 1e40})
     for (const double length : {1e-12, 1e9}) {
       image.spacing = Vec<3>::Constant(length);
-      const CellSolution scaled = solve_on_cells(image, {{}, LinearElastic(E, 0.3)}, stretched(0.12 * length), {});
+      const CellSolution scaled =
+          solve_on_cells(image, {{}, LinearElastic(E, 0.3)}, stretched_along_z(0.12 * length), {});
       EXPECT_NEAR(scaled.finest().strain_energy / (energy * E * std::pow(length, 3)), 1.0, 1e-5) << E << ' ' << length;
     }
 }

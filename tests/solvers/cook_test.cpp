@@ -16,32 +16,35 @@ double tip_deflection(const FineMesh<2>& mesh, const ApproximationOptions& optio
   return probe<2>(approximation.space, recover_fields(approximation, solution), {48.0, 52.0}).displacement.y();
 }
 
-constexpr double spacing = 3.4;
+constexpr double cook_spacing = 3.4;
 
 TEST(Cook, PlaneStressWithinOnePercentWith120Nodes) {
-  const auto mesh = triangulate(shapes::cook(), {.size = spacing / 8.0});
+  const auto mesh = triangulate(shapes::cook(), {.size = cook_spacing / 8.0});
   for (std::uint64_t seed = 1; seed <= 5; ++seed)
-    EXPECT_NEAR(tip_deflection(mesh, {.spacing = spacing, .seed = seed},
+    EXPECT_NEAR(tip_deflection(mesh, {.spacing = cook_spacing, .seed = seed},
                                {.material = LinearElastic(1.0, 1.0 / 3.0), .plane = Plane::stress}),
                 23.967, 0.24)
         << "seed " << seed;
 }
 
 TEST(Cook, NearlyIncompressiblePlaneStrainWithinTwoPercentWith120Nodes) {
-  const auto mesh = triangulate(shapes::cook(), {.size = spacing / 8.0});
+  const auto mesh = triangulate(shapes::cook(), {.size = cook_spacing / 8.0});
   const ElasticModel model{.material = LinearElastic(240.565, 0.4999), .plane = Plane::strain};
   for (std::uint64_t seed = 1; seed <= 5; ++seed)
-    EXPECT_NEAR(tip_deflection(mesh, {.spacing = spacing, .seed = seed, .dilatation = Dilatation::averaged}, model),
-                0.07695, 0.00154)
+    EXPECT_NEAR(
+        tip_deflection(mesh, {.spacing = cook_spacing, .seed = seed, .dilatation = Dilatation::averaged}, model),
+        0.07695, 0.00154)
         << "seed " << seed;
 }
 
 TEST(Cook, AMeanDilatationForEachClusterOfLinearFunctionsDoesAsWellWithLessThanHalfThePoints) {
-  const auto mesh = triangulate(shapes::cook(), {.size = spacing / 8.0});
+  const auto mesh = triangulate(shapes::cook(), {.size = cook_spacing / 8.0});
   for (const double nu : {0.4999, 0.499999})
     for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-      const ApproximationOptions options{
-          .spacing = spacing, .seed = seed, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged};
+      const ApproximationOptions options{.spacing = cook_spacing,
+                                         .seed = seed,
+                                         .secondary = SecondaryKind::linear,
+                                         .dilatation = Dilatation::averaged};
       EXPECT_LE(approximate(mesh, options).ratio(), 1.7) << "seed " << seed;
       EXPECT_NEAR(tip_deflection(mesh, options, {.material = LinearElastic(240.565, nu), .plane = Plane::strain}),
                   0.07695, 0.00154)

@@ -7,13 +7,13 @@
 namespace efree {
 namespace {
 
-struct Answer {
+struct Stretched {
   double stiffness;
   Index nodes;
 };
 
 /// Effective stiffness of a plate under unit tension, held by symmetry on the left and below.
-Answer stretch(const FineMesh<2>& mesh, const ApproximationOptions& options, double stabilisation = 0.0) {
+Stretched stretch(const FineMesh<2>& mesh, const ApproximationOptions& options, double stabilisation = 0.0) {
   const auto approximation = approximate(mesh, options);
   const ScalarField<2> zero = [](const Vec<2>&) { return 0.0; };
   const ElasticSolver<2> solver(
@@ -33,7 +33,7 @@ class RandomHoles : public ::testing::TestWithParam<std::uint64_t> {
 TEST_P(RandomHoles, GradedCloudsComeWithinThreePercentOfTheTruthWithTwentyTimesFewerUnknowns) {
   const double truth = stretch(triangulate(plate(0.01), {.size = 0.05}), {.kind = BasisKind::p2}).stiffness;
   const auto mesh = triangulate(plate(0.025), {.size = 0.025});
-  const Answer graded = stretch(mesh, {.spacing = 0.2, .grading = {.features = true}});
+  const Stretched graded = stretch(mesh, {.spacing = 0.2, .grading = {.features = true}});
   EXPECT_NEAR(graded.stiffness / truth, 1.0, 0.03);
   EXPECT_GT(mesh.num_vertices(), 20 * graded.nodes);
 }

@@ -8,7 +8,7 @@
 namespace efree {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 struct Manufactured {
   Lame lame;

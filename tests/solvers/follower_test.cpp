@@ -8,6 +8,7 @@
 #include "efree/solvers/newton.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 #include "efree/tests/bodies.hpp"
+#include "efree/tests/solvers/fine_displacement.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -32,9 +33,6 @@ template <int Dim> std::vector<std::string> all_parts(const FineMesh<Dim>& mesh)
   std::vector<std::string> parts;
   for (const auto& group : mesh.groups()) parts.push_back(group.name);
   return parts;
-}
-template <int Dim> Points<Dim> fine(const Approximation<Dim>& approximation, const State& state) {
-  return interpolate(approximation.shape, Points<Dim>(state.u.reshaped(Dim, approximation.nodes.cols())));
 }
 SharedMaterial soft() {
   return NeoHookean({.E = 1.0, .nu = 0.3});
@@ -170,7 +168,7 @@ template <int Dim> void expect_shrunk(const Approximation<Dim>& approximation, c
   const State end = follow(equations, linear, equations.rest(), {.step = 0.5});
   const double l = stretch_under(p, dimensions);
   EXPECT_LT(l, 0.9);
-  const Points<Dim> u = fine(approximation, end);
+  const Points<Dim> u = fine_displacement(approximation, end);
   EXPECT_LT((u - (l - 1.0) * approximation.space.points()).cwiseAbs().maxCoeff(), 1e-8);
   const auto fields = equations.fields(end);
   EXPECT_LT((fields.stress.row(0).array() + p).abs().maxCoeff(), 1e-8);
@@ -215,7 +213,7 @@ double inflating(double l, bool sphere) {
 }
 /// Mean stretch of the inner wall.
 double inner_stretch(const Approximation<2>& approximation, const State& state) {
-  const Points<2> u = fine(approximation, state);
+  const Points<2> u = fine_displacement(approximation, state);
   const auto& mesh = approximation.space.mesh();
   double sum = 0.0, length = 0.0;
   for (const Index f : mesh.group("inner"))
@@ -310,7 +308,7 @@ TEST(FollowerPressure, RollsAStripUpThoughItsStiffnessIsNotSymmetric) {
     expect_quadratic(step.now);
   });
   EXPECT_LE(iterations.back(), 5);
-  const Points<2> u = fine(approximation, end);
+  const Points<2> u = fine_displacement(approximation, end);
   EXPECT_LT(u.row(0).minCoeff(), -11.0) << "its end is far behind where it is held";
   const auto load = equations.applied(end).front().of, reaction = equations.reactions(end).at("left");
   EXPECT_LT(imbalance<2>({load, reaction}, 10.0), 1e-9);

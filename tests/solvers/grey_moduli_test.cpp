@@ -12,32 +12,32 @@ namespace efree {
 namespace {
 
 /// A bar of n pixels along x and 4 across, whose grey value grows linearly from 50 to 200, as an image.
-constexpr Index n = 24;
-constexpr double spacing = 0.25, length = n * spacing, steepness = 150.0 / length;
+constexpr Index pixels = 24;
+constexpr double pixel = 0.25, bar_length = pixels * pixel, steepness = 150.0 / bar_length;
 
 template <int Dim> std::array<Index, Dim> bar_size() {
   std::array<Index, Dim> size;
   size.fill(4);
-  size[0] = n;
+  size[0] = pixels;
   return size;
 }
 template <int Dim> GreyImage<Dim> grey_bar() {
-  GreyImage<Dim> image{.size = bar_size<Dim>(), .spacing = Vec<Dim>::Constant(spacing)};
+  GreyImage<Dim> image{.size = bar_size<Dim>(), .spacing = Vec<Dim>::Constant(pixel)};
   for (int row = 0; row < (Dim == 2 ? 4 : 16); ++row)
-    for (Index i = 0; i < n; ++i) image.values.push_back(static_cast<float>(50.0 + steepness * (i + 0.5) * spacing));
+    for (Index i = 0; i < pixels; ++i) image.values.push_back(static_cast<float>(50.0 + steepness * (i + 0.5) * pixel));
   return image;
 }
 template <int Dim> FineMesh<Dim> bar_mesh() {
-  LabelImage<Dim> image{.size = bar_size<Dim>(), .spacing = Vec<Dim>::Constant(spacing)};
-  image.labels.assign(Dim == 2 ? 4 * n : 16 * n, 1);
-  return FineMesh<Dim>(mesh_image<Dim>(image, {.size = spacing}));
+  LabelImage<Dim> image{.size = bar_size<Dim>(), .spacing = Vec<Dim>::Constant(pixel)};
+  image.labels.assign(Dim == 2 ? 4 * pixels : 16 * pixels, 1);
+  return FineMesh<Dim>(mesh_image<Dim>(image, {.size = pixel}));
 }
 
 /// How much it gets longer under a unit stress with E = grey/100: the integral of 1/E, where E is constant in the outer
 /// halves of the first and the last pixel.
 double elongation() {
-  const double first = (50.0 + 0.5 * steepness * spacing) / 100.0, last = (200.0 - 0.5 * steepness * spacing) / 100.0;
-  return 0.5 * spacing * (1.0 / first + 1.0 / last) + 100.0 / steepness * std::log(last / first);
+  const double first = (50.0 + 0.5 * steepness * pixel) / 100.0, last = (200.0 - 0.5 * steepness * pixel) / 100.0;
+  return 0.5 * pixel * (1.0 / first + 1.0 / last) + 100.0 / steepness * std::log(last / first);
 }
 
 /// What is computed over what is exact, less one.
@@ -55,7 +55,7 @@ template <int Dim> double error_of(const ApproximationOptions& options, Essentia
   pull.tractions.push_back({"right", [](const Vec<Dim>&, const Vec<Dim>&) { return Vec<Dim>(Vec<Dim>::Unit(0)); }});
   const auto solution = ElasticSolver<Dim>(approximation, model, held).solve(pull);
   Vec<Dim> end = Vec<Dim>::Constant(0.5);
-  end[0] = length;
+  end[0] = bar_length;
   const auto there = probe(approximation.space, recover_fields(approximation, solution), end);
   return there.displacement[0] / elongation() - 1.0;
 }

@@ -11,6 +11,7 @@
 #include "efree/solvers/newton.hpp"
 #include "efree/solvers/nonlinear_equilibrium.hpp"
 #include "efree/tests/bodies.hpp"
+#include "efree/tests/solvers/fine_displacement.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -81,9 +82,6 @@ template <int Dim> std::vector<DisplacementCondition<Dim>> everywhere(const Fine
   std::vector<DisplacementCondition<Dim>> conditions;
   for (const auto& group : mesh.groups()) conditions.push_back(prescribed<Dim>(group.name, H));
   return conditions;
-}
-template <int Dim> Points<Dim> fine(const Approximation<Dim>& approximation, const State& state) {
-  return interpolate(approximation.shape, Points<Dim>(state.u.reshaped(Dim, approximation.nodes.cols())));
 }
 template <int Dim>
 Converged solved(const NonlinearEquilibrium<Dim>& equations, double time = 1.0, const NewtonOptions& options = {}) {
@@ -238,7 +236,7 @@ TEST(NonlinearEquilibrium, FiniteAffineMotionsAreExactInThePlane) {
         approximation, {.material = NeoHooke(1.3, 0.7), .plane = Plane::strain, .essential = essential},
         Program<2>::grows(everywhere(mesh, H)));
     const auto result = solved(equations);
-    const Points<2> u = fine(approximation, result.state);
+    const Points<2> u = fine_displacement(approximation, result.state);
     for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-9) << name;
     Mat<3> F = Mat<3>::Identity();
     F.topLeftCorner<2, 2>() += H;
@@ -258,7 +256,7 @@ TEST(NonlinearEquilibrium, FiniteAffineMotionsAreExactInSpaceAndThroughTies) {
     const auto approximation = approximate<3>(mesh, {.spacing = 0.5, .dilatation = dilatation});
     const NonlinearEquilibrium<3> equations(approximation, {.material = NeoHooke(1.3, 0.7)},
                                             Program<3>::grows(everywhere(mesh, H)));
-    const Points<3> u = fine(approximation, solved(equations).state);
+    const Points<3> u = fine_displacement(approximation, solved(equations).state);
     for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-9);
   }
 }
@@ -278,7 +276,7 @@ TEST(NonlinearEquilibrium, RigidTurnsMakeNoStressAndNoEnergy) {
     Cholesky linear;
     const State end = follow(equations, linear, equations.rest(), {.step = 0.2});
     const Mat<2> H = Eigen::Rotation2Dd(angle).toRotationMatrix() - Mat<2>::Identity();
-    const Points<2> u = fine(approximation, end);
+    const Points<2> u = fine_displacement(approximation, end);
     for (Index v = 0; v < mesh.num_vertices(); ++v) ASSERT_LT((u.col(v) - H * mesh.vertex(v)).norm(), 1e-8);
     EXPECT_LT(equations.fields(end).stress.cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LT(equations.energy(end), 1e-16);
@@ -304,7 +302,7 @@ TEST(NonlinearEquilibrium, ConvergesQuadraticallyToTheClosedFormOfASlidingBlock)
                                                                                       return 2.0 * (stretch - 1.0);
                                                                                     }}}));
     const auto result = solved(equations);
-    const Points<2> u = fine(approximation, result.state);
+    const Points<2> u = fine_displacement(approximation, result.state);
     for (Index v = 0; v < mesh.num_vertices(); ++v) {
       const Vec<2> x = mesh.vertex(v);
       ASSERT_LT((u.col(v) - Vec<2>((stretch - 1.0) * x[0], (b - 1.0) * x[1])).norm(), 1e-8) << name;
@@ -338,7 +336,7 @@ TEST(NonlinearEquilibrium, ReactionsBalanceDeadLoadsAlsoInMomentsWhereForcesAreN
     const auto reaction = equations.reactions(end).at("left");
     EXPECT_LT((reaction.force + t).norm(), 1e-10) << name;
     // Where the load is now.
-    const Points<2> u = fine(approximation, end);
+    const Points<2> u = fine_displacement(approximation, end);
     double arm = 0.0;
     const auto& space = approximation.space;
     for (const Index f : mesh.group("right"))
@@ -497,7 +495,7 @@ TEST(NonlinearPath, ArcLengthGoesPastTheLargestLoadThatAMaterialBears) {
     stretches.clear();
     follow(equations, linear, equations.rest(), {.control = control, .step = 0.1, .max_step = 0.3, .max_steps = 25},
            [&](const PathStep& step) {
-             const Points<2> u = fine(approximation, step.now.state);
+             const Points<2> u = fine_displacement(approximation, step.now.state);
              stretches.push_back(1.0 + u.row(0).maxCoeff());
              const double l = stretches.back();
              EXPECT_NEAR(step.now.state.time, std::log(l) / l, 1e-8);

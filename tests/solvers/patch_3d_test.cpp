@@ -3,13 +3,12 @@
 #include "efree/geometry/input/surface.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
+#include "efree/tests/solvers/patch_tolerance.hpp"
 
 #include <gtest/gtest.h>
 
 namespace efree {
 namespace {
-
-constexpr double bar = 1e-11;
 
 class SolidPatchTest : public ::testing::TestWithParam<std::tuple<std::string, SecondaryKind, Essential>> {};
 
@@ -29,9 +28,11 @@ TEST_P(SolidPatchTest, LinearFieldsAreExact) {
         const ElasticModel model{.material = LinearElastic(1.0, 0.3), .essential = essential};
         const auto error = all ? testing::patch_error<3>(approximation, model, field, testing::box_sides, inner)
                                : testing::patch_error<3>(approximation, model, field, {"left"}, loaded);
-        EXPECT_LE(error.displacement, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
-        EXPECT_LE(error.stress, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
-        EXPECT_LE(error.recovered, bar) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        EXPECT_LE(error.displacement, patch_tolerance)
+            << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        EXPECT_LE(error.stress, patch_tolerance) << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
+        EXPECT_LE(error.recovered, patch_tolerance)
+            << field.name << (all ? ", held" : ", loaded") << ", cloud " << seed;
       }
   }
 }
@@ -61,8 +62,8 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExact) {
         const auto error =
             testing::patch_error<3>(approximation, {.material = LinearElastic(1.0, 0.3), .essential = essential}, field,
                                     {"left"}, {"right", "front", "back", "bottom", "top", "slit"});
-        EXPECT_LE(error.displacement, bar) << field.name;
-        EXPECT_LE(error.stress, bar) << field.name;
+        EXPECT_LE(error.displacement, patch_tolerance) << field.name;
+        EXPECT_LE(error.stress, patch_tolerance) << field.name;
       }
     }
 }
@@ -83,8 +84,8 @@ TEST(SolidPatchTestFiniteElements, LinearFieldsAreExactOnThePlateOfASurface) {
     const auto error = testing::patch_error<3>(
         approximation, {.material = LinearElastic(1.0, 0.3), .essential = Essential::strong}, field, {"surface 1"},
         {"surface 2", "surface 3", "surface 4", "surface 5", "surface 6"});
-    EXPECT_LE(error.displacement, bar) << field.name;
-    EXPECT_LE(error.stress, bar) << field.name;
+    EXPECT_LE(error.displacement, patch_tolerance) << field.name;
+    EXPECT_LE(error.stress, patch_tolerance) << field.name;
   }
 }
 

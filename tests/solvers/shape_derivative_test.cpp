@@ -15,7 +15,7 @@
 namespace efree {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 /// The strain energy of quadratic elements, and its change by the derivative.
 template <int Dim>

@@ -2,19 +2,17 @@
 #include "efree/geometry/meshing/internal/curved_entities.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/internal/infinity.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 
 #include <gmsh.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 namespace efree::internal {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// By node of an entity, its ends and outlines included: unit vectors there, of any sign; none where it has none.
 std::map<std::size_t, Vec<3>> directions(int dim, int entity) {
