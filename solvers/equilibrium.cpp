@@ -85,9 +85,19 @@ template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>&
 
 namespace {
 
-/// Adds factor * kappa m m^T to the tangents at points.
+/// By pressure function the mean of values at the points under the squares of the function, which is between the least
+/// and the largest of the patch: what a bulk modulus that varies there has on the function.
 template <int Dim>
-void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, double factor, PointTangents<Dim>& tangents) {
+std::vector<double> means_by_function(const Approximation<Dim>& approximation, const Vector& values) {
+  const SparseRows squares = approximation.pressures.cwiseAbs2();
+  const Vector sums = squares.transpose() * approximation.quadrature.weights.cwiseProduct(values);
+  const Vector means = sums.cwiseQuotient(squares.transpose() * approximation.quadrature.weights);
+  return {means.begin(), means.end()};
+}
+
+/// Adds kappa m m^T to the tangents at points.
+template <int Dim>
+void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, PointTangents<Dim>& tangents) {
   PointTangents<Dim> sum;
   for (std::size_t K = 0; K < kappa.size(); ++K) {
     // Points of one tangent mostly have one kappa, and follow each other.
@@ -96,7 +106,7 @@ void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, double f
       continue;
     }
     sum.at.push_back(static_cast<Index>(sum.values.size()));
-    sum.values.push_back(tangents[static_cast<Index>(K)] + factor * kappa[K] * m * m.transpose());
+    sum.values.push_back(tangents[static_cast<Index>(K)] + kappa[K] * m * m.transpose());
   }
   tangents = std::move(sum);
 }
@@ -119,16 +129,22 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
   if (stabilised)
     terms.push_back(
         {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
-  const auto& volumetric = averages ? approximation.dilatation : approximation.quadrature;
-  terms.push_back({&volumetric, materials.tangents(volumetric, StiffnessPart::volumetric), true});
-  if (!bearable.empty()) {
-    const Vector& weights = approximation.quadrature.weights;
-    const Vector by_point = weights.cwiseProduct(Eigen::Map<const Vector>(bearable.data(), weights.size()));
-    const Vector by_function = (approximation.pressures.transpose() * by_point).cwiseQuotient(volumetric.weights);
-    add_bulk(materials.trace(), bearable, 1.0, terms.front().tangents);
-    add_bulk(materials.trace(), std::vector<double>(by_function.begin(), by_function.end()), -1.0,
-             terms.back().tangents);
+  if (!averages) {
+    const auto& points = approximation.quadrature;
+    terms.push_back({&points, materials.tangents(points, StiffnessPart::volumetric), true});
+    return terms;
   }
+  const auto& points = approximation.quadrature;
+  Vector kappa(points.size());
+  parallel_for(points.size(), [&](Index K) {
+    Stiffness<Dim> room;
+    kappa[K] = materials.stiffness(points.region[K], points.points.col(K), room).kappa;
+    if (!bearable.empty()) kappa[K] -= bearable[K];
+  });
+  const PointTangents<Dim> none{std::vector<Index>(approximation.dilatation.size(), 0), {Tangent<Dim>::Zero()}};
+  terms.push_back({&approximation.dilatation, none, true});
+  add_bulk(materials.trace(), means_by_function(approximation, kappa), terms.back().tangents);
+  if (!bearable.empty()) add_bulk(materials.trace(), bearable, terms.front().tangents);
   return terms;
 }
 
@@ -358,7 +374,7 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       const double weight = term.share * points.weights[K], on_itself = weight * answer.bulk(K);
       const Gradient<Dim> change = weight * answer.stress_by_dilatation(K);
       const auto row = points.shape.row(K);
-      for (Pressure j(approximation.pressures, K); j; ++j) {
+      for (Pressure j(approximation.pressures, K); j; ++j) {  // functions of a patch have the same nodes
         const auto all = table.row(static_cast<Index>(j.col()));
         const std::size_t first = first_entry(static_cast<Index>(j.col()));
         for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {

@@ -22,10 +22,12 @@ template <int Dim> std::vector<Index> patches_of_clusters(const SecondaryBasis<D
 /// One function on each patch: points x patches.
 SparseRows constant_pressures(const std::vector<Index>& patch_of);
 
-/// Dim + 1 functions on each patch, one after the other: (1 + xi_i . L^-1 (x - c)) / (Dim + 1), with centroid c and
-/// covariance L L^T of its points and the corners xi_i of regular_simplex. They sum to one, are orthogonal under the
-/// weights of the points and have equal integrals. One, which is constant, where the points are fewer than twice as
-/// many or (nearly) in a plane. Points x functions.
-template <int Dim> SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of);
+/// Dim + 1 functions on each patch of `fewest` nodes or more, one after the other:
+/// (1 + xi_i . L^-1 (x - c)) / (Dim + 1), with centroid c and covariance L L^T of its points and the corners xi_i of
+/// regular_simplex. They sum to one, are orthogonal under the weights of the points and have equal integrals. One,
+/// which is constant, on smaller patches and where the points are fewer than twice as many or (nearly) in a plane.
+/// Points x functions.
+template <int Dim>
+SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of, double fewest);
 
 }  // namespace efree::internal
