@@ -6,7 +6,7 @@
 ///   bench_coercivity --solid [spacing = 0.5] [seeds = 3]     the eighth of a cube with a spherical cavity
 ///   bench_coercivity --pores [seeds = 2]                     defaults on graded clouds in porous images of 128 x 128
 ///                                                            pixels, on meshes with as few as 3 vertices to a node
-///   bench_coercivity --pressure [seeds = 3]                  inf-sup values of pressures on unions, on squares (2D)
+///   bench_coercivity --pressure [seeds = 3]                  inf-sup values of pressures, on squares (2D)
 ///   and
 ///                                                            cubes (3D)
 #include "efree/assembly/operators.hpp"
@@ -116,15 +116,16 @@ void study_pores(int seeds) {
 }
 
 /// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p constant on
-/// the unions.
+/// the patches.
 template <int Dim> double inf_sup(const Approximation<Dim>& approximation) {
   const Matrix basis = without_rigid_motions<Dim>(approximation.nodes);
-  const Discretization<Dim>& unions = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(unions.size(), Dim * approximation.nodes.cols());
-  for (Index U = 0; U < unions.size(); ++U) {
-    const auto row = unions.shape.row(U);
+  const Discretization<Dim>& pressures = approximation.dilatation;
+  Matrix divergence = Matrix::Zero(pressures.size(), Dim * approximation.nodes.cols());
+  for (Index j = 0; j < pressures.size(); ++j) {
+    const auto row = pressures.shape.row(j);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.template block<1, Dim>(U, Dim * row.nodes[k]) = std::sqrt(unions.weights[U]) * row.dN[k].transpose();
+      divergence.template block<1, Dim>(j, Dim * row.nodes[k]) =
+          std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
   }
   const Matrix reduced = divergence * basis;
   const Matrix schur = reduced * reduced_stiffness(approximation.quadrature, basis).llt().solve(reduced.transpose());
@@ -161,7 +162,7 @@ int main(int argc, char** argv) {
   }
   if (argc > 1 && std::string_view(argv[1]) == "--pressure") {
     const int seeds = argc > 2 ? std::atoi(argv[2]) : 3;
-    std::printf("dim,secondary,spacing,seed,nodes,points_per_node,unions_per_node,inf_sup\n");
+    std::printf("dim,secondary,spacing,seed,nodes,points_per_node,pressures_per_node,inf_sup\n");
     study_pressure<2>([](double h) { return triangulate(shapes::rectangle(0, 0, 1, 1), {.size = h}); }, seeds);
     study_pressure<3>([](double h) { return FineMesh<3>(solids::box({1, 1, 1}, h)); }, seeds);
     return 0;

@@ -17,7 +17,7 @@
 namespace efree::bench {
 
 /// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p constant on
-/// the unions; rigid motions, which no pressure works on, are held.
+/// the patches; rigid motions, which no pressure works on, are held.
 inline double inf_sup(const Approximation<2>& approximation) {
   const Materials<2> materials({LinearElastic(1.0, 0.0)}, Plane::strain);
   const auto& points = approximation.quadrature;
@@ -30,12 +30,12 @@ inline double inf_sup(const Approximation<2>& approximation) {
     rigid(2 * a + 1, 2) = approximation.nodes(0, a);
   }
   K += rigid * rigid.transpose() / static_cast<double>(nodes);
-  const auto& unions = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(unions.size(), 2 * nodes);
-  for (Index U = 0; U < unions.size(); ++U) {
-    const auto row = unions.shape.row(U);
+  const auto& pressures = approximation.dilatation;
+  Matrix divergence = Matrix::Zero(pressures.size(), 2 * nodes);
+  for (Index j = 0; j < pressures.size(); ++j) {
+    const auto row = pressures.shape.row(j);
     for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.block<1, 2>(U, 2 * row.nodes[k]) = std::sqrt(unions.weights[U]) * row.dN[k].transpose();
+      divergence.block<1, 2>(j, 2 * row.nodes[k]) = std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
   }
   const Matrix schur = divergence * K.llt().solve(divergence.transpose());
   return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix>(schur, Eigen::EigenvaluesOnly).eigenvalues()[0]);

@@ -9,8 +9,8 @@
 namespace efree::bench {
 
 void pressure_oscillation(const StudyOf& study) {
-  std::printf("Smallest inf-sup value of pressures on unions, square of side 1\n\n");
-  Table values(study.folder, "inf_sup", {"basis", "H", "cloud", "nodes", "unions", "inf-sup"});
+  std::printf("Smallest inf-sup value of pressures, square of side 1\n\n");
+  Table values(study.folder, "inf_sup", {"basis", "H", "cloud", "nodes", "pressures", "inf-sup"});
   for (const auto& [secondary, name] : {std::pair{SecondaryKind::cells, "cells"}, {SecondaryKind::linear, "linear"}})
     for (const double H : {0.2, 0.1, 0.05, 0.025}) {
       const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 6.0});

@@ -333,8 +333,8 @@ template <int Dim> Approximation<Dim> on_clouds(const std::shared_ptr<const Fine
                         ? internal::patches_of_clusters(secondary)
                         : internal::patches_around(mesh, sample_points(mesh, cloud, nearest, seeds, options.seed + 1),
                                                    secondary, result.quadrature, fewest);
-    auto pressures =
-        linear ? internal::linear_pressures(result.quadrature, patch_of) : internal::constant_pressures(patch_of);
+    auto pressures = linear ? internal::linear_pressures(result.quadrature, patch_of, fewest)
+                            : internal::constant_pressures(patch_of);
     average(std::move(patch_of), std::move(pressures), result);
   }
   if (options.fine && options.secondary != SecondaryKind::full)

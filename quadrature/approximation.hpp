@@ -48,7 +48,7 @@ constexpr Dilatation averaged_if(bool averaged) {
 /// Which functions pressures are made of on a patch, where dilatations of a cloud are averaged; finite elements have
 /// constant ones.
 enum class PressureKind {
-  linear,    ///< Dim + 1 functions on each patch of five nodes or more
+  linear,    ///< Dim + 1 functions on each patch of five nodes or more, about twelve; one on a body of fewer
   constant,  ///< one function on each patch of about two nodes, as explicit dynamics needs
 };
 

@@ -25,7 +25,8 @@ Index number_of_patches(const std::vector<Index>& patch_of) {
 }
 
 /// How many nodes each patch holds: integrals of the size of their functions over it, as shares of those over the body.
-template <int Dim> Vector nodes_held(const Quadrature<Dim>& points, const std::vector<Index>& patch_of, Index patches) {
+template <int Dim>
+Vector nodes_held(const Discretization<Dim>& points, const std::vector<Index>& patch_of, Index patches) {
   Vector whole = Vector::Zero(points.shape.num_nodes()), held = Vector::Zero(patches);
   const auto for_each = [&](const auto& visit) {
     for (Index K = 0; K < points.size(); ++K) {
@@ -68,8 +69,9 @@ std::vector<std::map<Index, double>> surfaces_between(const FineMesh<Dim>& mesh,
   return shared;
 }
 
-/// Seeds on the boundary, in corners above all, get small patches, whose pressures too few displacements work on: the
-/// smallest inf-sup value of a cloud is theirs.
+/// Merges patches of fewer than `fewest` nodes with the neighbour that they share most of their surface with, the
+/// smallest first. Seeds on the boundary, in corners above all, get such patches, whose pressures too few displacements
+/// work on: the smallest inf-sup value of a cloud is theirs.
 template <int Dim> void merge_small(const FineMesh<Dim>& mesh, const SecondaryBasis<Dim>& secondary,
                                     const Quadrature<Dim>& quadrature, double fewest, std::vector<Index>& patch_of) {
   const Index patches = number_of_patches(patch_of);
@@ -118,7 +120,7 @@ template <class Key> std::vector<Index> numbered(const std::vector<Index>& verti
   return patch_of;
 }
 
-/// Points taken back to mean 0 and covariance 1 under their weights; none where they are (nearly) in a plane.
+/// L^-1 (x - c) of these points, with their centroid c and covariance L L^T; none where they are (nearly) in a plane.
 template <int Dim> std::optional<Points<Dim>> whitened(const Discretization<Dim>& points, std::span<const Index> of) {
   const auto size = static_cast<Index>(of.size());
   Vector weights(size);
@@ -155,12 +157,15 @@ SparseRows constant_pressures(const std::vector<Index>& patch_of) {
   return indicators(patch_of, number_of_patches(patch_of));
 }
 
-template <int Dim> SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of) {
+template <int Dim>
+SparseRows linear_pressures(const Discretization<Dim>& points, const std::vector<Index>& patch_of, double fewest) {
   const Index patches = number_of_patches(patch_of);
   const Ragged<Index> members = members_of(patch_of, patches);
+  const Vector held = nodes_held(points, patch_of, patches);
+  const double enough = (1.0 - 1e-9) * fewest;  // sums in another order
   std::vector<std::optional<Points<Dim>>> places(patches);
   parallel_for(patches, [&](Index g) {
-    if (members[g].size() >= 2 * (Dim + 1)) places[g] = whitened(points, members[g]);
+    if (held[g] >= enough && members[g].size() >= 2 * (Dim + 1)) places[g] = whitened(points, members[g]);
   });
   std::vector<Index> first(patches + 1, 0);
   for (Index g = 0; g < patches; ++g) first[g + 1] = first[g] + (places[g] ? Dim + 1 : 1);
@@ -184,7 +189,7 @@ template std::vector<Index> patches_around<3>(const FineMesh<3>&, const NodeClou
                                               const Quadrature<3>&, double);
 template std::vector<Index> patches_of_clusters<2>(const SecondaryBasis<2>&);
 template std::vector<Index> patches_of_clusters<3>(const SecondaryBasis<3>&);
-template SparseRows linear_pressures<2>(const Discretization<2>&, const std::vector<Index>&);
-template SparseRows linear_pressures<3>(const Discretization<3>&, const std::vector<Index>&);
+template SparseRows linear_pressures<2>(const Discretization<2>&, const std::vector<Index>&, double);
+template SparseRows linear_pressures<3>(const Discretization<3>&, const std::vector<Index>&, double);
 
 }  // namespace efree::internal

@@ -73,7 +73,7 @@ template <int Dim> struct Patches {
   Ragged<double> functions;   ///< by patch: values at its points, point by point; orthonormal under their weights
   Ragged<Index> nodes;        ///< by patch: those that its dilatations depend on, ascending
   Ragged<NodePlace> of_node;  ///< by node: (patch, position)
-  std::vector<Index> entry;   ///< by patch: first of the numbers by function and node
+  std::vector<Index> entry;   ///< by patch: where its numbers by function and node begin
 
   using Values = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, Dim + 1, 1>;  ///< by function of a patch
 
@@ -256,7 +256,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     return forces.reshaped(Dim, U.cols());
   }
   bool averaged() const { return patches.size() > 0; }
-  /// The same at the points of patch g, in place of values of their own.
+  /// Replaces values at the points of patch g by their best approximation by its functions.
   void average(Index g, Vector& values) const { patches.project(g, held.quadrature().weights, values); }
   /// Whether tangents of all materials are.
   bool symmetric() const {
@@ -287,10 +287,10 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
   /// The energy by which a dilatation at a point resists being another than the averaged one, k/2 (own - averaged)^2,
   /// of finite strains times I - 2, I = J^(-2/3) F : F: pressures that feed such dilatations grow with what distorts
-  /// the body. With its derivatives by the gradient and the averaged one, second ones (mean_mean, mixed, A) if asked
-  /// for.
+  /// the body. With its derivatives by the gradient and the averaged one, second ones (averaged_twice, mixed, A) if
+  /// asked for.
   struct Unevenness {
-    double energy = 0.0, by_mean = 0.0, mean_mean = 0.0;
+    double energy = 0.0, by_averaged = 0.0, averaged_twice = 0.0;
     Gradient<Dim> P = Gradient<Dim>::Zero(), mixed = Gradient<Dim>::Zero();
     Tangent<Dim> A = Tangent<Dim>::Zero();
   };
@@ -317,11 +317,11 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       }
     }
     result.energy = 0.5 * grown * off * off;
-    result.by_mean = -grown * off;
+    result.by_averaged = -grown * off;
     result.P = grown * off * g + 0.5 * k * off * off * dI;
     if (!second) return result;
     const Tangent<Dim> gI = g * dI.transpose();
-    result.mean_mean = grown;
+    result.averaged_twice = grown;
     result.mixed = -grown * g - k * off * dI;
     result.A = grown * (g * g.transpose() - off * G) + k * off * (gI + gI.transpose() + 0.5 * off * ddI);
     return result;
@@ -340,7 +340,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     Gradient<Dim> F;
     Volume<Dim> of;
     double r;
-    Stretch(const Gradient<Dim>& at, double mean) : F(at), of(at), r(std::exp(mean / 3.0) / std::cbrt(of.J)) {}
+    Stretch(const Gradient<Dim>& at, double averaged) : F(at), of(at), r(std::exp(averaged / 3.0) / std::cbrt(of.J)) {}
   };
   Stretch stretch(const Answer& answer, Index K) const { return {deformation(answer.H, K), answer.dilatation[K]}; }
 
@@ -349,7 +349,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
   }
 
   /// What a material works on the averaged dilatation, per volume.
-  double work_of_mean(const Answer& answer, Index K) const {
+  double work_of_averaged(const Answer& answer, Index K) const {
     const Gradient<Dim> P = answer.of.P.col(K);
     const double work = is_finite(K) ? P.dot(deformation(answer.seen, K)) / 3.0 : swelling(K).dot(P);
     return shear.empty() ? work : work - shear[K] * answer.of.shear_stress[K];
@@ -386,7 +386,7 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       answer.pressure.resize(points.size());
       parallel_for(patches.size(), [&](Index g) {
         for (const Index K : patches.points[g])
-          answer.pressure[K] = work_of_mean(answer, K) + unevenness(answer, K).by_mean;
+          answer.pressure[K] = work_of_averaged(answer, K) + unevenness(answer, K).by_averaged;
         average(g, answer.pressure);
       });
     }
@@ -421,9 +421,9 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       const double pressure = answer.pressure[K];
       if (is_finite(K)) {
         const Stretch at = stretch(answer, K);
-        P.col(K) = at.r * of + (pressure - work_of_mean(answer, K)) * at.of.g;
+        P.col(K) = at.r * of + (pressure - work_of_averaged(answer, K)) * at.of.g;
       } else {
-        P.col(K) = of + (pressure - work_of_mean(answer, K)) * trace;
+        P.col(K) = of + (pressure - work_of_averaged(answer, K)) * trace;
       }
       P.col(K) += unevenness(answer, K).P;
     });
@@ -463,23 +463,23 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
     const Gradient<Dim> change = A * s;
     const Unevenness uneven = unevenness(answer, K, true);
     result = {M.transpose() * A * M + uneven.A, d, M.transpose() * change + uneven.mixed,
-              s.dot(change) + uneven.mean_mean};
+              s.dot(change) + uneven.averaged_twice};
     if (!shear.empty()) {  // gamma = c (dilatation of the point - averaged one)
       const double c = shear[K], stiffness = answer.of.shear_stiffness[K];
       const Gradient<Dim> by_shear = 0.5 * (answer.of.stress_by_shear.col(K) + answer.of.shear_by_gradient.col(K));
       const Gradient<Dim> seen_by_shear = M.transpose() * by_shear;
-      const double of_mean = by_shear.dot(s) - c * stiffness;
+      const double of_averaged = by_shear.dot(s) - c * stiffness;
       const Tangent<Dim> both = seen_by_shear * d.transpose();
       result.A += c * (both + both.transpose()) + c * c * stiffness * d * d.transpose();
-      result.mixed += c * (of_mean * d - seen_by_shear);
-      result.bulk -= c * (by_shear.dot(s) + of_mean);
+      result.mixed += c * (of_averaged * d - seen_by_shear);
+      result.bulk -= c * (by_shear.dot(s) + of_averaged);
     }
     if (!at) return result;
     const double pressure = answer.pressure[K];
     const Gradient<Dim> P = answer.of.P.col(K), &g = at->of.g;
     const double work = P.dot(deformation(answer.seen, K));
     const Tangent<Dim> G = at->of.G(), gg = g * g.transpose(), Pg = P * g.transpose();
-    result.A += -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + (work_of_mean(answer, K) - pressure) * G;
+    result.A += -at->r / 3.0 * (Pg + Pg.transpose()) + work / 9.0 * gg + (work_of_averaged(answer, K) - pressure) * G;
     result.mixed += M.transpose() * P / 3.0;
     result.bulk += work / 9.0;
     return result;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Sets of things that are numbered, and tables by rows.
+/// Members of numbered groups, and sparse tables from their rows.
 #pragma once
 
 #include "efree/core/types.hpp"

@@ -78,9 +78,9 @@ plot file('tube') using (is('full integration') ? $2 : NaN):5 with linespoints p
   '' using (is('cloud alone') ? $2 : NaN):5 with points pt 4 lc rgb sky title 'cloud alone', \
   '' using (is('efree') ? $2 : NaN):5 with points pt 7 lc rgb blue title 'efree'
 eval panel(0.57, 0.97, 0.16, 0.9)
-set title 'inf-sup value of pressures on unions' offset 0,-0.4
+set title 'inf-sup value of pressures' offset 0,-0.4
 unset logscale y; set xrange [0.24:0.021]; set yrange [0:1.2]; set xtics (0.2, 0.1, 0.05, 0.025); set ytics format '%g'
 set xlabel 'spacing H'; unset ylabel; set key at graph 1, graph 1.02 right top Right
-plot file('inf_sup') using (strcol(1) eq 'cells' ? $2 : NaN):6 with points pt 7 lc rgb blue title 'unions of indicators (default)', \
+plot file('inf_sup') using (strcol(1) eq 'cells' ? $2 : NaN):6 with points pt 7 lc rgb blue title 'indicators (default)', \
   '' using (strcol(1) eq 'linear' ? $2 : NaN):6 with points pt 5 lc rgb green title 'levelled clusters ("linear")'
 unset multiplot

@@ -19,12 +19,12 @@ template <int Dim> std::vector<double> patch_moduli(const Approximation<Dim>& ap
                                                     const Materials<Dim>& materials, const ElasticModel& model);
 
 /// In the plane and in bodies of revolution materials that flow see the deviation of a point's dilatation from the
-/// averaged one as a shear out of the plane, gamma_K = c_K (theta_K - theta_mean), c_K = sqrt(k_K / G). There is no
+/// averaged one as a shear out of the plane, gamma_K = c_K (theta_K - theta_averaged), c_K = sqrt(k_K / G). There is no
 /// other such shear, so that in isotropic materials it couples with no other strain: elastic ones have the energy k
-/// (theta_K - theta_mean)^2 / 2, and flow limits its stress as that of any part of the deviator. Without it deviations
-/// cost next to nothing where material flows, and rings lose their shape; an elastic energy would grow without bounds
-/// and lock. Space has no strain to spare.
-/// By point c_K, zero where materials are elastic. Empty in space, in plane stress, and where nothing flows.
+/// (theta_K - theta_averaged)^2 / 2, and flow limits its stress as that of any part of the deviator. Without it
+/// deviations cost next to nothing where material flows, and rings lose their shape; an elastic energy would grow
+/// without bounds and lock. Space has no strain to spare. By point c_K, zero where materials are elastic. Empty in
+/// space, in plane stress, and where nothing flows.
 template <int Dim> std::vector<double> patch_shears(const Approximation<Dim>& approximation,
                                                     const Materials<Dim>& materials, const ElasticModel& model,
                                                     const std::vector<double>& moduli);

@@ -244,7 +244,7 @@ TEST_P(NitscheOn, ClampedBodiesKeepHalfOfTheirEnergy) {
     }
     const Matrix dense = SymmetricMatrix(form.selfadjointView<Eigen::Lower>());
     const Vector eigenvalues = Eigen::SelfAdjointEigenSolver<Matrix>(dense, Eigen::EigenvaluesOnly).eigenvalues();
-    EXPECT_GE(eigenvalues.minCoeff(), -1e-10 * largest) << (split ? "volumetric part on unions" : "");
+    EXPECT_GE(eigenvalues.minCoeff(), -1e-10 * largest) << (split ? "volumetric part on patches" : "");
   }
 }
 

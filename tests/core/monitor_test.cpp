@@ -14,7 +14,7 @@
 namespace efree {
 namespace {
 
-using ::testing::ElementsAre, ::testing::Pair, ::testing::UnorderedElementsAre;
+using ::testing::ElementsAre, ::testing::Pair, ::testing::AnyOf;
 
 struct Told {
   std::vector<std::pair<std::string, double>> progress{};
@@ -120,7 +120,8 @@ TEST(Monitor, EndsAnAnalysisAtWhateverStepItIsAsked) {
     if (std::ranges::find(ends, stage) == ends.end()) ends.push_back(stage);
   }
   // One thread samples the cloud of the quadrature before the weights.
-  EXPECT_THAT(ends, UnorderedElementsAre("cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction"));
+  EXPECT_THAT(ends, AnyOf(ElementsAre("cloud", "weights", "basis", "quadrature", "assembly", "solve", "correction"),
+                          ElementsAre("cloud", "quadrature", "weights", "basis", "assembly", "solve", "correction")));
   EXPECT_GT(watched.asked, 12) << "not only at the beginning of stages: between iterations, too";
 }
 

@@ -111,7 +111,7 @@ TEST_P(QuadratureOn, MeetsTheIntegrationConstraint) {
   }
 }
 
-TEST_P(QuadratureOn, UnionsMeetTheIntegrationConstraintToo) {
+TEST_P(QuadratureOn, PressuresMeetTheIntegrationConstraintToo) {
   const auto [name, order, interpolation] = GetParam();
   const auto body = testing::body(name);
   for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls}) {
@@ -334,7 +334,7 @@ TEST(Approximation, DefaultsDependOnTheDimensionAndTheFineMesh) {
   EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::mls}, 10.0).ratio, 6.0);
   EXPECT_EQ(with_defaults<3>({.secondary = SecondaryKind::mls}, 10.0).ratio, 24.0);
   EXPECT_EQ(with_defaults<2>({.secondary = SecondaryKind::linear}, 10.0).ratio, 2.5);
-  // Half a cluster per node, each a union of its own.
+  // Half a cluster per node.
   const ApproximationOptions averaged{.secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged};
   EXPECT_EQ(with_defaults<2>(averaged, 10.0).ratio, 1.5);
   EXPECT_EQ(with_defaults<3>(averaged, 10.0).ratio, 2.0);

@@ -223,7 +223,7 @@ TEST(PlasticFlow, SoilThatDoesNotSwellTakesOneMoreIterationInAStepThanSoilThatDo
     });
     EXPECT_LE(steps, 12);
   }
-  // Tangents that are not symmetric take one more in a step.
+  // What is not symmetric of its tangent is left to iterations (not_in_tangent).
   EXPECT_LE(iterations[1], iterations[0] + steps);
 }
 

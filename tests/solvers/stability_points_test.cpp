@@ -13,7 +13,6 @@ namespace {
 
 using bench::Coercivity, bench::StrainedBlock;
 
-/// What flows depends on the cloud: of ten the least share is 0.35.
 TEST(StabilityPoints, DefaultPointsSeeMostOfTheLeastStiffnessAtRestAtLargeStrainsAndAfterYield) {
   constexpr double spacing = 0.16;
   const FineMesh<2> mesh = StrainedBlock::mesh(spacing / 6.0);
@@ -24,7 +23,7 @@ TEST(StabilityPoints, DefaultPointsSeeMostOfTheLeastStiffnessAtRestAtLargeStrain
       const Coercivity found(block, mesh, {.spacing = spacing, .seed = seed});
       EXPECT_EQ(found.zero(), 0) << block.name;
       EXPECT_EQ(found.negative(), 0) << block.name;
-      EXPECT_GT(found.seen(), yields ? 0.3 : 0.6) << block.name;
+      EXPECT_GT(found.seen(), yields ? 0.8 : 0.6) << block.name;
       seen.push_back(found.seen());
     }
     std::ranges::sort(seen);
