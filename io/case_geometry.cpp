@@ -65,7 +65,7 @@ fs::path file_of(const Section& geometry, const fs::path& folder) {
 }
 
 /// One number that makes a shape.
-struct Parameter {
+struct ShapeParameter {
   std::string_view name;
   Interval range = positive;
   std::optional<double> fallback{};
@@ -73,7 +73,7 @@ struct Parameter {
 };
 template <int Dim> struct Shape {
   std::string_view name;
-  std::vector<Parameter> parameters;
+  std::vector<ShapeParameter> parameters;
   CurvedMesh<Dim> (*make)(std::span<const double> p, double size, double sagitta);
   bool arcs = false;  ///< whether it has some, so that coarse meshes have another shape
 };
@@ -179,17 +179,17 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
   const auto shapes = all_shapes<Dim>();
   const Shape<Dim>& shape = *find_shape(shapes, name);
   Section::Keys known;
-  for (const Parameter& parameter : shape.parameters) known.push_back(parameter.name);
+  for (const ShapeParameter& parameter : shape.parameters) known.push_back(parameter.name);
   if (known.empty()) refuse(geometry, {"parameters"}, fmt::format("the shape \"{}\"", name));
   const Section section = geometry.section("parameters", known);
   Section::Keys missing;
-  for (const Parameter& parameter : shape.parameters)
+  for (const ShapeParameter& parameter : shape.parameters)
     if (!parameter.fallback && !section.has(parameter.name)) missing.push_back(parameter.name);
   if (!missing.empty())
     geometry.fail(geometry.has("parameters") ? "parameters" : "shape",
                   fmt::format("the shape \"{}\" needs {} in [geometry.parameters]", name, fmt::join(missing, ", ")));
   std::vector<double> values;
-  for (const Parameter& parameter : shape.parameters) {
+  for (const ShapeParameter& parameter : shape.parameters) {
     values.push_back(section.number(parameter.name, parameter.range, parameter.fallback));
     if (parameter.whole && values.back() != std::floor(values.back()))
       section.fail(parameter.name, fmt::format("{} is {}, expected a whole number", parameter.name, values.back()));
