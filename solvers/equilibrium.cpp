@@ -141,8 +141,8 @@ template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approxi
     kappa[K] = materials.stiffness(points.region[K], points.points.col(K), room).kappa;
     if (!bearable.empty()) kappa[K] -= bearable[K];
   });
-  const PointTangents<Dim> none{std::vector<Index>(approximation.dilatation.size(), 0), {Tangent<Dim>::Zero()}};
-  terms.push_back({&approximation.dilatation, none, true});
+  PointTangents<Dim> none{{Tangent<Dim>::Zero()}, std::vector<Index>(approximation.dilatation.size(), 0)};
+  terms.push_back({&approximation.dilatation, std::move(none), true});
   add_bulk(materials.trace(), means_by_function(approximation, kappa), terms.back().tangents);
   if (!bearable.empty()) add_bulk(materials.trace(), bearable, terms.front().tangents);
   return terms;
