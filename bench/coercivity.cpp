@@ -7,8 +7,7 @@
 ///   bench_coercivity --pores [seeds = 2]                     defaults on graded clouds in porous images of 128 x 128
 ///                                                            pixels, on meshes with as few as 3 vertices to a node
 ///   bench_coercivity --pressure [seeds = 3]                  inf-sup values of pressures, on squares (2D)
-///   and
-///                                                            cubes (3D)
+///                                                            and cubes (3D)
 #include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
@@ -115,8 +114,8 @@ void study_pores(int seeds) {
       }
 }
 
-/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p constant on
-/// the patches.
+/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p made of
+/// Approximation::pressures.
 template <int Dim> double inf_sup(const Approximation<Dim>& approximation) {
   const Matrix basis = without_rigid_motions<Dim>(approximation.nodes);
   const Discretization<Dim>& pressures = approximation.dilatation;

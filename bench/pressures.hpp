@@ -16,8 +16,8 @@
 
 namespace efree::bench {
 
-/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p constant on
-/// the patches; rigid motions, which no pressure works on, are held.
+/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p made of
+/// Approximation::pressures; rigid motions, which no pressure works on, are held.
 inline double inf_sup(const Approximation<2>& approximation) {
   const Materials<2> materials({LinearElastic(1.0, 0.0)}, Plane::strain);
   const auto& points = approximation.quadrature;

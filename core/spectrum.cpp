@@ -26,13 +26,8 @@ template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric) {
     return eigenvalues<compiled_size<N>>(symmetric);
 }
 
-template <> Mat<3> pseudo_inverse<3>(const Mat<3>& matrix) {
+template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix) {
   return matrix.completeOrthogonalDecomposition().pseudoInverse();
-}
-template <> Mat<2> pseudo_inverse<2>(const Mat<2>& matrix) {
-  Mat<3> padded = Mat<3>::Zero();
-  padded.topLeftCorner<2, 2>() = matrix;
-  return pseudo_inverse<3>(padded).topLeftCorner<2, 2>();
 }
 
 template <int Columns>
@@ -51,6 +46,8 @@ template Vec<2> eigenvalues<2>(const Mat<2>&);
 template Vec<3> eigenvalues<3>(const Mat<3>&);
 template Vec<6> eigenvalues<6>(const Mat<6>&);
 template Vector eigenvalues<Eigen::Dynamic>(const Matrix&);
+template Mat<2> pseudo_inverse<2>(const Mat<2>&);
+template Mat<3> pseudo_inverse<3>(const Mat<3>&);
 template Vec<3> least_squares_solution<1>(const Mat<3>&, const Vec<3>&);
 template Eigen::Matrix<double, 3, 9> least_squares_solution<9>(const Mat<3>&, const Eigen::Matrix<double, 3, 9>&);
 

@@ -6,7 +6,6 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/internal/spectrum.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"
@@ -16,7 +15,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <optional>
 
@@ -46,117 +44,6 @@ template <int Dim> Materials<Dim> materials_of(const ElasticModel& model, const 
           model.plane.value_or(Plane::strain)};
 }
 
-template <int Dim> double bearable_kappa(const Stiffness<Dim>& stiffness) {
-  std::vector<int> there;
-  Voigt<Dim> m = Voigt<Dim>::Zero(), mandel = Voigt<Dim>::Constant(std::sqrt(2.0));
-  for (int k = 0; k < voigt_size<Dim>; ++k) {
-    if (k < 3) mandel[k] = 1.0;
-    if (!(stiffness.S(k, k) > 0.0)) continue;
-    there.push_back(k);
-    if (k < 3) m[k] = 1.0;
-  }
-  const VoigtMatrix<Dim> rest =
-      mandel.asDiagonal() * (stiffness.C - stiffness.kappa * m * m.transpose()) * mandel.asDiagonal();
-  // The smallest eigenvalue is that of the strain by pressure, zero; those of shear are twice the modulus.
-  const Vector least = internal::eigenvalues<Eigen::Dynamic>(rest(there, there));
-  return std::min(stiffness.kappa, least[1] / m.sum());
-}
-
-template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>& approximation,
-                                                       const Materials<Dim>& materials, const ElasticModel& model) {
-  const auto& points = approximation.quadrature;
-  const bool elements = approximation.shape.num_nodes() == approximation.space.size();
-  if (approximation.dilatation.size() == 0 || elements) return {};
-  std::vector<double> result(points.size(), 0.0);
-  std::vector<std::optional<double>> uniform(materials.num_regions());
-  for (Index K = 0; K < points.size(); ++K) {
-    const Index region = points.region[K];
-    if (!(model.regions.empty() ? model.material : model.regions[region])->elastic()) continue;
-    if (uniform[region]) {
-      result[K] = *uniform[region];
-      continue;
-    }
-    Stiffness<Dim> room;
-    result[K] = bearable_kappa(materials.stiffness(region, points.points.col(K), room));
-    if (materials.is_uniform(region)) uniform[region] = result[K];
-  }
-  return result;
-}
-
-namespace {
-
-/// By pressure function the mean of values at the points under the squares of the function, which is between the least
-/// and the largest of the patch: what a bulk modulus that varies there has on the function.
-template <int Dim>
-std::vector<double> means_by_function(const Approximation<Dim>& approximation, const Vector& values) {
-  const SparseRows squares = approximation.pressures.cwiseAbs2();
-  const Vector sums = squares.transpose() * approximation.quadrature.weights.cwiseProduct(values);
-  const Vector means = sums.cwiseQuotient(squares.transpose() * approximation.quadrature.weights);
-  return {means.begin(), means.end()};
-}
-
-/// Adds kappa m m^T to the tangents at points.
-template <int Dim>
-void add_bulk(const Gradient<Dim>& m, const std::vector<double>& kappa, PointTangents<Dim>& tangents) {
-  PointTangents<Dim> sum;
-  for (std::size_t K = 0; K < kappa.size(); ++K) {
-    // Points of one tangent mostly have one kappa, and follow each other.
-    if (K > 0 && tangents.at[K] == tangents.at[K - 1] && kappa[K] == kappa[K - 1]) {
-      sum.at.push_back(sum.at.back());
-      continue;
-    }
-    sum.at.push_back(static_cast<Index>(sum.values.size()));
-    sum.values.push_back(tangents[static_cast<Index>(K)] + kappa[K] * m * m.transpose());
-  }
-  tangents = std::move(sum);
-}
-
-}  // namespace
-
-template <int Dim> std::vector<StiffnessTerm<Dim>> stiffness_terms(const Approximation<Dim>& approximation,
-                                                                   const Materials<Dim>& materials,
-                                                                   double stabilisation,
-                                                                   const std::vector<double>& bearable) {
-  if (!(stabilisation >= 0.0 && stabilisation <= 1.0))
-    throw InputError(fmt::format("stabilisation = {}, expected a number from 0 to 1", stabilisation));
-  const bool averages = approximation.dilatation.size() > 0;
-  const bool stabilised = is_stabilised(approximation, stabilisation);
-  if (!averages && !stabilised) return {{&approximation.quadrature, materials.tangents(approximation.quadrature)}};
-  const double share = stabilised ? 1.0 - stabilisation : 1.0;
-  std::vector<StiffnessTerm<Dim>> terms;
-  terms.push_back(
-      {&approximation.quadrature, materials.tangents(approximation.quadrature, StiffnessPart::deviatoric, share)});
-  if (stabilised)
-    terms.push_back(
-        {&approximation.fine, materials.tangents(approximation.fine, StiffnessPart::deviatoric, stabilisation)});
-  if (!averages) {
-    const auto& points = approximation.quadrature;
-    terms.push_back({&points, materials.tangents(points, StiffnessPart::volumetric), true});
-    return terms;
-  }
-  const auto& points = approximation.quadrature;
-  Vector kappa(points.size());
-  parallel_for(points.size(), [&](Index K) {
-    Stiffness<Dim> room;
-    kappa[K] = materials.stiffness(points.region[K], points.points.col(K), room).kappa;
-    if (!bearable.empty()) kappa[K] -= bearable[K];
-  });
-  PointTangents<Dim> none{{Tangent<Dim>::Zero()}, std::vector<Index>(approximation.dilatation.size(), 0)};
-  terms.push_back({&approximation.dilatation, std::move(none), true});
-  add_bulk(materials.trace(), means_by_function(approximation, kappa), terms.back().tangents);
-  if (!bearable.empty()) add_bulk(materials.trace(), bearable, terms.front().tangents);
-  return terms;
-}
-
-template <int Dim> bool is_stabilised(const Approximation<Dim>& approximation, double stabilisation) {
-  const auto all_points = approximation.space.mesh().num_cells() * approximation.space.cell_rule().weights.size();
-  if (stabilisation == 0.0 || approximation.quadrature.size() >= all_points) return false;
-  if (approximation.fine.size() == 0)
-    throw InputError(
-        fmt::format("stabilisation = {} needs full integration: approximate with fine = true", stabilisation));
-  return true;
-}
-
 namespace {
 
 /// A share of the materials' work on strains at points.
@@ -179,20 +66,7 @@ std::vector<WorkTerm<Dim>> work_terms(const Approximation<Dim>& approximation, d
   return terms;
 }
 
-/// A x at every point.
-template <int Dim> Gradients<Dim> times(const PointTangents<Dim>& A, Gradients<Dim> x) {
-  parallel_for(static_cast<Index>(x.cols()), [&](Index K) { x.col(K) = A[K] * Gradient<Dim>(x.col(K)); });
-  return x;
-}
-
 }  // namespace
-
-template <int Dim> Points<Dim> forces_of(const std::vector<StiffnessTerm<Dim>>& terms, const Points<Dim>& U) {
-  Points<Dim> forces = Points<Dim>::Zero(Dim, U.cols());
-  for (const auto& term : terms)
-    forces += internal_force(*term.discretization, times(term.tangents, gradient(*term.discretization, U)));
-  return forces;
-}
 
 template <int Dim> struct Equilibrium<Dim>::Data {
   const Approximation<Dim>& approximation;
@@ -374,16 +248,19 @@ template <int Dim> struct Equilibrium<Dim>::Data {
       const double weight = term.share * points.weights[K], on_itself = weight * answer.bulk(K);
       const Gradient<Dim> change = weight * answer.stress_by_dilatation(K);
       const auto row = points.shape.row(K);
-      for (Pressure j(approximation.pressures, K); j; ++j) {  // functions of a patch have the same nodes
-        const auto all = table.row(static_cast<Index>(j.col()));
-        const std::size_t first = first_entry(static_cast<Index>(j.col()));
-        for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {
-          while (all.nodes[at] != row.nodes[k]) ++at;  // a function has all nodes of its points
-          result.forces[first + at] += nodal_gradient(row, k).force(Gradient<Dim>(j.value() * change));
-        }
-        Pressure i(approximation.pressures, K);
-        first_of_patch[j.col()] = static_cast<Index>(i.col());
-        for (Index at = 0; i; ++i, ++at) bulk(at, j.col()) += on_itself * i.value() * j.value();
+      const auto first = static_cast<Index>(Pressure(approximation.pressures, K).col());
+      const auto nodes = table.row(first).nodes;  // of all functions of the patch, and of all its points
+      for (std::size_t k = 0, at = 0; k < row.nodes.size(); ++k) {
+        while (nodes[at] != row.nodes[k]) ++at;
+        const NodalGradient<Dim> by_node = nodal_gradient(row, k);
+        for (Pressure j(approximation.pressures, K); j; ++j)
+          result.forces[first_entry(static_cast<Index>(j.col())) + at] +=
+              by_node.force(Gradient<Dim>(j.value() * change));
+      }
+      for (Pressure j(approximation.pressures, K); j; ++j) {
+        first_of_patch[j.col()] = first;
+        for (Pressure i(approximation.pressures, K); i; ++i)
+          bulk(i.col() - first, j.col()) += on_itself * i.value() * j.value();
       }
     }
     const Gradient<Dim> trace = materials.trace();
@@ -611,16 +488,6 @@ template <int Dim> Points<Dim> Equilibrium<Dim>::held_part(const Points<Dim>& U)
 
 template Materials<2> materials_of<2>(const ElasticModel&, const FineMesh<2>&);
 template Materials<3> materials_of<3>(const ElasticModel&, const FineMesh<3>&);
-template double bearable_kappa<2>(const Stiffness<2>&);
-template double bearable_kappa<3>(const Stiffness<3>&);
-template std::vector<double> bearable_kappas<2>(const Approximation<2>&, const Materials<2>&, const ElasticModel&);
-template std::vector<double> bearable_kappas<3>(const Approximation<3>&, const Materials<3>&, const ElasticModel&);
-template std::vector<StiffnessTerm<2>> stiffness_terms<2>(const Approximation<2>&, const Materials<2>&, double,
-                                                          const std::vector<double>&);
-template std::vector<StiffnessTerm<3>> stiffness_terms<3>(const Approximation<3>&, const Materials<3>&, double,
-                                                          const std::vector<double>&);
-template Points<2> forces_of<2>(const std::vector<StiffnessTerm<2>>&, const Points<2>&);
-template Points<3> forces_of<3>(const std::vector<StiffnessTerm<3>>&, const Points<3>&);
 template class Equilibrium<2>;
 template class Equilibrium<3>;
 

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/hats.hpp"
 
+#include "efree/core/internal/infinity.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 #include <queue>
 
 namespace efree {
 namespace {
 
+using internal::infinity;
+
 /// Least distance between nodes, in edges, and how far a hat reaches, in units of it: docs/evidence.md, "Iterations".
 constexpr double edges_apart = 2.5, hat_reach = 2.0;
 /// Nodes, squared, that are worth their factor, over those of the elements, which measure an iteration. In space
 /// factors grow with the square; in the plane they are always cheap.
 constexpr double most_hats = 50.0;
-constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// Paths along the entries of K, longest edges at their ends as unit: what is short in a cell is no step.
 template <int Dim> class Paths {
@@ -66,30 +67,30 @@ template <int Dim> Hats<Dim> make_hats(const BlockMatrix<Dim>& K, const Points<D
   const auto is_eliminated = [&](Index v) { return K.diagonal(v).isZero(0.0); };
   for (;; least *= 1.2) {
     const std::size_t before = chosen.size();
-    nearest.assign(K.size(), infinite);
+    nearest.assign(K.size(), infinity);
     chosen.clear();
     for (Index v = 0; v < K.size(); ++v)
       if (nearest[v] > least && !is_eliminated(v)) {
         chosen.push_back(v);
-        paths.spread(v, infinite, nearest);
+        paths.spread(v, infinity, nearest);
       }
     const auto n = static_cast<double>(chosen.size());
     // Bodies of their own need one each, however many they are.
     if (Dim == 2 || n * n <= most_hats * K.size() || chosen.size() == before) break;
   }
-  std::erase(nearest, infinite);
+  std::erase(nearest, infinity);
   const double apart = 2.0 * std::accumulate(nearest.begin(), nearest.end(), 0.0) / static_cast<double>(nearest.size());
 
   const double reach = hat_reach * least;
   const auto count = static_cast<Index>(chosen.size());
   std::vector<std::vector<std::pair<Index, double>>> weights(count);
   parallel_chunks(count, 64, [&](Index begin, Index end) {
-    std::vector<double> distance(K.size(), infinite);
+    std::vector<double> distance(K.size(), infinity);
     for (Index I = begin; I < end; ++I)
       for (const Index v : paths.spread(chosen[I], reach, distance)) {
         const double inside = 1.0 - distance[v] / reach;
         weights[I].emplace_back(v, inside * inside);
-        distance[v] = infinite;
+        distance[v] = infinity;
       }
   });
   std::vector<double> total(K.size(), 0.0);

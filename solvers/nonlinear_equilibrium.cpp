@@ -366,9 +366,10 @@ template <int Dim> struct NonlinearEquilibrium<Dim>::Data {
       answer.dilatation.resize(points.size());
       shears.resize(static_cast<Index>(shear.size()));
       parallel_for(patches.size(), [&](Index g) {
-        for (const Index K : patches.points[g]) answer.dilatation[K] = dilatation(answer.H, K);
-        for (const Index K : patches.points[g])
+        for (const Index K : patches.points[g]) {
+          answer.dilatation[K] = dilatation(answer.H, K);
           if (!shear.empty()) shears[K] = shear[K] * answer.dilatation[K];
+        }
         average(g, answer.dilatation);
         for (const Index K : patches.points[g]) {
           if (!shear.empty()) shears[K] -= shear[K] * answer.dilatation[K];

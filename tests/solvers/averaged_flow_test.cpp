@@ -10,9 +10,8 @@ namespace {
 
 using namespace bench;
 
-/// Ovalisation is the softest motion of a ring of which more than half has yielded. Constant pressures on patches leave
-/// it to the differences within a patch, which cost next to nothing: -22 to +13 % of the displacement (eight nodes
-/// through the wall, at the end; 20 to 70 % where nothing resists those).
+/// Ovalisation is the softest mode of a ring of which more than half has yielded. With constant pressures on pressure
+/// patches it is -22 to +13 % of the displacement (eight nodes through the wall, at the end).
 TEST(AveragedDilatation, ThickRingUnderPressureIsNotMadeAnOvalByPatches) {
   const PressedRing body;
   const double spacing = 0.12;

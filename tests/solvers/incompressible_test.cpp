@@ -4,6 +4,7 @@
 #include "efree/bench/cavity.hpp"
 #include "efree/bench/lame.hpp"
 #include "efree/solvers/correction.hpp"
+#include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -119,6 +120,33 @@ TEST(NearlyIncompressible, CorrectedCavityIsThatOfGoodier) {
   EXPECT_LT(found.recovery, 1.4 * *found.errors.energy_norm);
   expect_cloud_known(found);
   expect_cloud_known(compressible);
+}
+
+/// Tension in plane strain where 1/E falls linearly along the bar, to a hundredth: strains are linear, so that stresses
+/// of one and no others are compatible. The bulk modulus grows a hundredfold within a few pressure patches.
+TEST(NearlyIncompressible, BarWhoseModulusGrowsAHundredfoldHasTheClosedFormEnergy) {
+  constexpr double poisson = 0.45, slope = 0.99, length = 1.0, height = 0.4;
+  constexpr double along = 1.0 - poisson * poisson,
+                   across = -poisson * (1.0 + poisson);  // strains of a unit stress times E
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0, 0, length, height), {.size = 0.02});
+  const auto approximation = approximate(mesh, {.spacing = 0.08, .dilatation = Dilatation::averaged});
+  ASSERT_GT(approximation.pressures.cols(), 3);
+  const VectorField<2> exact = [&](const Vec<2>& x) -> Vec<2> {
+    return {along * (x[0] - 0.5 * slope * x[0] * x[0]) + 0.5 * across * slope * x[1] * x[1],
+            across * (1.0 - slope * x[0]) * x[1]};
+  };
+  const ElasticModel model{
+      .material = LinearElastic([](const Vec<3>& x) { return 1.0 / (1.0 - slope * x[0]); }, poisson),
+      .plane = Plane::strain};
+  const Loads<2> pull{.tractions = {{"right", [](const Vec<2>&, const Vec<2>&) { return Vec<2>(1.0, 0.0); }}},
+                      .body_force = {}};
+  const auto solution = ElasticSolver<2>(approximation, model, {testing::displacement<2>("left", exact)}).solve(pull);
+  EXPECT_NEAR(solution.strain_energy, 0.5 * along * height * (length - 0.5 * slope * length * length),
+              0.01 * solution.strain_energy);
+  const auto fields = recover_fields(approximation, solution);
+  const auto& places = approximation.space.points();
+  for (Index v = 0; v < places.cols(); ++v)
+    ASSERT_LT((fields.displacement.col(v) - exact(places.col(v))).norm(), 0.01) << places.col(v).transpose();
 }
 
 }  // namespace
