@@ -3,6 +3,8 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
+#include <cmath>
+#include <limits>
 
 namespace efree::internal {
 
@@ -26,14 +28,25 @@ template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric) {
     return eigenvalues<compiled_size<N>>(symmetric);
 }
 
-template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix) {
-  return matrix.completeOrthogonalDecomposition().pseudoInverse();
+template <int N> Mat<N> pseudo_inverse(const Mat<N>& symmetric) {
+  const Spectrum<N> of = spectrum<N>(symmetric);
+  const double zero =
+      static_cast<double>(symmetric.rows()) * std::numeric_limits<double>::epsilon() * of.values.cwiseAbs().maxCoeff();
+  const Vec<N> inverses =
+      of.values.unaryExpr([zero](double value) { return std::abs(value) > zero ? 1.0 / value : 0.0; });
+  return of.vectors * inverses.asDiagonal() * of.vectors.transpose();
 }
 
-template <int Columns>
-Eigen::Matrix<double, 3, Columns> least_squares_solution(const Mat<3>& matrix,
-                                                         const Eigen::Matrix<double, 3, Columns>& right) {
+Eigen::Matrix<double, 3, 9> least_squares_solution(const Mat<3>& matrix, const Eigen::Matrix<double, 3, 9>& right) {
   return matrix.completeOrthogonalDecomposition().solve(right);
+}
+
+Matrix triangular_factor(const Matrix& tall) {
+  return Eigen::HouseholderQR<Matrix>(tall).matrixQR().topRows(tall.cols()).triangularView<Eigen::Upper>();
+}
+
+Matrix orthonormal_columns(const Matrix& tall) {
+  return Eigen::HouseholderQR<Matrix>(tall).householderQ() * Matrix::Identity(tall.rows(), tall.cols());
 }
 
 template Spectrum<2> spectrum<2>(const Mat<2>&);
@@ -48,7 +61,6 @@ template Vec<6> eigenvalues<6>(const Mat<6>&);
 template Vector eigenvalues<Eigen::Dynamic>(const Matrix&);
 template Mat<2> pseudo_inverse<2>(const Mat<2>&);
 template Mat<3> pseudo_inverse<3>(const Mat<3>&);
-template Vec<3> least_squares_solution<1>(const Mat<3>&, const Vec<3>&);
-template Eigen::Matrix<double, 3, 9> least_squares_solution<9>(const Mat<3>&, const Eigen::Matrix<double, 3, 9>&);
+template Matrix pseudo_inverse<Eigen::Dynamic>(const Matrix&);
 
 }  // namespace efree::internal

@@ -76,7 +76,7 @@ std::vector<HistoryPart> PlaneStress::history_parts() const {
 Eigen::Matrix<double, 3, 9> PlaneStress::strains_across(const MaterialResponse::Tangent& A) {
   const Mat<3> stiffness = across.transpose() * A * across;
   // Matter that is torn across the plane has no stiffness there: then the least strains.
-  return -internal::least_squares_solution<9>(stiffness, across.transpose() * A);
+  return -internal::least_squares_solution(stiffness, across.transpose() * A);
 }
 
 MaterialResponse::Tangent PlaneStress::condensed(const MaterialResponse::Tangent& A) {

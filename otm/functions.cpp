@@ -81,7 +81,7 @@ template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Di
     return skew / moment.trace();
   } else {
     const Mat<3> inertia = moment.trace() * Mat<3>::Identity() - moment;
-    const Vec<3> spin = least_squares_solution<1>(inertia, Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0)));
+    const Vec<3> spin = pseudo_inverse<3>(inertia) * Vec<3>(skew(2, 1), skew(0, 2), skew(1, 0));
     Mat<3> result;
     result << 0.0, -spin[2], spin[1], spin[2], 0.0, -spin[0], -spin[1], spin[0], 0.0;
     return result;

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/accumulator.hpp"
 #include "efree/core/internal/groups.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/internal/regular_simplex.hpp"
@@ -11,7 +12,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -262,7 +262,7 @@ template <int Dim> SecondaryBasis<Dim> indicators_of(const FineSpace<Dim>& space
   // others, so that gradients (linear in a cell of degree 2) are carried there exactly.
   require(per_cell == 1 || per_cell == Dim + 1, "a cell rule of 1 or Dim + 1 points expected");
   Matrix nodal;
-  if (per_cell > 1) nodal = Matrix(rule.points).inverse();
+  if (per_cell > 1) nodal = Mat<Dim + 1>(rule.points).inverse();
   std::vector<Index> offsets{0}, columns;
   std::vector<double> values;
   for (Index f = 0; f < mesh.num_facets(); ++f) {
@@ -301,8 +301,7 @@ template <int Dim> struct LinearFunctions {
     x.rowwise() -= centroid.transpose();
     x.array().colwise() *= weights.array().sqrt();
     // L by the QR decomposition of its factors, not from the covariance itself: flat cells keep twice the digits.
-    const Eigen::HouseholderQR<decltype(x)> qr(x);
-    root = Mat<Dim>(qr.matrixQR().template topRows<Dim>().template triangularView<Eigen::Upper>()).transpose();
+    root = internal::triangular_factor(x).transpose();
   }
   Eigen::Matrix<double, Dim, Dim + 1> points() const { return (root * regular_simplex<Dim>()).colwise() + centroid; }
   Values at(const Vec<Dim>& x) const {

@@ -2,11 +2,11 @@
 #include "efree/quadrature/internal/pressure_patches.hpp"
 
 #include "efree/core/internal/groups.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/heatgeo/geodesics.hpp"
 #include "efree/quadrature/internal/regular_simplex.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -129,8 +129,7 @@ template <int Dim> std::optional<Points<Dim>> whitened(const Discretization<Dim>
   Points<Dim> x = points.points(Eigen::all, of);
   x.colwise() -= Vec<Dim>(x * weights);
   const Points<Dim> scaled = x * weights.cwiseSqrt().asDiagonal();
-  const Eigen::HouseholderQR<Matrix> qr(scaled.transpose());
-  const Mat<Dim> root = Mat<Dim>(qr.matrixQR().template topRows<Dim>().template triangularView<Eigen::Upper>());
+  const Mat<Dim> root = triangular_factor(scaled.transpose());
   constexpr double flat = 1e-3;  // of the largest extent
   const auto extents = root.diagonal().cwiseAbs();
   if (!(extents.minCoeff() > flat * extents.maxCoeff())) return std::nullopt;

@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/internal/finite.hpp"
 #include "efree/core/internal/setting_error.hpp"
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/internal/blend.hpp"
 #include "efree/solvers/internal/cell_gradients.hpp"
@@ -14,7 +15,6 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -404,7 +404,7 @@ template <int Dim> RecoveryError recovery_error_of_points(const Approximation<Di
   const auto in_cell = static_cast<Index>(points.cols());
   require(stress.cols() == in_cell * space.mesh().num_cells(), "stresses of every point of every cell expected");
   // What interpolates values at the points, linearly as far as they go.
-  const Matrix to_corners = Matrix(points).completeOrthogonalDecomposition().pseudoInverse();
+  const Matrix to_corners = points.transpose() * internal::pseudo_inverse<Eigen::Dynamic>(points * points.transpose());
   const auto rule = simplex_rule<Dim>(2 * space.degree());
   Vector squares(space.mesh().num_cells());
   enum { error, norm, count };

@@ -4,7 +4,6 @@
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/solvers/cholesky.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <random>
 
@@ -24,7 +23,7 @@ Vector softest_mode(const Equations& equations, const State& at) {
   for (double& entry : X.reshaped()) entry = static_cast<double>(random()) / std::mt19937::max() - 0.5;
   for (int k = 0; k < iterations; ++k) {
     X = factor.solve(X);
-    X = Eigen::HouseholderQR<Matrix>(X).householderQ() * Matrix::Identity(size, count);
+    X = internal::orthonormal_columns(X);
     const Matrix projected = X.transpose() * (K.selfadjointView<Eigen::Lower>() * X);
     X *= internal::spectrum<Eigen::Dynamic>(projected).vectors;  // values ascend
   }

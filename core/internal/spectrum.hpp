@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Decompositions of small symmetric matrices (only their lower triangles are read). Compiled once, since Eigen's take
-/// a compiler seconds wherever they stand; N = 2, 3, 4, 6, 10 or Eigen::Dynamic (eigenvalues alone: 2, 3, 6 or that).
+/// Decompositions of dense matrices, of which few are large. Compiled once, since Eigen's take a compiler seconds
+/// wherever they stand. Of symmetric ones only the lower triangles are read; N = 2, 3, 4, 6, 10 or Eigen::Dynamic
+/// (eigenvalues alone: 2, 3, 6 or that).
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -14,12 +15,16 @@ template <int N> struct Spectrum {
 template <int N> Spectrum<N> spectrum(const Mat<N>& symmetric);
 template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric);  ///< ascending
 
-/// Of Moore and Penrose, of any square matrix; N = 2 or 3.
-template <int N> Mat<N> pseudo_inverse(const Mat<N>& matrix);
+/// Of Moore and Penrose; eigenvalues of N rounding errors of the largest count as zero. N = 2, 3 or
+/// Eigen::Dynamic.
+template <int N> Mat<N> pseudo_inverse(const Mat<N>& symmetric);
 
-/// The smallest of all x that bring matrix x closest to the right-hand sides, by column; Columns = 1 or 9.
-template <int Columns>
-Eigen::Matrix<double, 3, Columns> least_squares_solution(const Mat<3>& matrix,
-                                                         const Eigen::Matrix<double, 3, Columns>& right);
+/// The smallest of all x that bring matrix x closest to the right-hand sides, by column.
+Eigen::Matrix<double, 3, 9> least_squares_solution(const Mat<3>& matrix, const Eigen::Matrix<double, 3, 9>& right);
+
+/// R of the QR decomposition of a matrix with at least as many rows as columns: upper triangular, R^T R = tall^T tall.
+Matrix triangular_factor(const Matrix& tall);
+/// Orthonormal columns that span those of a matrix with at least as many rows.
+Matrix orthonormal_columns(const Matrix& tall);
 
 }  // namespace efree::internal
