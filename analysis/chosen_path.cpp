@@ -114,6 +114,12 @@ template <int Dim> class Levels {
       finer = source_;  // a file of cells
     }
     finer.size = mesh_size(level);
+    if (source_.says_its_size()) {  // a file has smaller ones of its own where it is dense
+      finer.coarsening = mesh_size(level) / natural_.size;
+    } else {  // facets are as fine as walls need them, and finer or coarser as the edges are
+      const double factor = spacing(level) / spacing(first_of_mesh());
+      finer.sagitta = default_sagitta * factor * factor;
+    }
     try {
       return prepare(finer, settings, monitor);
     } catch (const InputError&) {  // a file of cells

@@ -333,7 +333,7 @@ CurvedMesh<Dim> read(const GmshSession& session, const std::string& path, Format
   set_parameters(session, path, options.parameters);
   check_slits(session, Dim, options.slits);
   if (format == Format::msh) return {internal::gmsh_mesh<Dim>(session, 0.0, options.slits).mesh};
-  if (options.size == 0.0 && options.factor != 1.0)
+  if (options.factor != 1.0)
     gmsh::option::setNumber("Mesh.MeshSizeFactor", options.factor * internal::gmsh_option("Mesh.MeshSizeFactor"));
   if constexpr (Dim == 3) {
     if (internal::all_entities(3).empty()) session.fail("there is no volume in it");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Load paths that leave their functions open: what is chosen, and how far it is from the truth.
 #include "efree/analysis/analyse.hpp"
+#include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/core/error.hpp"
 #include "efree/geometry/mesh/walls.hpp"
@@ -22,6 +23,16 @@ MeshSource<2> rectangle(double x, double width, double height, double natural) {
     const double edge = size.length > 0.0 ? size.length : size.coarsening * natural;
     const FineMesh<2> mesh = triangulate(shapes::rectangle(x, 0.0, x + width, height), {.size = edge});
     return MadeMesh<2>{.mesh = extract(mesh, std::vector<char>(mesh.num_cells(), 1)), .size = edge};
+  }};
+}
+
+/// A plate with holes as near to each other as a tenth of their radii and less.
+MeshSource<2> plate_with_holes() {
+  return {.mesh = [](const MeshSize& size, const Stage&) {
+    const double edge = size.length > 0.0 ? size.length : size.coarsening * 0.2;
+    CurvedMesh<2> curved = triangulate_curved(
+        shapes::plate_with_random_holes(4.0, 12, 0.2, 0.5, 0.02, 1, edge, size.sagitta_or_natural()), {.size = edge});
+    return MadeMesh<2>{.mesh = std::move(curved.mesh), .size = edge, .boundary = std::move(curved.boundary)};
   }};
 }
 
@@ -67,6 +78,21 @@ TEST(ChosenPath, PlasticCylinderIsWithinOnePercentOfItsClosedForm) {
   ASSERT_TRUE(result.path_errors->stress);
   EXPECT_LT(*result.path_errors->stress, 0.1);
   EXPECT_EQ(result.refusal, "");
+}
+
+TEST(ChosenPath, FacetsStayAsFineAsWallsNeedThemOnFinerMeshes) {
+  DisplacementCondition<2> right{"right", {}, {}};
+  right.components[0] = [](const Vec<2>&) { return 0.4; };
+  const Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
+                             .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
+                             .reactions = {{"force", "right"}},
+                             .time = TimeSettings<2>{.path = {.step = 1.0}}};
+  const Result<2> result = analyse(plate_with_holes(), settings);
+  ASSERT_GT(result.attempts.size(), 1u);
+  EXPECT_LT(result.attempts.back().size, 0.19) << "finer than what is natural";
+  EXPECT_LE(internal::largest_relative_sagitta(*result.mesh, result.offsets), 1.05 * default_sagitta);
+  ASSERT_TRUE(result.path_errors);
+  EXPECT_NEAR(result.path_errors->coarser, 1.5, 0.2) << "facets of the coarser mesh are coarser as its edges are";
 }
 
 TEST(ChosenPath, AMeshThatSaysItsSizeKeepsItAndIsComparedWithACoarserOne) {
