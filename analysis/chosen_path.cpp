@@ -108,18 +108,20 @@ template <int Dim> class Levels {
     if (elements_ && has_own_sizes()) {  // which keep their proportions: where they are small they become smaller too
       const double factor = mesh_size(level) / (fixed_ ? natural_.size : edge_);
       finer.coarsening = factor;
-      finer.sagitta = default_sagitta * factor * factor;
+      finer.sagitta = (source_.sagitta > 0.0 ? source_.sagitta : default_sagitta) * factor * factor;
       PreparedMesh<Dim> mesh = prepare(finer, settings, monitor);
       if (mesh.mesh->num_cells() != natural_.mesh->num_cells()) return mesh;
       finer = source_;  // a file of cells
     }
+    // Sagittas follow the squares of the edges, from the first mesh that may be the result on.
+    const double factor = mesh_size(level) / (fixed_ ? natural_.size : std::min(edge_, mesh_size(0)));
     finer.size = mesh_size(level);
-    if (source_.says_its_size()) {  // a file has smaller ones of its own where it is dense
-      finer.coarsening = mesh_size(level) / natural_.size;
-    } else {  // facets are as fine as walls need them, and finer or coarser as the edges are
-      const double factor = spacing(level) / spacing(first_of_mesh());
-      finer.sagitta = default_sagitta * factor * factor;
-    }
+    finer.ratio = 0.0;
+    if (source_.says_its_size())
+      finer.coarsening = factor;  // of the sizes that a file has of its own where it is dense
+    else if (finer.sagitta == 0.0)
+      finer.sagitta = default_sagitta;
+    finer.sagitta *= factor * factor;
     try {
       return prepare(finer, settings, monitor);
     } catch (const InputError&) {  // a file of cells
@@ -215,6 +217,9 @@ template <int Dim> class Search {
         if (!levels.is_useful(level, *mesh.mesh)) continue;
         auto next = solve(mesh, elements, levels.spacing(level), best, coarser.get());
         coarser = std::exchange(best, std::move(next));
+      } catch (const InputError&) {
+        if (level < levels.first_of_mesh()) continue;  // too coarse for a probe, or a part
+        throw;
       } catch (const NumericalError& error) {
         if (level < levels.first_of_mesh()) continue;
         if (level == levels.first_of_mesh()) throw;

@@ -5,8 +5,9 @@
 ///   bench_paths [default | finer] [NAME...]
 ///
 /// `default`: no finer settings. Finer settings say what was chosen by default (the spacing of a cloud, or mesh_size of
-/// elements), divided by 1.5 and 1.5^2. Errors: the largest over the times of references, over the largest reference.
-/// Effectivity: estimated over true error, or "reference" where the true error is below what the reference is known to.
+/// elements), divided by 1.5 and 1.5^2, with sagittas of curved walls divided by the squares of that. Errors: the
+/// largest over the times of references, over the largest reference. Effectivity: estimated over true error, or
+/// "reference" where the true error is below what the reference is known to.
 #include "efree/io/case_file.hpp"
 
 #include <fmt/format.h>
@@ -176,6 +177,7 @@ template <int Dim> void study(const PathCase& of, const Case<Dim>& analysis, boo
     const double size = chosen.size / factor;
     if (chosen.cloud) finer_case.approximation.spacing = size;
     finer_case.geometry.size = chosen.cloud ? std::min(chosen.mesh, size / edges_to_spacing) : size;
+    finer_case.geometry.sagitta = default_sagitta / (factor * factor);  // else curves have 16 facets to a turn
     run(of, setting, finer_case);
   }
 }

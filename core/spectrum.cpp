@@ -4,7 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
-#include <limits>
 
 namespace efree::internal {
 
@@ -30,8 +29,8 @@ template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric) {
 
 template <int N> Mat<N> pseudo_inverse(const Mat<N>& symmetric) {
   const Spectrum<N> of = spectrum<N>(symmetric);
-  const double zero =
-      static_cast<double>(symmetric.rows()) * std::numeric_limits<double>::epsilon() * of.values.cwiseAbs().maxCoeff();
+  constexpr double negligible = 1e-12;
+  const double zero = negligible * of.values.cwiseAbs().maxCoeff();
   const Vec<N> inverses =
       of.values.unaryExpr([zero](double value) { return std::abs(value) > zero ? 1.0 / value : 0.0; });
   return of.vectors * inverses.asDiagonal() * of.vectors.transpose();

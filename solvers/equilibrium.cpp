@@ -6,6 +6,7 @@
 #include "efree/assembly/loads.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/internal/side_by_side.hpp"
 #include "efree/solvers/internal/stiffness_terms.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/internal/stiffness_terms.hpp"
 
+#include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
@@ -51,15 +52,16 @@ template <int Dim> std::vector<double> bearable_kappas(const Approximation<Dim>&
 
 namespace {
 
-/// By pressure function the mean of values at the points under the squares of the function, which is between the least
-/// and the largest of the patch: what a bulk modulus that varies there has on the function.
+/// By pressure function the mean of the values at points, weighted by its square: between the least and the largest of
+/// the patch.
 template <int Dim>
 std::vector<double> means_by_function(const Approximation<Dim>& approximation, const Vector& values) {
   const Vector& weights = approximation.quadrature.weights;
   const SparseRows members = approximation.pressures.transpose();
   std::vector<double> means(members.rows());
   parallel_for(static_cast<Index>(members.rows()), [&](Index j) {
-    // Of differences, so that functions of a uniform material have one value, bit for bit, and share a tangent.
+    // Of differences, so that pressure functions in a uniform material have one value, bit for bit, and share a
+    // tangent.
     const double first = values[SparseRows::InnerIterator(members, j).col()];
     double sum = 0.0, all = 0.0;
     for (SparseRows::InnerIterator K(members, j); K; ++K) {

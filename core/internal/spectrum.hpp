@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Decompositions of dense matrices, of which few are large. Compiled once, since Eigen's take a compiler seconds
-/// wherever they stand. Of symmetric ones only the lower triangles are read; N = 2, 3, 4, 6, 10 or Eigen::Dynamic
-/// (eigenvalues alone: 2, 3, 6 or that).
+/// Decompositions of dense, mostly small matrices. Compiled once, since Eigen's take a compiler seconds wherever they
+/// stand. Of symmetric ones only the lower triangles are read; N = 2, 3, 4, 6, 10 or Eigen::Dynamic (eigenvalues alone:
+/// 2, 3, 6 or that).
 #pragma once
 
 #include "efree/core/types.hpp"
@@ -15,7 +15,7 @@ template <int N> struct Spectrum {
 template <int N> Spectrum<N> spectrum(const Mat<N>& symmetric);
 template <int N> Vec<N> eigenvalues(const Mat<N>& symmetric);  ///< ascending
 
-/// Of Moore and Penrose; eigenvalues of N rounding errors of the largest count as zero. N = 2, 3 or
+/// Moore-Penrose inverse; eigenvalues up to 1e-12 times the largest in absolute value count as zero. N = 2, 3 or
 /// Eigen::Dynamic.
 template <int N> Mat<N> pseudo_inverse(const Mat<N>& symmetric);
 
@@ -23,8 +23,9 @@ template <int N> Mat<N> pseudo_inverse(const Mat<N>& symmetric);
 Eigen::Matrix<double, 3, 9> least_squares_solution(const Mat<3>& matrix, const Eigen::Matrix<double, 3, 9>& right);
 
 /// R of the QR decomposition of a matrix with at least as many rows as columns: upper triangular, R^T R = tall^T tall.
+/// Entries of its diagonal may be negative.
 Matrix triangular_factor(const Matrix& tall);
-/// Orthonormal columns that span those of a matrix with at least as many rows.
+/// Orthonormal basis of what the columns of a matrix span, which are independent.
 Matrix orthonormal_columns(const Matrix& tall);
 
 }  // namespace efree::internal

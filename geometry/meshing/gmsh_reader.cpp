@@ -324,7 +324,7 @@ CurvedMesh<Dim> read(const GmshSession& session, const std::string& path, Format
     else {
       const double unit = internal::import_cad(session, path);
       check_slits(session, Dim, options.slits);
-      const double size = options.size > 0.0 ? options.size * unit : model_diagonal() / 20.0;
+      const double size = options.size > 0.0 ? options.size * unit : options.factor * model_diagonal() / 20.0;
       internal::generate_tetrahedra(session, size, options.sagitta);
       return ordered<3>(internal::gmsh_mesh<3>(session, size, options.slits, unit));
     }

@@ -12,8 +12,9 @@ namespace efree {
 
 /// How gmsh reads and meshes a file.
 struct GmshOptions {
-  double size = 0.0;    ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
-  double factor = 1.0;  ///< on the sizes that a .geo file has, where these are below `size`
+  double size = 0.0;  ///< longest edge wanted [length]; 0: the file's own sizes, for CAD the box's diagonal / 20
+  double factor =
+      1.0;  ///< on the sizes that a .geo file has (`size` bounds them still), and on what CAD has without one
   /// > 0: facets are no farther from a curved surface than this fraction of the thickness of the wall, or of the radius
   /// of curvature if that is less: for nearly all of them, and at most 60 000 that only this asks for. 0: at least 16
   /// to a full turn, of .geo files with their own sizes as many as these say.

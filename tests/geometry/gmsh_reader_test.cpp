@@ -84,6 +84,26 @@ TEST(GmshReader, FinerSizesOfTheFileAreKept) {
   EXPECT_GT(mesh.size(), 0.2);
 }
 
+TEST(GmshReader, AFactorScalesTheFilesOwnSizesBelowTheSize) {
+  const std::string path = file("dense.geo", std::string(plate_script) + "MeshSize{:} = 0.05;\n");
+  const FineMesh<2> mesh(read_gmsh<2>(path, {.size = 0.3})), coarser(read_gmsh<2>(path, {.size = 0.3, .factor = 2.0}));
+  EXPECT_NEAR(static_cast<double>(coarser.group("bottom").size()) / mesh.group("bottom").size(), 0.5, 0.05);
+  EXPECT_GT(coarser.size(), 0.2);
+  EXPECT_LE(coarser.size(), 0.3 * (1.0 + 1e-12));
+}
+
+TEST(GmshReader, AFactorLeavesASphereSixteenFacetsToATurn) {
+  const std::string path = file("ball.geo", R"(SetFactory("OpenCASCADE"); Sphere(1) = {0, 0, 0, 1};
+)");
+  for (const double factor : {1.0, 2.25}) {
+    const FineMesh<3> mesh(read_gmsh<3>(path, {.size = 2.0, .factor = factor}));
+    double area = 0.0;
+    for (Index f = 0; f < mesh.num_facets(); ++f) area += mesh.facet_measure(f);
+    const double edge = 2.0 * pi / 16.0;
+    EXPECT_LT(area / mesh.num_facets(), 0.25 * std::sqrt(3.0) * edge * edge) << "factor " << factor;
+  }
+}
+
 TEST(GmshReader, SmallCirclesAreSampledFinely) {
   const std::string path = file("holes.geo", R"(SetFactory("OpenCASCADE");
 Rectangle(1) = {0, 0, 0, 1, 1}; Disk(2) = {0.5, 0.5, 0, 0.01};

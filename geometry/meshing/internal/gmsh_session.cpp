@@ -190,7 +190,9 @@ void generate_tetrahedra(const GmshSession& session, double size, double sagitta
         std::min(gmsh_option("Mesh.MeshSizeMax"), size / finer_than_told / gmsh_option("Mesh.MeshSizeFactor"));
     set("Mesh.MeshSizeMax", largest);
     set("Mesh.MeshSizeMin", std::min(gmsh_option("Mesh.MeshSizeMin"), largest));
-    set("Mesh.MeshSizeFromCurvature", std::max(16.0, gmsh_option("Mesh.MeshSizeFromCurvature")));
+    // The factor is on these as well, but not on circles' points.
+    set("Mesh.MeshSizeFromCurvature",
+        std::max(16.0 * gmsh_option("Mesh.MeshSizeFactor"), gmsh_option("Mesh.MeshSizeFromCurvature")));
     set("Mesh.MinimumCirclePoints", std::max(16.0, gmsh_option("Mesh.MinimumCirclePoints")));
   }
   mesh_with_walls<3>(
