@@ -104,24 +104,20 @@ template <int Dim> class Levels {
                             : level < 0         ? std::abs(mesh_size(level) / edge_ - 1.0) < 0.01
                                                 : fixed_ || mesh_size(level) >= 0.99 * edge_;
     if (is_natural) return natural_;
-    MeshSource<Dim> finer = source_;
     if (elements_ && has_own_sizes()) {  // which keep their proportions: where they are small they become smaller too
       const double factor = mesh_size(level) / (fixed_ ? natural_.size : edge_);
-      finer.coarsening = factor;
-      finer.sagitta = (source_.sagitta > 0.0 ? source_.sagitta : default_sagitta) * factor * factor;
-      PreparedMesh<Dim> mesh = prepare(finer, settings, monitor);
-      if (mesh.mesh->num_cells() != natural_.mesh->num_cells()) return mesh;
-      finer = source_;  // a file of cells
+      MeshSource<Dim> scaled = with_sagittas_for(factor);
+      scaled.coarsening = factor;
+      PreparedMesh<Dim> mesh = prepare(scaled, settings, monitor);
+      if (mesh.mesh->num_cells() != natural_.mesh->num_cells()) return mesh;  // else a file of cells
     }
-    // Sagittas follow the squares of the edges, from the first mesh that may be the result on.
+    // Sagittas are those of the source on the first mesh that may be the result.
     const double factor = mesh_size(level) / (fixed_ ? natural_.size : std::min(edge_, mesh_size(0)));
+    MeshSource<Dim> finer = with_sagittas_for(factor);
     finer.size = mesh_size(level);
     finer.ratio = 0.0;
     if (source_.says_its_size())
       finer.coarsening = factor;  // of the sizes that a file has of its own where it is dense
-    else if (finer.sagitta == 0.0)
-      finer.sagitta = default_sagitta;
-    finer.sagitta *= factor * factor;
     try {
       return prepare(finer, settings, monitor);
     } catch (const InputError&) {  // a file of cells
@@ -138,6 +134,13 @@ template <int Dim> class Levels {
  private:
   /// Whether the mesh has the sizes of its file: then its size is that of its longest edge.
   bool has_own_sizes() const { return !source_.says_its_size() && natural_.size == natural_.mesh->size(); }
+  /// The source, for edges longer by a factor: its sagittas, by default those of walls, follow the squares of edges.
+  MeshSource<Dim> with_sagittas_for(double factor) const {
+    MeshSource<Dim> source = source_;
+    if (source.sagitta == 0.0 && !source.says_its_size()) source.sagitta = default_sagitta;
+    source.sagitta *= factor * factor;
+    return source;
+  }
   double mesh_size(int level) const { return spacing(level) / (elements_ ? 1.0 : edges_to_spacing<Dim>); }
 
   static constexpr double least_edges_to_spacing = 1.5, longest_to_mean = 1.3;  // edges of meshes made here

@@ -10,8 +10,9 @@ namespace {
 
 using namespace bench;
 
-/// Ovalisation is the softest mode of a ring of which more than half has yielded. With constant pressures on pressure
-/// patches it is -22 to +13 % of the displacement (eight nodes through the wall, at the end).
+/// The softest mode of a ring that has yielded over more than half of its wall is an oval. Pressure patches with one
+/// constant pressure each excite it: errors of -22 to +13 % of the displacement (eight nodes through the wall, at the
+/// end).
 TEST(AveragedDilatation, ThickRingUnderPressureIsNotMadeAnOvalByPatches) {
   const PressedRing body;
   const double spacing = 0.12;

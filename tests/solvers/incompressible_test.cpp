@@ -145,14 +145,14 @@ TEST(NearlyIncompressible, BarWhoseModulusGrowsAHundredfoldHasTheClosedFormEnerg
               0.01 * solution.strain_energy);
   const auto fields = recover_fields(approximation, solution);
   const auto& places = approximation.space.points();
-  for (Index v = 0; v < places.cols(); ++v)
-    ASSERT_LT((fields.displacement.col(v) - exact(places.col(v))).norm(), 0.01) << places.col(v).transpose();
-  // Where the modulus grows most, and away from sides.
-  for (Index v = 0; v < places.cols(); ++v)
-    if (places(0, v) > 0.6 && places(0, v) < 0.95 && std::abs(places(1, v) - 0.5 * height) < 0.03) {
-      EXPECT_NEAR(fields.stress(0, v), 1.0, 0.13) << places.col(v).transpose();
-      EXPECT_NEAR(fields.stress(1, v), 0.0, 0.13) << places.col(v).transpose();
-    }
+  for (Index v = 0; v < places.cols(); ++v) {
+    const Vec<2> x = places.col(v);
+    ASSERT_LT((fields.displacement.col(v) - exact(x)).norm(), 0.01) << x.transpose();
+    const bool grows_most = x[0] > 0.6 && x[0] < 0.95 && std::abs(x[1] - 0.5 * height) < 0.03;
+    if (!grows_most) continue;
+    EXPECT_NEAR(fields.stress(0, v), 1.0, 0.13) << x.transpose();
+    EXPECT_NEAR(fields.stress(1, v), 0.0, 0.13) << x.transpose();
+  }
 }
 
 }  // namespace

@@ -243,12 +243,6 @@ Sizes with_boundaries(int dim, const std::map<int, double>& sizes) {
 template <int Dim> void mesh_with_walls(const GmshSession& session, double sagitta, const std::function<void()>& mesh,
                                         const std::function<MeshData<Dim>()>& make) {
   constexpr double most_facets = 6e4, worth_it = 0.8;
-  const double factor = gmsh_option("Mesh.MeshSizeFactor");  // on all sizes, those of the callback too
-  const auto set_turn = [factor](double elements) {
-    gmsh::option::setNumber("Mesh.MeshSizeFromCurvature",
-                            std::max(factor * elements, gmsh_option("Mesh.MeshSizeFromCurvature")));
-    gmsh::option::setNumber("Mesh.MinimumCirclePoints", std::max(elements, gmsh_option("Mesh.MinimumCirclePoints")));
-  };
   if (!(sagitta > 0.0)) return mesh();
   std::optional<MeshData<Dim>> first;
   for (double turn = 64.0; !first; turn *= 4.0) {
@@ -260,7 +254,7 @@ template <int Dim> void mesh_with_walls(const GmshSession& session, double sagit
       if (turn > 64.0) throw;
       first.reset();
       session.forget();
-      set_turn(turn);
+      require_elements_per_turn(turn);
     }
   }
   const auto edges = curved_edges<Dim>(session);
@@ -281,6 +275,7 @@ template <int Dim> void mesh_with_walls(const GmshSession& session, double sagit
     facets += measure / std::pow(chord, Dim - 1) * (Dim == 2 ? 1.0 : 2.3);
   }
   const double wider = std::max(1.0, std::pow(facets / most_facets, 1.0 / (Dim - 1)));
+  const double factor = gmsh_option("Mesh.MeshSizeFactor");  // on the sizes of the callback too
   for (auto& [entity, chord] : chords) chord *= wider / factor / (Dim == 2 ? 1.0 : finer_than_told);
   const Sizes sizes = with_boundaries(Dim - 1, chords);
   double least = infinity;

@@ -170,6 +170,15 @@ double total_measure(int dim) {
 
 }  // namespace
 
+void require_elements_per_turn(double elements) {
+  const auto at_least = [](const char* name, double value) {
+    gmsh::option::setNumber(name, std::max(value, gmsh_option(name)));
+  };
+  // gmsh scales sizes by curvature with its factor, but not the points of circles.
+  at_least("Mesh.MeshSizeFromCurvature", elements * gmsh_option("Mesh.MeshSizeFactor"));
+  at_least("Mesh.MinimumCirclePoints", elements);
+}
+
 void generate_tetrahedra(const GmshSession& session, double size, double sagitta) {
   const auto set = [](const char* name, double value) { gmsh::option::setNumber(name, value); };
   // HXT (10) takes a fraction of Delaunay's (1) time but orders its points by their addresses in memory, so that no two
@@ -190,10 +199,7 @@ void generate_tetrahedra(const GmshSession& session, double size, double sagitta
         std::min(gmsh_option("Mesh.MeshSizeMax"), size / finer_than_told / gmsh_option("Mesh.MeshSizeFactor"));
     set("Mesh.MeshSizeMax", largest);
     set("Mesh.MeshSizeMin", std::min(gmsh_option("Mesh.MeshSizeMin"), largest));
-    // The factor is on these as well, but not on circles' points.
-    set("Mesh.MeshSizeFromCurvature",
-        std::max(16.0 * gmsh_option("Mesh.MeshSizeFactor"), gmsh_option("Mesh.MeshSizeFromCurvature")));
-    set("Mesh.MinimumCirclePoints", std::max(16.0, gmsh_option("Mesh.MinimumCirclePoints")));
+    require_elements_per_turn(16.0);
   }
   mesh_with_walls<3>(
       session, sagitta, [&] { session.generate(3); }, [&] { return flat_gmsh_mesh<3>(session); });

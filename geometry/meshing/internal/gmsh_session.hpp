@@ -62,6 +62,10 @@ constexpr double finer_than_told = 1.2;
 /// Refuses a size that no machine could mesh before gmsh begins to sample the curves.
 void check_gmsh_size(const GmshSession& session, double size);
 
+/// Has gmsh make at least so many elements to a full revolution of curves and curved surfaces, whatever the factor on
+/// its sizes.
+void require_elements_per_turn(double elements);
+
 /// Tetrahedra for all volumes, fast and careless: Delaunay, no optimisation, at least 16 elements to a full turn of a
 /// curved surface. size > 0: at most that, with the finer sizes that the model has; 0: the model's own. `sagitta` > 0:
 /// fine enough for thin curved walls (mesh_with_walls). One thread.
