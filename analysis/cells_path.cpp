@@ -8,7 +8,7 @@
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -8,7 +8,7 @@
 #include "efree/core/error.hpp"
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/mesh/walls.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

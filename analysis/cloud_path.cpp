@@ -6,7 +6,7 @@
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/basis/internal/lifted.hpp"
 #include "efree/core/error.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -6,7 +6,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/materials/equation_of_state.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -10,7 +10,7 @@
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/materials/small_and_finite.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

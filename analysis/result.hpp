@@ -5,7 +5,7 @@
 #include "efree/analysis/prepare.hpp"
 #include "efree/analysis/steps.hpp"
 #include "efree/assembly/loads.hpp"
-#include "efree/solvers/cell_solver.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <cmath>
 #include <map>

@@ -5,9 +5,9 @@
 
 #include "efree/analysis/steps.hpp"
 #include "efree/geometry/mesh/selection.hpp"
-#include "efree/solvers/correction.hpp"
-#include "efree/solvers/newton.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <functional>
 #include <limits>

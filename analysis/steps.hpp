@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/assembly/resultants.hpp"
-#include "efree/solvers/newton.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
 
 #include <cstdint>
 #include <functional>

@@ -4,9 +4,9 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
-#include "efree/solvers/correction.hpp"
-#include "efree/solvers/elements_beside.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
+#include "efree/solvers/algorithms/elements_beside.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -8,10 +8,10 @@
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/core/internal/setting_error.hpp"
 #include "efree/materials/plasticity.hpp"
-#include "efree/solvers/hybrid_solver.hpp"
-#include "efree/solvers/locking.hpp"
-#include "efree/solvers/modes.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/algorithms/modes.hpp"
+#include "efree/solvers/equations/locking.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
+#include "efree/solvers/linear/hybrid_solver.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

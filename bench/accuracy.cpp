@@ -19,7 +19,7 @@
 #include "clock.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "gyroid.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"

@@ -6,9 +6,9 @@
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/locking.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/equations/locking.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <cmath>

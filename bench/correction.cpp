@@ -7,14 +7,14 @@
 ///
 /// Cases of "shared nodes" are solved by finite elements alone, whose regions share nodes.
 /// The real files are fetched by examples/real_files/run; without their folder elephant and assembly are left out.
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "cavity.hpp"
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 #include "gyroid.hpp"

@@ -8,7 +8,7 @@
 /// quadratic elements are solved by CHOLMOD on up to 3e5 unknowns, beyond by corrections to 1e-3 in the energy norm
 /// (1e-6 of the energy).
 #include "efree/core/memory.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <cstdio>
 #include <cstring>

@@ -11,7 +11,7 @@
 #include "clock.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "inclusion.hpp"
 #include "kirsch.hpp"
 #include "layers.hpp"

@@ -13,8 +13,8 @@
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/cell_solver.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <sys/resource.h>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
-#include "efree/io/otm_record.hpp"
+#include "efree/io/records/otm_record.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/otm/otm.hpp"
 

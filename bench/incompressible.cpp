@@ -5,8 +5,8 @@
 ///   bench_incompressible [part of a case's name = all] [H/h = 4] [iterations = 100] [folder of the real files]
 #include "cavity.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/case_file.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/io/case/case_file.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "kirsch.hpp"
 #include "lame.hpp"
 

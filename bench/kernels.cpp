@@ -6,7 +6,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
-#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 
 #include <benchmark/benchmark.h>
 

@@ -10,8 +10,8 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/io/picture.hpp"
-#include "efree/io/writers.hpp"
+#include "efree/io/pictures/picture.hpp"
+#include "efree/io/records/writers.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
 #include <cmath>

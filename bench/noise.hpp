@@ -4,7 +4,7 @@
 
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/materials/linear_elastic.hpp"
 
 #include <algorithm>

@@ -7,8 +7,8 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/equilibrium.hpp"
+#include "efree/solvers/equations/equilibrium.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 
 #include <cstdio>
 #include <cstdlib>

@@ -8,7 +8,7 @@
 /// elements), divided by 1.5 and 1.5^2, with sagittas of curved walls divided by the squares of that. Errors: the
 /// largest over the times of references, over the largest reference. Effectivity: estimated over true error, or
 /// "reference" where the true error is below what the reference is known to.
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

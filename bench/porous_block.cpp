@@ -15,7 +15,7 @@
 #include "efree/geometry/mesh/selection.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <sys/resource.h>
 #include <sys/wait.h>

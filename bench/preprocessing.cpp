@@ -11,7 +11,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <malloc.h>
 #include <unistd.h>

@@ -5,7 +5,7 @@
 ///   bench_random_holes [spacing = 0.2] [fine mesh size = 0.05] [seeds = 3]
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <cstdio>
 #include <cstdlib>

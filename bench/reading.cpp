@@ -2,7 +2,7 @@
 /// What it costs that geometries are read and meshed in a process of their own: bench_reading CASE.toml [RUNS]. Seconds
 /// of reading and meshing there and in this process, and of the whole analysis; medians.
 #include "clock.hpp"
-#include "efree/io/internal/confined.hpp"
+#include "efree/io/confined/internal/confined.hpp"
 
 #include <chrono>
 #include <cstdio>

@@ -7,8 +7,8 @@
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/locking.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/equations/locking.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
 
 #include <Eigen/Eigenvalues>
 

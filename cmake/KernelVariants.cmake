@@ -3,8 +3,8 @@
 # <build>/AVX2 and <build>/SSE2. scripts/test takes one of them (LD_LIBRARY_PATH), so that no test leans on the rounding
 # of one processor. All but the kernels is taken from the library itself.
 set(kernels assembly/block_column assembly/block_matrix basis/lme materials/internal/eight_metals otm/kernels
-    solvers/blend solvers/cell_grid solvers/conjugate_gradients solvers/rigid_map solvers/side_by_side
-    solvers/smoothing_pass solvers/supernodes)
+    solvers/algorithms/blend solvers/cells/cell_grid solvers/equations/side_by_side solvers/linear/conjugate_gradients
+    solvers/linear/rigid_map solvers/linear/smoothing_pass solvers/linear/supernodes)
 list(JOIN kernels "|" any_kernel)
 list(TRANSFORM kernels APPEND .cpp)
 

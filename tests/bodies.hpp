@@ -7,7 +7,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/analysis/internal/told_errors.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 
 #include <memory>
 #include <vector>

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
-#include "efree/solvers/shape_derivative.hpp"
+#include "efree/solvers/algorithms/shape_derivative.hpp"
 
 #include <optional>
 

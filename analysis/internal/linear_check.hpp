@@ -3,9 +3,9 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/newton.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 
 namespace efree::internal {
 

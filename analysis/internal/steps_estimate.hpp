@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
-#include "efree/solvers/elements_beside.hpp"
+#include "efree/solvers/algorithms/elements_beside.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/locking.hpp"
+#include "efree/solvers/equations/locking.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -3,8 +3,8 @@
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
-#include "efree/solvers/cell_solver.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gmock/gmock.h>

@@ -4,7 +4,7 @@
 
 #include "efree/analysis/internal/refinement.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

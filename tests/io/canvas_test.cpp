@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/internal/canvas.hpp"
+#include "efree/io/pictures/internal/canvas.hpp"
 
 #include <gtest/gtest.h>
 #include <vtkImageData.h>

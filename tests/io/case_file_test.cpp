@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/core/error.hpp"
 #include "workspace.hpp"
 

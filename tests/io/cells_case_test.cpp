@@ -3,7 +3,7 @@
 #include "efree/tests/io/workspace.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/internal/confined.hpp"
+#include "efree/io/confined/internal/confined.hpp"
 
 #include "efree/core/internal/reading_bound.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/io/case_file.hpp"
-#include "efree/io/inspect.hpp"
+#include "efree/io/case/case_file.hpp"
+#include "efree/io/case/inspect.hpp"
 #include "workspace.hpp"
 
 #include <gmock/gmock.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/expression.hpp"
+#include "efree/io/case/expression.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 

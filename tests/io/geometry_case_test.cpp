@@ -2,7 +2,7 @@
 // Cases on every kind of geometry: shapes, label images, surfaces; in the plane and in space.
 #include "../geometry/surfaces.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "workspace.hpp"
 
 #include <vtkCellData.h>

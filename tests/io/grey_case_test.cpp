@@ -2,7 +2,7 @@
 /// Case files whose moduli depend on the grey values of their image.
 #include "efree/analysis/analyse.hpp"
 #include "efree/core/error.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "workspace.hpp"
 
 #include <gmock/gmock.h>

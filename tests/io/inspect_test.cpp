@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/inspect.hpp"
+#include "efree/io/case/inspect.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/input/image_reader.hpp"

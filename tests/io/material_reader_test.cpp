@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Materials of explicit dynamics as cases name them.
-#include "efree/io/internal/material_reader.hpp"
+#include "efree/io/case/internal/material_reader.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/materials/j2.hpp"

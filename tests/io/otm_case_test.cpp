@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Bodies in motion from case files: what is refused, what comes of a run, runs that are killed and go on.
-#include "efree/io/otm_case.hpp"
+#include "efree/io/case/otm_case.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/tests/io/workspace.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/output_directory.hpp"
+#include "efree/io/files/output_directory.hpp"
 
 #include "efree/core/error.hpp"
 #include "workspace.hpp"

@@ -4,8 +4,8 @@
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
-#include "efree/io/case_file.hpp"
-#include "efree/io/writers.hpp"
+#include "efree/io/case/case_file.hpp"
+#include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Runs through time that are killed, or end, and go on: --resume; fields of every step.
 #include "efree/core/error.hpp"
-#include "efree/io/path_record.hpp"
+#include "efree/io/records/path_record.hpp"
 #include "efree/tests/io/workspace.hpp"
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/tests/io/workspace.hpp"
 
 #include <string>

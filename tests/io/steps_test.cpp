@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Cases through time: [time], materials that are not linear, history.csv, runs that cannot go on.
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/tests/io/workspace.hpp"
 
 #include <fmt/format.h>

@@ -3,7 +3,7 @@
 #include "efree/tests/io/solved.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/io/case_file.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -2,7 +2,7 @@
 /// A temporary folder with a small case in it, and the program to run on it.
 #pragma once
 
-#include "efree/io/child_process.hpp"
+#include "efree/io/files/child_process.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -6,7 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/io/otm_record.hpp"
+#include "efree/io/records/otm_record.hpp"
 #include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"

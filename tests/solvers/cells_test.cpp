@@ -5,7 +5,7 @@
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/cell_solver.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>

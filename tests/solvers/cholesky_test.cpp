@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Corrections of the cloud's answer towards the finite elements of its fine mesh.
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 
 #include "efree/bench/inclusion.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/solvers/internal/hats.hpp"
+#include "efree/solvers/linear/internal/hats.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 

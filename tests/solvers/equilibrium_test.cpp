@@ -2,8 +2,8 @@
 // Equations without an algorithm: residuals, tangents and states, with materials that are not linear.
 #include "efree/core/error.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/linear_step.hpp"
+#include "efree/solvers/algorithms/linear_step.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gmock/gmock.h>

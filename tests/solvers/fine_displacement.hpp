@@ -2,7 +2,7 @@
 #pragma once
 
 #include "efree/quadrature/approximation.hpp"
-#include "efree/solvers/equations.hpp"
+#include "efree/solvers/equations/equations.hpp"
 
 namespace efree {
 

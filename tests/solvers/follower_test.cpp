@@ -4,9 +4,9 @@
 #include "efree/bench/lame.hpp"
 #include "efree/core/error.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/newton.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solvers/fine_displacement.hpp"
 

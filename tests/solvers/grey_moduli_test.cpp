@@ -3,7 +3,7 @@
 #include "efree/geometry/input/grey_image.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>

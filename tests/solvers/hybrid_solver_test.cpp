@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/solvers/hybrid_solver.hpp"
+#include "efree/solvers/linear/hybrid_solver.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
@@ -7,8 +7,8 @@
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/quadrature/approximation.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/internal/node_graph.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
+#include "efree/solvers/linear/internal/node_graph.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

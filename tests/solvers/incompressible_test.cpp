@@ -3,7 +3,7 @@
 #include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
 #include "efree/bench/lame.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Newton's method and paths on equations of a few unknowns.
-#include "efree/solvers/newton.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
 #include "efree/core/error.hpp"
-#include "efree/solvers/cholesky.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

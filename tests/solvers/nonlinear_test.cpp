@@ -7,9 +7,9 @@
 #include "efree/materials/drucker_prager.hpp"
 #include "efree/materials/hyperelastic.hpp"
 #include "efree/materials/j2.hpp"
-#include "efree/solvers/cholesky.hpp"
-#include "efree/solvers/newton.hpp"
-#include "efree/solvers/nonlinear_equilibrium.hpp"
+#include "efree/solvers/algorithms/newton.hpp"
+#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
+#include "efree/solvers/linear/cholesky.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solvers/fine_displacement.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/solvers/internal/rigid_map.hpp"
+#include "efree/solvers/linear/internal/rigid_map.hpp"
 
 #include <gtest/gtest.h>
 #include <algorithm>

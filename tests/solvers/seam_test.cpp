@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A material and a basis from outside the library: what users write themselves, solved like what is built in.
 #include "efree/geometry/meshing/solid_shapes.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// What facets of curved boundaries change, as the shape derivative has it, against closed forms.
-#include "efree/solvers/shape_derivative.hpp"
+#include "efree/solvers/algorithms/shape_derivative.hpp"
 
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/linear_elastic.hpp"
-#include "efree/solvers/static_analysis.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
 #include "kirsch.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Bodies that a cloud passes by: specks of a few cells, islands of a label, shavings.
 #include "efree/bench/noise.hpp"
-#include "efree/solvers/correction.hpp"
+#include "efree/solvers/algorithms/correction.hpp"
 #include "efree/tests/bodies.hpp"
 #include "efree/tests/solids.hpp"
 

@@ -1,0 +1,661 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/case_file.hpp"
+
+#include "efree/assembly/internal/no_follower.hpp"
+#include "efree/core/error.hpp"
+#include "efree/io/case/expression.hpp"
+#include "efree/io/case/internal/case_parts.hpp"
+#include "efree/io/case/internal/material_reader.hpp"
+#include "efree/io/case/internal/read_geometry.hpp"
+#include "efree/io/case/internal/section.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <regex>
+#include <set>
+
+namespace efree {
+namespace {
+
+using internal::Clock, internal::PlaceReader, internal::read_approximation, internal::read_definitions,
+    internal::read_grading, internal::places_in, internal::text_of;
+using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
+
+/// The [[boundary]] entries: each prescribes one thing on one part. Loads are refused where the body is held against
+/// them.
+template <int Dim> class BoundaryReader {
+ public:
+  BoundaryReader(const Expressions<Dim>& expressions, PlaceReader<Dim>& places, Case<Dim>& result)
+      : expressions_(expressions), places_(places), result_(result) {}
+
+  void read(const std::vector<Section>& entries) {
+    for (const Section& entry : entries) {
+      const std::string on = places_.name(entry);
+      read_support(entry, on, only_kind(entry));
+      read_springs(entry, on, only_kind(entry));
+    }
+    for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry), result_.loads);
+  }
+  /// The loads of a case; what holds the body is read before, and the same for all.
+  void read_case(const std::vector<Section>& entries, Loads<Dim>& loads) {
+    for (const Section& entry : entries) {
+      const std::string on = places_.name(entry);
+      const std::string_view kind = only_kind(entry);
+      if (kind != "traction" && kind != "pressure" && kind != "force")
+        entry.fail(kind,
+                   fmt::format("{} in a [[case]]: what holds the body is the same for all load cases, which share "
+                               "one matrix; say it in a [[boundary]]",
+                               kind));
+      read_load(entry, on, kind, loads);
+    }
+  }
+
+ private:
+  static constexpr std::array<const char*, 3> component{"displacement component x", "displacement component y",
+                                                        "displacement component z"};
+  static constexpr const char* normal = "normal displacement";
+
+  void read_support(const Section& entry, const std::string& on, std::string_view kind) {
+    if (kind == "displacement") {
+      refuse_if_claimed(entry, kind, on, normal);
+      const auto components = entry.template expressions<Dim>(kind);
+      if (std::ranges::count(components, "free") == Dim)
+        entry.fail(kind, "displacement leaves every component free, expected a value for one of them");
+      DisplacementCondition<Dim> condition{on, {}, {}};
+      for (std::size_t i = 0; i < Dim; ++i) {
+        if (components[i] == "free") continue;
+        claim(entry, kind, on, component[i]);
+        condition.components[i] = expressions_.field(components[i], entry.where(kind));
+      }
+      result_.supports.push_back(std::move(condition));
+    } else if (kind == "normal_displacement") {
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
+      claim(entry, kind, on, normal);
+      result_.supports.push_back({on, {}, expressions_.field(entry.expression(kind), entry.where(kind))});
+    }
+  }
+  /// An elastic support: one number for all directions, or one for each; or along the normal.
+  void read_springs(const Section& entry, const std::string& on, std::string_view kind) {
+    const auto nothing = [](const Vec<Dim>&) { return 0.0; };
+    const auto stiffness = [&](const std::string& text) -> ScalarField<Dim> {
+      const auto field = expressions_.field(text, entry.where(kind));
+      if (!expressions_.varies(text, entry.where(kind)) && !(field(Vec<Dim>::Zero()) >= 0.0))
+        entry.fail(kind, fmt::format("{} is {:.6g}, expected a number >= 0", kind, field(Vec<Dim>::Zero())));
+      return field;
+    };
+    if (kind == "normal_stiffness") {
+      for (int i = 0; i < Dim; ++i) refuse_if_claimed(entry, kind, on, component[i]);
+      claim(entry, kind, on, normal);
+      result_.supports.push_back({on, {}, nothing, stiffness(entry.expression(kind))});
+    } else if (kind == "stiffness") {
+      refuse_if_claimed(entry, kind, on, normal);
+      std::array<std::string, Dim> along;
+      if (entry.table().get(kind)->is_array())
+        along = entry.template expressions<Dim>(kind);
+      else
+        along.fill(entry.expression(kind));
+      if (std::ranges::count(along, "0") == Dim)
+        entry.fail(kind, "stiffness is zero along every direction, expected one that is not");
+      for (std::size_t i = 0; i < Dim; ++i) {
+        if (along[i] == "0") continue;
+        claim(entry, kind, on, component[i]);
+        DisplacementCondition<Dim> springs{on, {}, {}, stiffness(along[i])};
+        springs.components[i] = nothing;
+        result_.supports.push_back(std::move(springs));
+      }
+    }
+  }
+  /// A number, or an expression of the time and definitions but not of the place.
+  double uniform(const Section& entry, std::string_view key, const std::string& text) const {
+    if (expressions_.varies(text, entry.where(key)))
+      entry.fail(key, fmt::format("{} depends on the place: it is of the whole part, expected numbers", key));
+    return expressions_.field(text, entry.where(key))(Vec<Dim>::Zero());
+  }
+  template <std::size_t Size>
+  Eigen::Matrix<double, static_cast<int>(Size), 1> uniform(const Section& entry, std::string_view key) const {
+    const auto texts = entry.template expressions<Size>(key);
+    Eigen::Matrix<double, static_cast<int>(Size), 1> values;
+    for (std::size_t i = 0; i < Size; ++i) values[static_cast<int>(i)] = uniform(entry, key, texts[i]);
+    return values;
+  }
+  /// Force and moment of a part.
+  void read_resultant(const Section& entry, const std::string& on, Loads<Dim>& loads) {
+    ResultantLoad<Dim> load{on};
+    if (entry.has("force")) load.force = uniform<Dim>(entry, "force");
+    if (entry.has("moment")) {
+      if constexpr (Dim == 2)
+        load.moment[0] = uniform(entry, "moment", entry.expression("moment"));
+      else
+        load.moment = uniform<3>(entry, "moment");
+    }
+    if (entry.has("at")) load.at = entry.template point<Dim>("at");
+    if (load.at && !entry.has("force")) entry.fail("at", "at is where a force acts, and there is no force");
+    if (result_.model.plane == Plane::axisymmetric && Dim == 2) {
+      if (load.force[0] != 0.0)
+        entry.fail("force", "around an axis of revolution radial forces have no resultant: expected [0, F]");
+      for (const char* key : {"moment", "at"})
+        if (entry.has(key))
+          entry.fail(key, fmt::format("{} means nothing around an axis of revolution: forces act along it", key));
+    }
+    for (int i = 0; i < Dim; ++i)
+      if (load.force[i] != 0.0) refuse_if_held(entry, "force", on, component[i]);
+    for (const char* key : {"moment", "at"})
+      if (entry.has(key)) {
+        refuse_if_held(entry, key, on, normal);
+        for (int i = 0; i < Dim; ++i) refuse_if_held(entry, key, on, component[i]);
+      }
+    loads.resultants.push_back(load);
+  }
+  void read_load(const Section& entry, const std::string& on, std::string_view kind, Loads<Dim>& loads) {
+    if (kind == "force") {
+      read_resultant(entry, on, loads);
+    } else if (kind == "traction") {
+      const auto components = entry.template expressions<Dim>(kind);
+      for (std::size_t i = 0; i < Dim; ++i)
+        if (components[i] != "0" && components[i] != "-0") refuse_if_held(entry, kind, on, component[i]);
+      const auto traction = expressions_.fields(components, entry.where(kind));
+      loads.tractions.push_back({on, [traction](const Vec<Dim>& x, const Vec<Dim>&) { return traction(x); }});
+    } else if (kind == "pressure") {
+      refuse_if_held(entry, kind, on, normal);
+      int held = 0;
+      for (int i = 0; i < Dim; ++i) held += claimed(on, component[i], true) != nullptr;
+      if (held == Dim) refuse_if_held(entry, kind, on, component[Dim - 1]);
+      const auto value = expressions_.field(entry.expression(kind), entry.where(kind));
+      if (entry.boolean("follower", false))
+        add_follower(entry, {on, value}, loads);
+      else
+        loads.tractions.push_back(pressure<Dim>(on, value));
+    }
+  }
+  void add_follower(const Section& entry, const FollowerPressure<Dim>& pressure, Loads<Dim>& loads) {
+    loads.followers.push_back(pressure);
+    result_.said.try_emplace(internal::follower_on(pressure.on), entry.where("follower"));
+  }
+  static std::string_view only_kind(const Section& entry) {
+    std::vector<std::string_view> found;
+    for (const std::string_view kind :
+         {"displacement", "normal_displacement", "stiffness", "normal_stiffness", "traction", "pressure", "force"})
+      if (entry.has(kind)) found.push_back(kind);
+    if (!entry.has("force") && entry.has("moment")) found.push_back("force");
+    if (entry.has("at") && std::ranges::find(found, "force") == found.end())
+      entry.fail("at", "at is where a force acts, and there is no force");
+    if (entry.has("follower") && !entry.has("pressure"))
+      entry.fail("follower", "follower is for a pressure, and there is none");
+    if (found.size() != 1)
+      entry.fail(
+          "on",
+          fmt::format("a [[boundary]] entry prescribes exactly one of displacement, normal_displacement, stiffness, "
+                      "normal_stiffness, traction, pressure, force (with moment); this one has {}. Several entries may "
+                      "name the "
+                      "same boundary",
+                      found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
+    return found.front();
+  }
+  /// What is prescribed on a part: held rigidly, or by springs, which bear loads.
+  struct Claim {
+    std::string where;
+    bool rigid;
+  };
+  void claim(const Section& entry, std::string_view key, const std::string& on, const std::string& what) {
+    const bool rigid = key == "displacement" || key == "normal_displacement";
+    for (const std::string& part : places_.parts(on)) {
+      const auto [earlier, is_new] = claimed_.try_emplace({part, what}, Claim{entry.where(key), rigid});
+      if (!is_new)
+        entry.fail(key, fmt::format("{} on \"{}\" is already prescribed at {}", what, part, earlier->second.where));
+    }
+  }
+  /// Another support of the part, or of one of its parts; of this kind only if it is to be rigid.
+  const Claim* claimed(const std::string& on, const std::string& what, bool rigid) const {
+    for (const std::string& part : places_.parts(on))
+      if (const auto found = claimed_.find({part, what}); found != claimed_.end() && (found->second.rigid || !rigid))
+        return &found->second;
+    return nullptr;
+  }
+  /// Of supports, which springs exclude, too.
+  void refuse_if_claimed(const Section& entry, std::string_view key, const std::string& on,
+                         const std::string& what) const {
+    refuse(entry, key, on, what, claimed(on, what, false));
+  }
+  /// Of loads, which springs bear.
+  void refuse_if_held(const Section& entry, std::string_view key, const std::string& on,
+                      const std::string& what) const {
+    refuse(entry, key, on, what, claimed(on, what, true));
+  }
+  static void refuse(const Section& entry, std::string_view key, const std::string& on, const std::string& what,
+                     const Claim* by) {
+    if (by)
+      entry.fail(key, fmt::format("{} on \"{}\" contradicts the {} prescribed at {}, expected one of them", key, on,
+                                  what, by->where));
+  }
+
+  const Expressions<Dim>& expressions_;
+  PlaceReader<Dim>& places_;
+  Case<Dim>& result_;
+  std::map<std::pair<std::string, std::string>, Claim> claimed_;  ///< by boundary and what is prescribed
+};
+
+template <int Dim> void read_load_cases(const std::vector<Section>& sections, const Section::Keys& keys,
+                                        BoundaryReader<Dim>& boundaries, Case<Dim>& result) {
+  std::set<std::string> names;
+  for (const Section& section : sections) {
+    LoadCase<Dim>& one = result.cases.emplace_back(section.text("name"));
+    if (!names.insert(one.name).second)
+      section.fail("name", fmt::format("there already is a case named \"{}\"", one.name));
+    boundaries.read_case(section.sections("boundary", keys), one.loads);
+  }
+}
+
+template <int Dim> void read_exact(const Section& section, const Expressions<Dim>& expressions, Case<Dim>& result) {
+  if (section.has("displacement"))
+    result.exact.displacement =
+        expressions.fields(section.expressions<Dim>("displacement"), section.where("displacement"));
+  if (section.has("stress")) {
+    if (Dim == 3 || result.model.plane == Plane::axisymmetric) {
+      result.exact.stress = expressions.fields(section.expressions<voigt_size<Dim>>("stress"), section.where("stress"));
+    } else if constexpr (Dim == 2) {  // across the plane there is no work
+      const auto in_plane = expressions.fields(section.expressions<3>("stress"), section.where("stress"));
+      result.exact.stress = [in_plane](const Vec<2>& x) {
+        const Vec<3> stress = in_plane(x);
+        return Voigt<2>(stress[0], stress[1], 0.0, stress[2]);
+      };
+    }
+  }
+  if (!result.has_exact()) section.fail("", "[exact] is empty, expected displacement or stress");
+}
+
+template <int Dim> void read_probes(const std::vector<Section>& sections, Case<Dim>& result) {
+  std::set<std::string> names;
+  for (const Section& section : sections) {
+    result.probes.push_back({section.text("name"), section.point<Dim>("at"), section.where("at")});
+    const std::string& name = result.probes.back().name;
+    if (!names.insert(name).second) section.fail("name", fmt::format("there already is a probe named \"{}\"", name));
+  }
+}
+
+template <int Dim>
+void read_reactions(const std::vector<Section>& sections, PlaceReader<Dim>& places, Case<Dim>& result) {
+  for (const Section& section : sections) {
+    const std::string name = section.text("name"), on = places.name(section);
+    if (std::ranges::find(result.reactions, name, &Reaction::name) != result.reactions.end())
+      section.fail("name", fmt::format("there already is a reaction named \"{}\"", name));
+    if (std::ranges::find(result.supports, on, &DisplacementCondition<Dim>::on) == result.supports.end())
+      section.fail("on", fmt::format("no displacement is prescribed on \"{}\": it has no reaction", on));
+    result.reactions.push_back({name, on, section.where("on")});
+  }
+}
+
+/// Forces per mass: an acceleration, and a rotation about an axis.
+template <int Dim>
+void read_mass_forces(const Section& analysis, const Expressions<Dim>& expressions, Settings<Dim>& result) {
+  if (analysis.has("acceleration"))
+    result.loads.mass_forces.push_back(
+        {expressions.fields(analysis.expressions<Dim>("acceleration"), analysis.where("acceleration")),
+         "acceleration"});
+  if (!analysis.has("rotation")) return;
+  const Section turning = analysis.required_section("rotation", {"speed", "axis", "through"});
+  const bool axisymmetric = Dim == 2 && result.model.plane == Plane::axisymmetric;
+  if (Dim == 2 && turning.has("axis"))
+    turning.fail("axis", axisymmetric ? "an axisymmetric body turns about its own axis, y: leave axis out"
+                                      : "a planar body turns about an axis across its plane: leave axis out");
+  if (axisymmetric && turning.has("through"))
+    turning.fail("through", "an axisymmetric body turns about its own axis, y: leave through out");
+  Vec<3> axis = axisymmetric ? Vec<3>::UnitY() : Vec<3>::UnitZ();
+  if (Dim == 3) axis = turning.direction<3>("axis");
+  const Vec<Dim> through = turning.has("through") ? turning.point<Dim>("through") : Vec<Dim>(Vec<Dim>::Zero());
+  result.loads.mass_forces.push_back(rotation<Dim>(turning.number("speed", any_number), axis, through));
+}
+
+/// The largest of what is to be reported.
+template <int Dim> void read_extremes(const Section& analysis, Settings<Dim>& result) {
+  if (!analysis.has("extremes")) return;
+  for (const std::string& what : analysis.texts("extremes")) {
+    if (what == "displacement")
+      result.largest_displacement = true;
+    else if (what == "von_mises")
+      result.largest_stress = true;
+    else
+      analysis.fail("extremes", fmt::format("extremes has \"{}\", expected \"displacement\" or \"von_mises\"", what));
+  }
+}
+
+/// An error in the energy norm, and those of probes and reactions by name.
+template <int Dim> void read_accuracy(const Section& accuracy, Case<Dim>& result) {
+  const Interval range{1e-6, 1.0, true, false};
+  const auto read = [&](const char* key, Goal::Of of, const auto& named) {
+    if (!accuracy.has(key)) return;
+    std::vector<std::string_view> names;
+    for (const auto& one : named) names.push_back(one.name);
+    if (names.empty()) accuracy.fail(key, fmt::format("the case has no {}", key));
+    const Section errors = accuracy.section(key, names);
+    for (const auto& entry : errors.table()) {
+      const std::string name(entry.first.str());
+      result.goals.push_back({of, name, errors.number(name, range)});
+    }
+  };
+  read("probes", Goal::Of::probe, result.probes);
+  read("reactions", Goal::Of::reaction, result.reactions);
+  if (result.goals.empty() || accuracy.has("energy")) result.accuracy = accuracy.number("energy", range);
+  result.time_limit = accuracy.number("time_limit", positive, result.time_limit);
+  require_estimates(result);
+}
+
+/// "auto", "off" or a number of iterations.
+template <int Dim> void read_correction(const Section& analysis, Settings<Dim>& result) {
+  result.largest_error = analysis.number("largest_error", positive, result.largest_error);
+  if (!analysis.has("correction")) return;
+  if (result.approximation.kind != BasisKind::mls)
+    analysis.fail("correction", "correction means nothing for finite elements: there is no cloud to correct");
+  if (!analysis.table().get("correction")->is_string()) {
+    result.correction.iterations = static_cast<int>(analysis.integer("correction", 1, 1000));
+    return;
+  }
+  result.corrected = analysis.choice<bool>("correction", {{"auto", true}, {"off", false}}, std::nullopt);
+}
+
+/// Cells have no cloud: what the file says of one decides against them, or contradicts it. In the plane the same
+/// decides for a cloud where elements would do without.
+template <int Dim>
+void read_cells(const Section& root, const Section& basis, const Section& analysis, Settings<Dim>& result) {
+  if (result.cells == OnCells::never) return;
+  if (Dim == 2 && result.cells == OnCells::always)
+    basis.fail("kind", "cells are for images in space; this geometry is planar");
+  std::vector<std::string> said;
+  for (const char* key : {"cloud", "quadrature"})
+    if (root.has(key)) said.push_back(fmt::format("[{}]", key));
+  for (const char* key : {"order", "interpolation"})
+    if (basis.has(key)) said.push_back(fmt::format("basis.{}", key));
+  for (const char* key : {"correction", "essential"})
+    if (analysis.has(key)) said.push_back(fmt::format("analysis.{}", key));
+  if (said.empty()) return;
+  if (result.cells == OnCells::always)
+    basis.fail("kind", fmt::format("{} means nothing on cells, which have no cloud", fmt::join(said, ", ")));
+  result.cells = OnCells::never;
+}
+
+template <int Dim> Plane read_plane(const Section& analysis) {
+  if (Dim == 3 && analysis.has("plane"))
+    analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
+  return analysis.choice<Plane>(
+      "plane", {{"stress", Plane::stress}, {"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
+      Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+}
+
+constexpr std::array boundary_keys{"on",
+                                   "displacement",
+                                   "normal_displacement",
+                                   "stiffness",
+                                   "normal_stiffness",
+                                   "traction",
+                                   "pressure",
+                                   "follower",
+                                   "force",
+                                   "moment",
+                                   "at"};
+constexpr std::array analysis_keys{"kind",       "plane",         "essential",      "body_force",
+                                   "correction", "largest_error", "extremes",       "acceleration",
+                                   "rotation",   "model",         "model_tolerance"};
+
+/// What holds and loads the body, into the case, which knows its plane.
+template <int Dim> void read_acting(const Section& root, const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
+                                    Case<Dim>& result) {
+  const Section::Keys keys(boundary_keys.begin(), boundary_keys.end());
+  const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
+  if (analysis.has("body_force"))
+    result.loads.body_force = expressions.fields(analysis.expressions<Dim>("body_force"), analysis.where("body_force"));
+  read_mass_forces(analysis, expressions, result);
+  BoundaryReader<Dim> conditions(expressions, places, result);
+  conditions.read(root.sections("boundary", keys));
+  read_load_cases(root.sections("case", {"name", "boundary"}), keys, conditions, result);
+}
+
+/// The time, and definitions that depend on it.
+class TimeNames {
+ public:
+  explicit TimeNames(const Section& root) {
+    const Section definitions = root.section("definitions", {});
+    for (std::size_t before = 0; before != names_.size();) {
+      before = names_.size();
+      for (const auto& [key, node] : definitions.table())
+        if (in(node)) names_.insert(std::string(key.str()));
+    }
+  }
+  /// Whether an expression below a node has one of them in it.
+  bool in(const toml::node& node) const {
+    static const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
+    if (const auto* text = node.as_string()) {
+      const std::string& all = text->get();
+      return std::any_of(std::sregex_iterator(all.begin(), all.end(), name), std::sregex_iterator(),
+                         [&](const std::smatch& found) { return names_.contains(found.str()); });
+    }
+    const auto below = [&](const toml::node& one) { return in(one); };
+    if (const auto* array = node.as_array()) return std::ranges::any_of(*array, below);
+    if (const auto* table = node.as_table())
+      return std::ranges::any_of(*table, [&](const auto& entry) {
+        return entry.first.str() != "on" && entry.first.str() != "name" && in(entry.second);
+      });
+    return false;
+  }
+  /// Throws InputError if a value of a table (or of an array of them), but for these keys, does.
+  void refuse_in(const Section& root, std::string_view key, const std::vector<std::string_view>& but,
+                 const std::string& why) const {
+    const auto refuse = [&](const toml::table& table) {
+      for (const auto& [name, node] : table)
+        if (std::ranges::find(but, name.str()) == but.end() && in(node))
+          throw InputError(fmt::format("{}: {} depends on t: {}", root.where(node), name.str(), why));
+    };
+    const toml::node* there = root.table().get(key);
+    if (!there) return;
+    if (const auto* table = there->as_table()) refuse(*table);
+    if (const auto* array = there->as_array())
+      for (const toml::node& one : *array)
+        if (const auto* table = one.as_table()) refuse(*table);
+  }
+
+ private:
+  std::set<std::string> names_{"t"};
+};
+
+/// Of which steps the fields are written.
+int read_output(const Section& time) {
+  if (!time.has("output")) return 0;
+  if (time.table().get("output")->is_integer()) return static_cast<int>(time.integer("output", 1, 1000000000));
+  return time.choice<int>("output", {{"last", 0}, {"all", 1}}, std::nullopt);
+}
+
+/// [time] until: a probe or a reaction of the case, and bounds.
+template <int Dim> PathEnd read_until(const Section& time, const Case<Dim>& of) {
+  const Section until = time.section("until", {"probe", "reaction", "component", "above", "below"});
+  if (until.has("probe") == until.has("reaction"))
+    until.fail("", "until has exactly one of probe, reaction: what is looked at, by its name");
+  if (!until.has("above") && !until.has("below"))
+    until.fail("", "until has no bound: expected above or below, a number that ends the path once it is passed");
+  const char* key = until.has("probe") ? "probe" : "reaction";
+  PathEnd end{until.has("probe") ? PathEnd::Of::probe : PathEnd::Of::reaction, until.text(key)};
+  std::vector<std::string_view> names;
+  if (end.of == PathEnd::Of::probe) {
+    for (const auto& probe : of.probes) names.push_back(probe.name);
+  } else {
+    for (const auto& reaction : of.reactions) names.push_back(reaction.name);
+    for (const auto& support : of.supports) names.push_back(support.on);
+  }
+  if (names.empty()) until.fail(key, fmt::format("the case has no {}", key));
+  if (std::ranges::find(names, end.name) == names.end())
+    until.fail(key, fmt::format("there is no {} \"{}\"; {}", key, end.name, internal::suggestion(end.name, names)));
+  std::vector<std::pair<std::string_view, int>> components{{"length", -1}, {"x", 0}, {"y", 1}};
+  if (Dim == 3) components.emplace_back("z", 2);
+  end.component = until.choice<int>("component", components, -1);
+  if (until.has("above")) end.above = until.number("above", any_number);
+  if (until.has("below")) end.below = until.number("below", any_number);
+  return end;
+}
+
+/// [time]: the steps, and what acts at each time if something depends on it.
+template <int Dim>
+TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const toml::table>& table, const Case<Dim>& of) {
+  const Section section =
+      root.section("time", {"end", "step", "min_step", "max_step", "max_steps", "control", "stops", "until", "output"});
+  TimeSettings<Dim> result;
+  result.path.end = section.number("end", positive, 1.0);
+  const Interval up_to_end{0.0, result.path.end, false, true};
+  result.path.step = section.number("step", up_to_end, 0.05 * result.path.end);
+  result.path.min_step = section.number("min_step", {0.0, result.path.step, false, true}, 1e-3 * result.path.step);
+  result.path.max_step = section.number("max_step", {result.path.step, Interval::infinity, true},
+                                        std::max(result.path.step, 0.1 * result.path.end));
+  result.path.control =
+      section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
+  result.path.max_steps = static_cast<int>(section.integer("max_steps", 1, 10000000, result.path.max_steps));
+  if (section.has("stops") && result.path.control == Control::arc_length)
+    section.fail("stops", "by arc length steps end where the path leads, not at stops");
+  if (section.has("stops")) result.path.stops = section.numbers("stops", {0.0, result.path.end, false, true});
+  const Section analysis = root.section("analysis", {analysis_keys.begin(), analysis_keys.end()});
+  if (analysis.has("extremes"))
+    analysis.fail("extremes", "extremes means nothing with a [time]: errors of single values are not estimated");
+  if (analysis.has("correction") && analysis.table().get("correction")->is_number())
+    analysis.fail("correction", "with a [time] corrections are not counted: expected \"auto\" or \"off\"");
+  const TimeNames names(root);
+  names.refuse_in(root, "material", {"model", "region", "fit", "strain"}, "materials do not change with time");
+  for (const Section& entry : root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}))
+    for (const char* key : {"stiffness", "normal_stiffness"})
+      if (entry.has(key) && names.in(*entry.table().get(key)))
+        entry.fail(key, fmt::format("{} depends on t, and springs do not change with time", key));
+  const auto mentioned = [&](const char* key) { return table->contains(key) && names.in(*table->get(key)); };
+  if (!mentioned("boundary") && !mentioned("analysis")) return result;
+  result.acting = [table, file = of.where, plane = of.model.plane, grey = of.geometry.grey](double time) {
+    const Section all(*table, "", file, {});
+    Case<Dim> then;
+    then.where = file;
+    then.model.plane = plane;
+    PlaceReader<Dim> places(then);
+    read_acting(all, read_definitions<Dim>(all, grey, {time}), places, then);
+    return Acting<Dim>{std::move(then.supports), std::move(then.loads)};
+  };
+  return result;
+}
+
+/// How much of the materials is modelled.
+template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& result) {
+  if (analysis.has("model"))
+    result.regime = analysis.choice<Regime>(
+        "model", {{"auto", Regime::automatic}, {"linear", Regime::linear}, {"finite", Regime::finite}}, std::nullopt);
+  result.regime_tolerance = analysis.number("model_tolerance", {0.0, 1.0, false, true}, result.regime_tolerance);
+  if (analysis.has("model_tolerance") && result.regime && result.regime != Regime::automatic)
+    analysis.fail("model_tolerance", "model_tolerance is for model = \"auto\", which it decides");
+}
+
+/// What steps through time may do otherwise when they are gone on with.
+CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
+  internal::Fingerprint what, how;
+  toml::table rest = table;
+  if (toml::table* time = rest["time"].as_table()) {
+    const toml::table all = *time;
+    for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control", "until"}) {
+      how.add(key).add(text_of(all[key]));
+      time->erase(key);
+    }
+    time->erase("output");
+    if (end_is_a_step) time->erase("end");
+  }
+  what.add(text_of(toml::node_view<const toml::node>(rest)));
+  internal::add_file(what, geometry);
+  return {what.value(), how.value()};
+}
+
+/// Fluids have no shape that they return to, so nothing is at rest under loads.
+template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& result) {
+  const auto refuse = [](const SharedMaterial& material, const std::string& where) {
+    if (material && dynamic_cast<const Fluid*>(&*material) != nullptr)
+      throw InputError(where + ": a fluid bears no load at rest: it is for bodies in motion only");
+  };
+  if (root.is_table("material")) refuse(result.model.material, root.where("material"));
+  for (const RegionMaterial& one : result.materials) refuse(one.material, one.where);
+}
+
+template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::shared_ptr<const toml::table>& table,
+                                  const Section& root, const Section& geometry, const Reading& reading) {
+  const Section cloud = root.section("cloud", internal::cloud_keys());
+  const Section quadrature = root.section("quadrature", internal::quadrature_keys());
+  const Section basis = root.section("basis", {"kind", "order", "interpolation"});
+  const Section::Keys of_analysis(analysis_keys.begin(), analysis_keys.end());
+  const Section analysis =
+      Dim == 2 ? root.required_section("analysis", of_analysis) : root.section("analysis", of_analysis);
+  const auto probes = root.sections("probe", {"name", "at"});
+  const auto reactions = root.sections("reaction", {"name", "on"});
+
+  analysis.choice<bool>("kind", {{"static", true}}, true);
+  Case<Dim> result;
+  result.where = file.string();
+  result.said = places_in(root);
+  result.title = root.text("title", file.stem().string());
+  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
+  result.model.plane = read_plane<Dim>(analysis);
+  if (root.has("time")) {
+    result.time = read_time<Dim>(root, table, result);
+    result.steps.fields_every = read_output(root.section("time", {}));
+  }
+  const Clock clock{result.time ? std::optional(result.time->path.end) : std::nullopt,
+                    "t is the time of [time], and the case has none"};
+  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
+  read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
+  read_regime(analysis, result);
+  const std::string asks_for_finite = result.regime == Regime::finite ? "analysis.model = \"finite\" asks" : "";
+  internal::MaterialReader<Dim>(expressions, asks_for_finite).read(root, result);
+  refuse_fluids(root, result);
+
+  if (root.sections("boundary", {boundary_keys.begin(), boundary_keys.end()}).empty())
+    throw InputError(fmt::format("{}: no [[boundary]] entry: nothing holds or loads the body", file.string()));
+  PlaceReader<Dim> places(result);
+  read_acting(root, expressions, places, result);
+  read_reactions(reactions, places, result);
+  result.approximation.grading = read_grading(cloud, places, result.graded);
+  if (analysis.has("essential"))
+    result.model.essential = analysis.choice<Essential>(
+        "essential", {{"nitsche", Essential::nitsche}, {"strong", Essential::strong}}, std::nullopt);
+
+  if (result.time && result.cells == OnCells::always)
+    basis.fail("kind", "cells are for linear elasticity: with a [time] take a cloud");
+  read_correction(analysis, result);
+  read_cells<Dim>(root, basis, analysis, result);
+  read_extremes(analysis, result);
+  if (root.has("exact")) read_exact(root.section("exact", {"displacement", "stress"}), expressions, result);
+  read_probes(probes, result);
+  if (result.time && root.section("time", {}).has("until"))
+    result.time->until = read_until(root.section("time", {}), result);
+  if (root.has("accuracy"))
+    read_accuracy(root.section("accuracy", {"energy", "probes", "reactions", "time_limit"}), result);
+  result.mark = mark_of(*table, result.time && result.time->acting,
+                        geometry.has("file") ? file.parent_path() / geometry.text("file") : std::filesystem::path());
+  return result;
+}
+
+}  // namespace
+
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
+  const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
+  if (const auto kind = (*table)["analysis"]["kind"].value<std::string>(); kind && kind != "static")
+    Section(*table->get_as<toml::table>("analysis"), "[analysis]", file.string(), {})
+        .fail("kind", kind == "otm"
+                          ? "this case is about bodies in motion: efree run moves them, and what is asked for "
+                            "here is for bodies at rest"
+                          : fmt::format("kind is \"{}\", expected \"static\" or \"otm\"", *kind));
+  for (const char* key : {"velocity", "wall", "tool", "contact", "otm"})
+    if (table->contains(key))
+      Section(*table, "", file.string(), {})
+          .fail(key, fmt::format("[{}] is for bodies in motion, with analysis.kind = \"otm\"", key));
+  const Section root(*table, "", file.string(),
+                     {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
+                      "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});
+  const Section geometry = root.required_section("geometry", internal::geometry_keys());
+  const bool has_plane = root.is_table("analysis") && root.section("analysis", {}).has("plane");
+  if (internal::geometry_dimension(geometry, file.parent_path(), has_plane, reading, monitor) == 2)
+    return read<2>(file, table, root, geometry, reading);
+  return read<3>(file, table, root, geometry, reading);
+}
+
+}  // namespace efree

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Case files: a whole analysis in one TOML file. docs/case-file.md describes every key.
+#pragma once
+
+#include "efree/analysis/analyse.hpp"
+#include "efree/io/confined/reading.hpp"
+
+#include <cstdint>
+#include <filesystem>
+#include <variant>
+
+namespace efree {
+
+/// Tells a case from others.
+struct CaseMark {
+  std::uint64_t what = 0;  ///< all that the case file says, and the geometry's file, but for the steps
+  std::uint64_t how = 0;   ///< the steps: of [time] all but `end` and `output`; `end` where loads are expressions of t
+
+  bool operator==(const CaseMark&) const = default;
+};
+
+/// The settings of an analysis and its geometry, as read from a case file and before anything is computed.
+template <int Dim> struct Case : Settings<Dim> {
+  MeshSource<Dim> geometry;
+  CaseMark mark{};
+};
+
+/// The geometry decides which.
+using AnyCase = std::variant<Case<2>, Case<3>>;
+
+/// Reads and checks a case file. Throws InputError beginning with "file:line:" for a file that cannot be read, a syntax
+/// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
+/// expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by
+/// prepare. Files are read, and the geometry is meshed, as `reading` says. Stage, where gmsh has to be asked for the
+/// dimension: read.
+AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
+
+/// prepare, analyse and analyse_to_accuracy with the case's own geometry.
+template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {
+  return prepare(analysis.geometry, analysis, monitor);
+}
+/// On the mesh, or the meshes, of its geometry.
+template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
+  return analyse(analysis.geometry, analysis, monitor);
+}
+/// On as many as it takes.
+template <int Dim> Result<Dim> analyse_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor = {}) {
+  return analyse_to_accuracy(analysis.geometry, analysis, monitor);
+}
+
+}  // namespace efree

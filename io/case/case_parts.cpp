@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/internal/case_parts.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <tuple>
+
+namespace efree::internal {
+
+template <int Dim>
+Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock) {
+  const Section section = root.section("definitions", {});
+  std::vector<std::pair<std::string, const toml::node*>> entries;
+  for (const auto& [key, node] : section.table()) entries.emplace_back(key.str(), &node);
+  std::ranges::sort(entries, {}, [](const auto& entry) {
+    const auto& begin = entry.second->source().begin;
+    return std::pair(begin.line, begin.column);
+  });
+  Expressions<Dim> expressions;
+  if (grey)
+    expressions.define("grey", grey);
+  else
+    expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
+  if (clock.runs)
+    expressions.at_any_time();
+  else if (clock.time)
+    expressions.at_time(*clock.time);
+  else if (!section.has("t"))
+    expressions.refuse("t", clock.why);
+  for (const auto& [name, node] : entries)
+    expressions.define(name, section.expression(*node, name), section.where(*node));
+  return expressions;
+}
+
+Section::Keys cloud_keys() {
+  return {"spacing", "seed",  "support", "weight",  "kernel",    "features",
+          "growth",  "least", "boxes",   "regions", "boundaries"};
+}
+Section::Keys quadrature_keys() {
+  return {"basis", "ratio", "stabilisation", "dilatation"};
+}
+
+template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
+                                           double mesh_ratio, Settings<Dim>& result) {
+  ApproximationOptions& options = result.approximation;
+  using Kind = std::pair<BasisKind, OnCells>;
+  std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
+                                                            {{"auto", {BasisKind::mls, OnCells::automatic}},
+                                                             {"mls", {BasisKind::mls, OnCells::never}},
+                                                             {"p1", {BasisKind::p1, OnCells::never}},
+                                                             {"p2", {BasisKind::p2, OnCells::never}},
+                                                             {"cells", {BasisKind::mls, OnCells::always}}},
+                                                            Kind{BasisKind::mls, OnCells::automatic});
+  options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
+  options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
+
+  options.spacing = cloud.number("spacing", positive, 0.0);
+  if (options.spacing == 0.0 && mesh_ratio > 0.0)
+    cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: geometry.mesh_ratio is relative to it");
+  options.seed = static_cast<std::uint64_t>(
+      cloud.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), static_cast<std::int64_t>(options.seed)));
+  options.support = cloud.number("support", {1.0, 10.0, true, true}, options.support);
+  options.weight = cloud.choice<Weight>("weight",
+                                        {{"automatic", Weight::automatic},
+                                         {"heat_geodesic", Weight::heat_geodesic},
+                                         {"heat_flow", Weight::heat_flow},
+                                         {"fast_marching", Weight::fast_marching},
+                                         {"visibility", Weight::visibility},
+                                         {"euclidean", Weight::euclidean}},
+                                        options.weight);
+  options.kernel = cloud.choice<Kernel>("kernel",
+                                        {{"cubic_spline", Kernel::cubic_spline},
+                                         {"quintic_spline", Kernel::quintic_spline},
+                                         {"wendland_c2", Kernel::wendland_c2}},
+                                        options.kernel);
+
+  options.secondary = quadrature.choice<SecondaryKind>("basis",
+                                                       {{"cells", SecondaryKind::cells},
+                                                        {"linear", SecondaryKind::linear},
+                                                        {"mls", SecondaryKind::mls},
+                                                        {"full", SecondaryKind::full}},
+                                                       options.secondary);
+  options.ratio = quadrature.number("ratio", {0.25, 100.0, true, true}, options.ratio);
+  result.model.stabilisation = quadrature.number("stabilisation", {0.0, 1.0, true, true}, 0.0);
+  if (const auto averaged = quadrature.switch_or_auto("dilatation")) options.dilatation = averaged_if(*averaged);
+}
+
+template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded) {
+  Grading grading;
+  grading.features = cloud.boolean("features", grading.features);
+  grading.growth = cloud.number("growth", positive, grading.growth);
+  grading.least = cloud.number("least", positive, grading.least);
+  for (const Section& entry : cloud.sections("boxes", {"box", "spacing"})) {
+    const auto [a, b] = entry.corners<Dim>("box");
+    SpacingBox box{.spacing = entry.number("spacing", positive)};
+    for (int d = 0; d < Dim; ++d) {
+      box.low[d] = std::min(a[d], b[d]);
+      box.high[d] = std::max(a[d], b[d]);
+    }
+    grading.boxes.push_back(box);
+  }
+  for (const Section& entry : cloud.sections("regions", {"region", "spacing"})) {
+    grading.regions.push_back({entry.text("region"), entry.number("spacing", positive)});
+    graded.push_back({entry.text("region"), entry.where("region")});
+  }
+  for (const Section& entry : cloud.sections("boundaries", {"on", "spacing"}))
+    grading.boundaries.push_back({places.name(entry), entry.number("spacing", positive)});
+  return grading;
+}
+
+std::map<std::string, std::string> places_in(const Section& root) {
+  std::map<std::string, std::string> said;
+  for (const auto& [name, node] : root.table()) {
+    const std::string section(name.str());
+    const toml::array* entries = node.as_array();
+    said[section] = root.where(entries && !entries->empty() ? entries->front() : node);
+    if (const auto* table = node.as_table())
+      for (const auto& [key, value] : *table) said[fmt::format("{}.{}", section, key.str())] = root.where(value);
+  }
+  return said;
+}
+
+std::string text_of(const toml::node_view<const toml::node>& node) {
+  std::ostringstream stream;
+  stream << node;
+  return stream.str();
+}
+
+void add_file(Fingerprint& to, const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::string bytes(std::size_t{1} << 20U, '\0');
+  while (!file.empty() && stream) {
+    stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    to.add(std::string_view(bytes).substr(0, static_cast<std::size_t>(stream.gcount())));
+  }
+}
+
+template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const Clock&);
+template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const Clock&);
+template void read_approximation<2>(const Section&, const Section&, const Section&, double, Settings<2>&);
+template void read_approximation<3>(const Section&, const Section&, const Section&, double, Settings<3>&);
+template Grading read_grading<2>(const Section&, PlaceReader<2>&, std::vector<Mention>&);
+template Grading read_grading<3>(const Section&, PlaceReader<3>&, std::vector<Mention>&);
+
+}  // namespace efree::internal

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/expression.hpp"
+
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <muParser.h>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <list>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <regex>
+#include <set>
+#include <thread>
+
+namespace efree {
+namespace {
+
+std::string prefixed(const std::string& where, const std::string& message) {
+  return where.empty() ? message : where + ": " + message;
+}
+
+[[noreturn]] void reject(const mu::Parser::exception_type& error, const std::string& text, const std::string& where) {
+  const std::string& message = error.GetMsg();  // counts positions from 0, where it names them at all
+  const std::size_t position = std::min(static_cast<std::size_t>(error.GetPos()), text.size()) + 1;
+  throw InputError(prefixed(where, fmt::format("expression \"{}\", position {}: {}", text, position,
+                                               message.substr(0, message.find(" at position")))));
+}
+
+template <int Dim> std::string coordinate(int i) {
+  return std::string(1, "xyz"[i]);
+}
+
+/// muParser would assign: to definitions, even to x.
+void refuse_assignment(const std::string& text, const std::string& where) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '=') continue;
+    const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
+    if (!doubled && (i == 0 || std::string_view("<>!").find(text[i - 1]) == std::string_view::npos))
+      throw InputError(prefixed(
+          where, fmt::format("expression \"{}\", position {}: = has no meaning here, did you mean ==?", text, i + 1)));
+    if (doubled) ++i;
+  }
+}
+
+/// Compiled expressions and the named ones they use. Not to be shared between threads: muParser reads its variables
+/// from fixed addresses.
+template <int Dim> class Program {
+ public:
+  Program() = default;
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  /// Compiles `text`, which later ones may call `name`.
+  void define(const std::string& name, const std::string& text, const std::string& where) {
+    Step step = compile(name, text, where);
+    if (varies(step))
+      steps_.push_back(std::move(step));
+    else
+      constants_[name] = evaluate(step);
+  }
+  /// A field that later ones may call `name`.
+  void define(const std::string& name, const ScalarField<Dim>& given) {
+    steps_.emplace_back().name = name;
+    steps_.back().given = given;
+  }
+  /// Expressions that use the name are refused for this reason.
+  void refuse(const std::string& name, const std::string& why) { refused_[name] = why; }
+  /// Compiles `text` as the next component of what the program computes.
+  void add_result(const std::string& text, const std::string& where) { results_.push_back(compile("", text, where)); }
+
+  /// Forgets the definitions that no result needs.
+  void prune() {
+    std::set<std::string> needed;
+    const auto need = [&](const Step& step) {
+      if (step.given) return;
+      for (const auto& entry : step.parser.GetUsedVar()) needed.insert(entry.first);
+    };
+    for (const Step& result : results_) need(result);
+    for (auto step = steps_.end(); step != steps_.begin();) {
+      --step;
+      if (needed.contains(step->name))
+        need(*step);
+      else
+        step = steps_.erase(step);
+    }
+  }
+  bool varies() const {
+    return std::ranges::any_of(results_, [&](const Step& result) { return varies(result); });
+  }
+
+  /// Puts the components at x into `values`.
+  void operator()(const Vec<Dim>& x, double* values) {
+    for (int i = 0; i < Dim; ++i) at_[i] = x[i];
+    for (Step& step : steps_) step.value = step.given ? step.given(x) : step.parser.Eval();
+    for (Step& result : results_) *values++ = result.parser.Eval();
+  }
+
+ private:
+  struct Step {
+    std::string name;
+    mu::Parser parser;         ///< either this
+    ScalarField<Dim> given{};  ///< or this
+    double value = 0.0;
+  };
+
+  Step compile(const std::string& name, const std::string& text, const std::string& where) {
+    refuse_assignment(text, where);
+    Step step{name, {}};
+    try {
+      step.parser.DefineConst("pi", std::numbers::pi);
+      step.parser.DefineConst("e", std::numbers::e);
+      for (const auto& [constant, value] : constants_) step.parser.DefineConst(constant, value);
+      for (int i = 0; i < Dim; ++i) step.parser.DefineVar(coordinate<Dim>(i), &at_[i]);
+      for (Step& earlier : steps_) step.parser.DefineVar(earlier.name, &earlier.value);
+      for (const auto& [unknown, why] : refused_) step.parser.DefineVar(unknown, &nothing_);
+      step.parser.SetExpr(text);
+      step.parser.Eval();  // compiles; the value does not matter yet
+    } catch (const mu::Parser::exception_type& error) {
+      reject(error, text, where);
+    }
+    for (const auto& [unknown, why] : refused_)
+      if (step.parser.GetUsedVar().contains(unknown))
+        throw InputError(prefixed(where, fmt::format("expression \"{}\": {}", text, why)));
+    if (step.parser.GetNumResults() != 1)
+      throw InputError(prefixed(where, fmt::format("expression \"{}\" has {} values separated by commas, expected one",
+                                                   text, step.parser.GetNumResults())));
+    return step;
+  }
+  static bool varies(const Step& step) { return step.given || !step.parser.GetUsedVar().empty(); }
+  static double evaluate(const Step& step) { return step.parser.Eval(); }
+
+  std::array<double, Dim> at_{};
+  double nothing_ = 0.0;
+  std::map<std::string, double> constants_;
+  std::map<std::string, std::string> refused_;  // reasons by name
+  std::list<Step> steps_;                       // a list, because values must not move once others refer to them
+  std::vector<Step> results_;
+};
+
+/// Hands a program to each thread that evaluates: mostly the one it had before, without waiting for others.
+template <int Dim> class Pool {
+ public:
+  explicit Pool(std::function<std::unique_ptr<Program<Dim>>()> make) : make_(std::move(make)) {}
+  ~Pool() {
+    for (auto& slot : slots_) delete slot.load();
+  }
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
+
+  void evaluate(const Vec<Dim>& x, double* values) {
+    auto& slot = slots_[std::hash<std::thread::id>{}(std::this_thread::get_id()) % slots_.size()];
+    std::unique_ptr<Program<Dim>> program(slot.exchange(nullptr));
+    if (!program) program = make_();
+    (*program)(x, values);
+    delete slot.exchange(program.release());
+  }
+
+ private:
+  std::function<std::unique_ptr<Program<Dim>>()> make_;
+  std::array<std::atomic<Program<Dim>*>, 61> slots_{};
+};
+
+/// What evaluates expressions that use definitions.
+template <int Dim, class Definitions, class Texts>
+std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const Texts& texts, const std::string& where) {
+  auto program = std::make_unique<Program<Dim>>();
+  for (const auto& [name, text, given, refused] : definitions) {
+    if (!refused.empty())
+      program->refuse(name, refused);
+    else if (given)
+      program->define(name, given);
+    else
+      program->define(name, text, where);
+  }
+  for (const std::string& text : texts) program->add_result(text, where);
+  program->prune();
+  return program;
+}
+
+}  // namespace
+
+template <int Dim> void Expressions<Dim>::require_free(const std::string& name, const std::string& where) const {
+  static const std::regex identifier("[A-Za-z_][A-Za-z0-9_]*");
+  if (!std::regex_match(name, identifier))
+    throw InputError(
+        prefixed(where, fmt::format("\"{}\" cannot name a definition, expected letters, digits and _", name)));
+  bool taken = name == "pi" || name == "e" || mu::Parser().GetFunDef().contains(name);
+  for (int i = 0; i < Dim; ++i) taken |= name == coordinate<Dim>(i);
+  for (const Definition& earlier : definitions_) taken |= name == earlier.name;
+  if (taken) throw InputError(prefixed(where, fmt::format("\"{}\" already has a meaning, choose another name", name)));
+}
+
+template <int Dim>
+void Expressions<Dim>::define(const std::string& name, const std::string& text, const std::string& where) {
+  require_free(name, where);
+  field(text, where);
+  definitions_.push_back({name, text});
+}
+template <int Dim> void Expressions<Dim>::define(const std::string& name, ScalarField<Dim> given) {
+  require_free(name, {});
+  definitions_.push_back({.name = name, .given = std::move(given)});
+}
+template <int Dim> void Expressions<Dim>::at_time(double t) {
+  define("t", fmt::format("{}", t));
+  moment_ = fmt::format("t = {:.6g}", t);
+}
+template <int Dim> void Expressions<Dim>::at_any_time() {
+  define("t", [](const Vec<Dim>& time) { return time[0]; });
+  runs_ = true;
+}
+template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
+  require_free(name, {});
+  definitions_.push_back({.name = name, .refused = why});
+}
+
+template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& text, const std::string& where) const {
+  return [component = fields<1>({text}, where)](const Vec<Dim>& x) { return component(x)[0]; };
+}
+
+template <int Dim> bool Expressions<Dim>::varies(const std::string& text, const std::string& where) const {
+  return program_of<Dim>(definitions_, std::array{text}, where)->varies();
+}
+
+template <int Dim> template <std::size_t Size>
+std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
+    const std::array<std::string, Size>& texts, const std::string& where) const {
+  using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
+  const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
+  const auto check = [texts, where, moment = moment_, runs = runs_](const Values& values, const Vec<Dim>* x) {
+    for (std::size_t k = 0; k < Size; ++k) {
+      const double value = values[static_cast<int>(k)];
+      if (std::isfinite(value)) continue;
+      std::vector<std::string> at;
+      if (x && runs)
+        at.push_back(fmt::format("t = {:.6g}", (*x)[0]));
+      else if (x)
+        at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
+      if (!moment.empty()) at.push_back(moment);
+      throw InputError(prefixed(where, fmt::format("expression \"{}\" is {}{}{}, expected a finite number", texts[k],
+                                                   std::isnan(value) ? std::abs(value) : value,
+                                                   at.empty() ? "" : " at ", fmt::join(at, ", "))));
+    }
+  };
+  const auto program = make();
+  if (!program->varies()) {
+    Values values;
+    (*program)(Vec<Dim>::Zero(), values.data());
+    check(values, nullptr);
+    return [values](const Vec<Dim>&) { return values; };
+  }
+  return [pool = std::make_shared<Pool<Dim>>(make), check](const Vec<Dim>& x) {
+    Values values;
+    pool->evaluate(x, values.data());
+    check(values, &x);
+    return values;
+  };
+}
+
+template class Expressions<2>;
+template VectorField<2> Expressions<2>::fields(const std::array<std::string, 2>&, const std::string&) const;
+template std::function<Vec<3>(const Vec<2>&)> Expressions<2>::fields(const std::array<std::string, 3>&,
+                                                                     const std::string&) const;
+template VoigtField<2> Expressions<2>::fields(const std::array<std::string, 4>&, const std::string&) const;
+template class Expressions<3>;
+template VectorField<3> Expressions<3>::fields(const std::array<std::string, 3>&, const std::string&) const;
+template VoigtField<3> Expressions<3>::fields(const std::array<std::string, 6>&, const std::string&) const;
+
+}  // namespace efree

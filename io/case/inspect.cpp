@@ -1,0 +1,602 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/inspect.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/internal/lower_case.hpp"
+#include "efree/geometry/cloud/spacing.hpp"
+#include "efree/geometry/input/image_reader.hpp"
+#include "efree/geometry/input/image_summary.hpp"
+#include "efree/geometry/input/surface_check.hpp"
+#include "efree/geometry/mesh/walls.hpp"
+#include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "efree/io/case/otm_case.hpp"
+#include "efree/io/confined/internal/confined.hpp"
+#include "efree/io/files/internal/cannot_write.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <vtkCellData.h>
+#include <vtkCellType.h>
+#include <vtkFieldData.h>
+#include <vtkIntArray.h>
+#include <vtkNew.h>
+#include <vtkPoints.h>
+#include <vtkStringArray.h>
+#include <vtkUnstructuredGrid.h>
+#include <vtkXMLUnstructuredGridWriter.h>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+namespace efree {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+// --- Meshes ---------------------------------------------------------------------------------------------------------
+
+/// Looked for in growing neighbourhoods, as looking far is slow.
+template <int Dim>
+std::optional<typename Inspection<Dim>::Feature> smallest_feature(const FineMesh<Dim>& mesh, double diagonal) {
+  for (double reach = diagonal / 64.0; reach < diagonal; reach *= 2.0) {
+    const Vector size = feature_size(mesh, reach);
+    Index at = 0;
+    if (const double least = size.minCoeff(&at); std::isfinite(least))
+      return {{"thickness or diameter of a bend", least, mesh.vertex(at)}};
+  }
+  return {};
+}
+
+/// Where the sorted values have passed none, 5 % and half of the weights.
+std::array<double, 3> shares(std::vector<std::pair<double, double>> weighted) {
+  std::ranges::sort(weighted);
+  double total = 0.0, passed = 0.0;
+  for (const auto& [value, weight] : weighted) total += weight;
+  std::array<double, 3> out{};
+  constexpr std::array wanted{0.0, 0.05, 0.5};
+  std::size_t next = 0;
+  for (const auto& [value, weight] : weighted) {
+    passed += weight;
+    while (next < wanted.size() && passed >= wanted[next] * total) out[next++] = value;
+  }
+  return out;
+}
+
+/// Sizes for a body whose walls are no thinner than that.
+template <int Dim> typename Inspection<Dim>::Suggestion suggestion(const Inspection<Dim>& in, double thickness) {
+  constexpr double most = 2e6, regular = Dim == 2 ? 0.433 : 0.118;  // cells; the volume of one with edges of 1
+  const double wanted = std::min(0.5 * thickness, in.box.diagonal().norm() / 20.0);
+  const double h = std::max(wanted, std::pow(in.volume / (most * regular), 1.0 / Dim));
+  const double cells = in.volume / (regular * std::pow(h, Dim)), vertices = cells / (Dim == 2 ? 2.0 : 5.5);
+  const double nodes = std::clamp(vertices / (Dim == 2 ? 30.0 : 60.0), 1.0, 1e4);  // see default_spacing
+  return {h, cells, std::max(1.5 * h, std::pow(in.volume / nodes, 1.0 / Dim)), h > wanted};
+}
+template <int Dim>
+std::optional<typename Inspection<Dim>::Suggestion> suggestion(const Inspection<Dim>& in, const FineMesh<Dim>& mesh) {
+  return suggestion(in, std::min(thin_wall(mesh, 0.05), in.box.diagonal().norm()));
+}
+
+template <int Dim> void add_mesh(const MeshData<Dim>& data, Inspection<Dim>& out) {
+  GeometrySummary<Dim> summary = summarize(data);
+  const FineMesh<Dim> mesh(data);
+  out.box = summary.box;
+  out.volume = summary.volume;
+  out.boundary = summary.boundary;
+  out.bodies = std::move(summary.bodies);
+  out.groups = std::move(summary.groups);
+  out.smallest = smallest_feature(mesh, out.box.diagonal().norm());
+  out.facts = {{"connected_bodies", summary.num_components},
+               {"vertices", summary.num_vertices},
+               {"cells", summary.num_cells},
+               {"shortest_edge", summary.smallest_edge},
+               {"longest_edge", summary.largest_edge},
+               {"smallest_angle_degrees", summary.smallest_angle}};
+  out.suggestion = suggestion(out, mesh);
+
+  std::vector<Index> group_of(mesh.num_facets(), -1);
+  for (Index g = static_cast<Index>(out.groups.size()) - 1; g >= 0; --g)  // of several names the first is drawn
+    for (const auto& group : mesh.groups())
+      if (group.name == out.groups[g].name)
+        for (const Index f : group.facets) group_of[f] = g;
+  out.points = mesh.vertices();
+  using Piece = typename Inspection<Dim>::Piece;
+  if constexpr (Dim == 2)
+    for (Index c = 0; c < mesh.num_cells(); ++c) {
+      const auto& corners = mesh.cells().col(c);
+      out.pieces.push_back(Piece{{corners[0], corners[1], corners[2], -1}, mesh.region(c), -1});
+    }
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    Piece piece{.region = mesh.region(mesh.facet_cell(f)), .group = group_of[f]};
+    for (int k = 0; k < Dim; ++k) piece.corners[k] = mesh.facets()(k, f);
+    out.pieces.push_back(piece);
+  }
+}
+
+template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::string kind, bool trust) {
+  Inspection<Dim> out{.file = path, .kind = std::move(kind)};
+  add_mesh(read_gmsh<Dim>(path, {.trust = trust}), out);
+  if (out.groups.empty())
+    out.remarks.emplace_back("no part of the boundary has a name: select by place, e.g. on = { box = [...] }");
+  return out;
+}
+
+/// Spacing of the cloud at every vertex; none for finite elements.
+template <int Dim> Vector cloud_spacing(const Settings<Dim>& analysis, const FineMesh<Dim>& mesh) {
+  const ApproximationOptions& options = analysis.approximation;
+  if (options.kind != BasisKind::mls) return {};
+  return graded_spacing(mesh, options.spacing > 0.0 ? options.spacing : default_spacing(mesh), options.grading);
+}
+
+template <int Dim>
+std::optional<typename Inspection<Dim>::Walls> find_walls(const FineMesh<Dim>& mesh, const Vector& spacing) {
+  const Vector thickness = wall_thickness(mesh);
+  typename Inspection<Dim>::Walls walls;
+  if (spacing.size() > 0) walls.spacing = spacing.maxCoeff();
+  std::vector<std::pair<double, double>> lengths, nodes, edges;
+  double boundary = 0.0, faced = 0.0;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const double measure = mesh.facet_measure(f);
+    boundary += measure;
+    if (!std::isfinite(thickness[f])) continue;
+    faced += measure;
+    Vec<Dim> middle = Vec<Dim>::Zero();
+    double edge = 0.0, apart = 0.0;
+    for (int k = 0; k < Dim; ++k) {
+      const Vec<Dim> x = mesh.vertex(mesh.facets()(k, f));
+      middle += x / Dim;
+      edge += (mesh.vertex(mesh.facets()((k + 1) % Dim, f)) - x).norm() / Dim;
+      if (spacing.size() > 0) apart += spacing[mesh.facets()(k, f)] / Dim;
+    }
+    if (lengths.empty() || thickness[f] < walls.thickness[0]) {
+      walls.thickness[0] = thickness[f];
+      walls.at = middle;
+    }
+    lengths.emplace_back(thickness[f], measure);
+    edges.emplace_back(thickness[f] / edge, measure);
+    if (spacing.size() > 0) nodes.emplace_back(thickness[f] / apart, measure);
+  }
+  if (lengths.empty()) return {};
+  walls.thickness = shares(std::move(lengths));
+  walls.nodes = shares(std::move(nodes));
+  walls.edges = shares(std::move(edges));
+  walls.share = faced / boundary;
+  return walls;
+}
+
+/// What follows from walls that cloud or mesh hardly resolve.
+template <int Dim> void remark_on_walls(const Settings<Dim>& analysis, Inspection<Dim>& out) {
+  if (!out.walls) return;
+  // A wall bends as it should with two functions across it or more.
+  constexpr double enough = 2.0;
+  const auto& walls = *out.walls;
+  if (walls.spacing > 0.0 && walls.nodes[1] < enough) {
+    const double wanted = walls.spacing * walls.nodes[1] / enough;
+    if (analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged)
+      out.remarks.push_back(fmt::format(
+          "the cloud alone is too stiff in walls of fewer than {:g} nodes: the answer is corrected towards the "
+          "elements "
+          "of the fine mesh, which takes more iterations, and the estimated error says how far off the cloud was",
+          enough));
+    else
+      out.remarks.push_back(fmt::format(
+          "the cloud is too stiff in walls of fewer than {:g} nodes, and this case has no corrections: take "
+          "[cloud] spacing = {:.2g}",
+          enough, wanted));
+  }
+  if (walls.edges[1] < enough && analysis.approximation.kind != BasisKind::p2)
+    out.remarks.push_back(fmt::format(
+        "linear elements are too stiff in walls of fewer than {:g} edges of the fine mesh: {}", enough,
+        analysis.approximation.kind == BasisKind::mls && analysis.approximation.interpolation == 0 &&
+                analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged
+            ? "quadratic ones take over where the estimate asks for them; a smaller mesh_size resolves stresses"
+            : "take a smaller mesh_size or quadratic cells"));
+}
+
+/// A case as its analysis will see it: with its mesh size, and with the parts it selects.
+template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
+  const PreparedMesh<Dim> made = prepare(analysis);
+  const FineMesh<Dim>& mesh = *made.mesh;
+  MeshData<Dim> data{mesh.vertices(), mesh.cells(), {}};
+  data.region_names = mesh.region_names();
+  for (Index c = 0; c < mesh.num_cells(); ++c) data.regions.push_back(mesh.region(c));
+  for (const auto& group : mesh.groups()) {
+    if (group.name.starts_with('\x01')) continue;
+    data.groups.push_back({group.name, {}});
+    for (const Index f : group.facets) {
+      std::array<Index, Dim> facet;
+      for (int k = 0; k < Dim; ++k) facet[k] = mesh.facets()(k, f);
+      data.groups.back().facets.push_back(facet);
+    }
+  }
+  Inspection<Dim> out{.file = path, .kind = "case"};
+  add_mesh(data, out);
+  for (const auto& [name, reported] : made.reports)
+    out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
+  out.remarks = made.warnings;
+  const Settings<Dim> settings = with_defaults<Dim>(analysis, made);
+  Vector spacing;
+  try {
+    spacing = cloud_spacing(settings, mesh);
+  } catch (const InputError& error) {  // of a spacing below the edges of the mesh: what is in the way of an analysis
+    out.remarks.emplace_back(error.what());
+  }
+  out.walls = find_walls(mesh, spacing);
+  remark_on_walls(settings, out);
+  return out;
+}
+
+// --- Images ---------------------------------------------------------------------------------------------------------
+
+/// Diameter of the ball (disc in 2D) with that volume.
+template <int Dim> double equivalent_diameter(double volume) {
+  return Dim == 2 ? 2.0 * std::sqrt(volume / std::numbers::pi) : std::cbrt(6.0 * volume / std::numbers::pi);
+}
+
+/// Rectangles of one label, row by row.
+void add_rows(const LabelImage<2>& image, Inspection<2>& out, std::vector<Vec<2>>& points) {
+  std::vector<Index> number(std::numeric_limits<Label>::max() + 1, -1);
+  for (std::size_t b = 0; b < out.bodies.size(); ++b) number[std::stoul(out.bodies[b].name)] = static_cast<Index>(b);
+  for (Index j = 0; j < image.size[1]; ++j)
+    for (Index i = 0; i < image.size[0];) {
+      const Label label = image.at({i, j});
+      Index end = i + 1;
+      while (end < image.size[0] && image.at({end, j}) == label) ++end;
+      if (label != 0) {
+        const auto first = static_cast<Index>(points.size());
+        for (const auto& [x, y] : {std::pair{i, j}, {end, j}, {end, j + 1}, {i, j + 1}})
+          points.emplace_back(image.origin + image.spacing.cwiseProduct(Vec<2>(x, y)));
+        out.pieces.push_back({{first, first + 1, first + 2, first + 3}, number[label], -1});
+      }
+      i = end;
+    }
+}
+
+template <int Dim> Inspection<Dim> inspect_image(const std::string& path, const ImageValues& values) {
+  ImageOptions<Dim> options;
+  if (!values.are_labels) options.threshold = values.threshold;
+  const LabelImage<Dim> image = read_image<Dim>(path, options);
+  ImageSummary<Dim> summary = summarize_image(image);
+  Inspection<Dim> out{.file = path, .kind = values.are_labels ? "label image" : "grey image"};
+  Vec<Dim> extent = image.spacing;
+  for (int d = 0; d < Dim; ++d) extent[d] *= image.size[d];
+  out.box = {image.origin, image.origin + extent};
+  out.bodies = std::move(summary.labels);
+  out.groups = std::move(summary.groups);
+  for (const auto& body : out.bodies) out.volume += body.volume;
+  for (const auto& group : out.groups) out.boundary += group.measure;
+  const auto consider = [&](const char* what, const std::optional<ImagePart<Dim>>& part) {
+    if (!part) return;
+    const double size = equivalent_diameter<Dim>(static_cast<double>(part->pixels) * image.pixel_volume());
+    if (!out.smallest || size < out.smallest->size) out.smallest = {what, size, part->centre};
+  };
+  consider("closed pore, diameter by its volume", summary.smallest_pore);
+  if (summary.bodies > 1) consider("island, diameter by its volume", summary.smallest_body);
+  for (int d = 0; d < Dim; ++d) out.facts.emplace_back(fmt::format("pixels_{}", "xyz"[d]), image.size[d]);
+  for (int d = 0; d < Dim; ++d) out.facts.emplace_back(fmt::format("spacing_{}", "xyz"[d]), image.spacing[d]);
+  out.facts.insert(out.facts.end(), {{"least_value", values.least},
+                                     {"largest_value", values.largest},
+                                     {"material_fraction", summary.material},
+                                     {"connected_bodies", summary.bodies},
+                                     {"closed_pores", summary.closed_pores}});
+  if (!values.are_labels) {
+    out.facts.emplace_back("threshold", values.threshold);
+    out.remarks.push_back(
+        fmt::format("grey values, seen here with the threshold {:.6g} that parts them best: a case needs "
+                    "[geometry.image] threshold",
+                    values.threshold));
+  }
+  if (summary.bodies > 1)
+    out.remarks.push_back(
+        fmt::format("{} bodies that do not touch: hold each of them, or keep the largest with [geometry.image] "
+                    "largest_only = true",
+                    summary.bodies));
+
+  std::vector<Vec<Dim>> points;
+  if constexpr (Dim == 2) add_rows(image, out, points);
+  for (const auto& facet : summary.facets) {
+    typename Inspection<Dim>::Piece piece{.region = facet.label, .group = facet.group};
+    for (std::size_t k = 0; k < facet.corners.size(); ++k) {
+      piece.corners[k] = static_cast<Index>(points.size());
+      points.push_back(facet.corners[k]);
+    }
+    out.pieces.push_back(piece);
+  }
+  out.points.resize(Dim, static_cast<Eigen::Index>(points.size()));
+  for (std::size_t p = 0; p < points.size(); ++p) out.points.col(static_cast<Eigen::Index>(p)) = points[p];
+  return out;
+}
+
+// --- Surfaces -------------------------------------------------------------------------------------------------------
+
+Inspection<3> inspect_surface(const std::string& path) {
+  const SurfaceCheck check = check_surface(read_surface(path));
+  Inspection<3> out{.file = path, .kind = "surface"};
+  out.box = check.box;
+  out.volume = check.volume;
+  out.boundary = check.area;
+  if (check.fault.empty()) out.bodies.push_back({"", check.triangles, check.volume, check.box});
+  out.groups = check.groups;
+  if (check.thinnest) out.smallest = {"wall", check.thinnest->thickness, check.thinnest->at};
+  out.facts = {{"triangles", check.triangles},
+               {"points", check.points},
+               {"shells", check.shells},
+               {"degenerate_triangles", check.degenerate},
+               {"open_edges", check.open_edges},
+               {"edges_of_more_than_two_triangles", check.crowded_edges},
+               {"crossing_pairs_of_triangles", check.crossings},
+               {"shortest_edge", check.shortest_edge},
+               {"longest_edge", check.longest_edge},
+               {"narrow_gaps", check.gaps.size()}};
+  if (check.fault.empty())
+    out.suggestion = suggestion(out, check.thinnest ? check.thinnest->thickness : check.box.diagonal().norm());
+  if (!check.fault.empty())
+    out.remarks.push_back(
+        fmt::format("no closed surface as it is ({}); [geometry.surface] wrap = true puts one around it", check.fault));
+  if (!check.gaps.empty()) {
+    const auto narrowest = std::ranges::min_element(check.gaps, {}, &SurfaceGap::narrowest);
+    out.facts.emplace_back("narrowest_gap", narrowest->narrowest);
+    out.remarks.push_back(fmt::format(
+        "{} gap{} narrower than the default mesh_size {:.3g}, the narrowest {:.3g} wide at ({:.6g}): a mesh may close "
+        "{}, which analyses warn of or refuse",
+        check.gaps.size(), check.gaps.size() == 1 ? "" : "s", default_surface_size(check.surface), narrowest->narrowest,
+        fmt::join(narrowest->at, ", "), check.gaps.size() == 1 ? "it" : "them"));
+  }
+  out.points = check.surface.points;
+  for (std::size_t t = 0; t < check.surface.triangles.size(); ++t) {
+    const auto& [a, b, c] = check.surface.triangles[t];
+    out.pieces.push_back({{a, b, c, -1}, 0, check.group_of[t]});
+  }
+  return out;
+}
+
+// --- Text and JSON --------------------------------------------------------------------------------------------------
+
+/// Round-off, measured by `scale`, is shown as 0.
+template <int Dim> std::string tuple(const Vec<Dim>& x, double scale) {
+  const Vec<Dim> shown = x.unaryExpr([&](double v) { return std::abs(v) < 1e-9 * scale ? 0.0 : v; });
+  return fmt::format("({:.6g})", fmt::join(shown, ", "));
+}
+template <int Dim> std::string range(const BoundingBox<Dim>& box, double scale) {
+  return fmt::format("{} to {}", tuple<Dim>(box.min(), scale), tuple<Dim>(box.max(), scale));
+}
+template <int Dim> std::string direction(const Vec<Dim>& normal) {
+  const Vec<Dim> shown = normal.unaryExpr([](double v) { return std::abs(v) < 5e-4 ? 0.0 : v; });
+  return shown.norm() > 0.0 ? fmt::format("({:.3f})", fmt::join(shown, ", ")) : "none";
+}
+
+/// Columns as wide as their widest entries, the first to the left and the others to the right.
+std::string table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths(rows.front().size(), 0);
+  for (const auto& row : rows)
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  std::string out;
+  for (const auto& row : rows) {
+    std::string line = "  ";
+    for (std::size_t c = 0; c < row.size(); ++c)
+      line += c == 0 || c + 1 == row.size() ? fmt::format("{:<{}}  ", row[c], widths[c])
+                                            : fmt::format("{:>{}}  ", row[c], widths[c]);
+    while (line.ends_with(' ')) line.pop_back();
+    out += line + '\n';
+  }
+  return out;
+}
+
+template <int Dim> ordered_json json_of(const Vec<Dim>& x) {
+  return std::vector<double>(x.begin(), x.end());
+}
+template <int Dim> ordered_json json_of(const BoundingBox<Dim>& box) {
+  return {json_of<Dim>(box.min()), json_of<Dim>(box.max())};
+}
+
+AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
+  const std::string path = file.string(), name = internal::lower_case(file.filename().string());
+  const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
+  std::error_code error;  // names that are too long are no files
+  if (fs::is_directory(file, error)) throw InputError(fmt::format("{} is a directory, expected a file", path));
+  if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
+  if (ends(".toml")) {
+    const auto inspect = [&]<int Dim>(const Case<Dim>& of) -> AnyInspection { return inspect_case(path, of); };
+    if (is_otm_case(file))
+      return std::visit(
+          [&](auto of) {
+            if (!of.motion.cloud) of.approximation.kind = BasisKind::p1;  // there are no nodes but the vertices
+            return inspect(of);
+          },
+          read_otm_case(file, reading));
+    return std::visit(inspect, read_case(file, reading));
+  }
+  if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);
+  if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", reading.trust);
+  if (ends(".geo", ".msh")) {
+    const std::string kind = ends(".geo") ? "gmsh geometry" : "gmsh mesh";
+    if (gmsh_dimension(path, reading.trust) == 2) return inspect_gmsh<2>(path, kind, reading.trust);
+    return inspect_gmsh<3>(path, kind, reading.trust);
+  }
+  if (ends(".raw"))
+    throw InputError(
+        fmt::format("{}: a .raw file says nothing about itself; inspect a case that gives its size and "
+                    "type in [geometry.image] raw",
+                    path));
+  if (ends(".png", ".pgm", ".pbm", ".ppm", ".pnm", ".tif", ".tiff", ".nrrd", ".nhdr", ".mha", ".mhd", ".inr",
+           ".inr.gz")) {
+    const ImageValues values = image_values(path);
+    if (values.dimension == 2) return inspect_image<2>(path, values);
+    return inspect_image<3>(path, values);
+  }
+  throw InputError(fmt::format(
+      "{}: a file of unknown kind, expected a case (.toml), gmsh (.geo, .msh), CAD (.step, .iges, .brep), an "
+      "image (.png, .tif, .pgm, .nrrd, .mha, .inr, ...) or a surface (.stl, .off, .obj, .ply)",
+      path));
+}
+
+}  // namespace
+
+AnyInspection inspect(const fs::path& file, const Reading& reading, const Monitor& monitor) {
+  const Stage stage("inspect", monitor);
+  return internal::confined(
+      {file.string(), "what reads it", reading}, [&] { return inspect_here(file, reading); }, [&] { stage.tick(0.0); });
+}
+
+template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
+  const char* const volume = Dim == 2 ? "area" : "volume";
+  const char* const area = Dim == 2 ? "length" : "area";
+  const Vec<Dim> size = in.box.sizes();
+  const double scale = size.norm();
+  std::string out = fmt::format("{}: {}, {} dimensions\n", in.file, in.kind, Dim);
+  out += fmt::format("box {}, {:.6g} large\n", range<Dim>(in.box, scale), fmt::join(size, " x "));
+  if (in.volume > 0.0) out += fmt::format("{} {:.6g}, ", volume, in.volume);
+  out += fmt::format("{} of the boundary {:.6g}\n", area, in.boundary);
+  if (!in.bodies.empty()) {
+    std::vector<std::vector<std::string>> rows{{"region", volume, "share", "box"}};
+    for (const auto& body : in.bodies)
+      rows.push_back({body.name.empty() ? "(no name)" : fmt::format("\"{}\"", body.name),
+                      fmt::format("{:.6g}", body.volume), fmt::format("{:.3g} %", 100.0 * body.volume / in.volume),
+                      range<Dim>(body.box, scale)});
+    out += fmt::format("\nregions: {}\n{}", in.bodies.size(), table(rows));
+  }
+  if (!in.groups.empty()) {
+    std::vector<std::vector<std::string>> rows{{"name", "facets", area, "mean normal", "", "box"}};
+    // Of many parts those that are next to nothing are told together.
+    constexpr std::size_t most = 40;
+    constexpr double little = 0.01;
+    std::size_t small = 0;
+    double small_facets = 0.0, small_measure = 0.0;
+    for (const auto& group : in.groups) {
+      if (in.groups.size() > most && group.measure < little * in.boundary) {
+        ++small;
+        small_facets += group.num_facets;
+        small_measure += group.measure;
+        continue;
+      }
+      rows.push_back({fmt::format("\"{}\"", group.name), fmt::format("{}", group.num_facets),
+                      fmt::format("{:.6g}", group.measure), direction<Dim>(group.mean_normal),
+                      group.normal ? "flat" : "curved", range<Dim>(group.box, scale)});
+    }
+    out += fmt::format("\nnamed parts of the boundary: {}\n{}", in.groups.size(), table(rows));
+    if (small > 0)
+      out += fmt::format("  and {} of less than {:g} % of the boundary each (--json has all): {:g} facets, {} {:.6g}\n",
+                         small, 100.0 * little, small_facets, area, small_measure);
+  }
+  out += "\n";
+  if (in.smallest)
+    out += fmt::format("smallest feature: {} {:.4g} at {}\n", in.smallest->what, in.smallest->size,
+                       tuple<Dim>(in.smallest->at, scale));
+  if (in.walls) {
+    const bool cloud = in.walls->spacing > 0.0;
+    const auto list = [](const std::array<double, 3>& values) {
+      return fmt::format("{:.3g}", fmt::join(values, ", "));
+    };
+    const auto& across = cloud ? in.walls->nodes : in.walls->edges;
+    out += fmt::format("walls: {:.2g} {} across at the thinnest, {:.2g} at 5 %, {:.2g} at half of the boundary",
+                       across[0], cloud ? "nodes" : "edges of the fine mesh", across[1], across[2]);
+    out += fmt::format(" (thickness {}", list(in.walls->thickness));
+    if (cloud)
+      out +=
+          fmt::format("; spacing {:.4g}; edges of the fine mesh across {}", in.walls->spacing, list(in.walls->edges));
+    out += fmt::format("); the thinnest at {}\n", tuple<Dim>(in.walls->at, scale));
+  }
+  if (in.suggestion)
+    out += fmt::format(
+        "to begin with: mesh_size = {:.2g} ({}), about {:.2g} cells; the cloud then has a spacing of about {:.2g}\n",
+        in.suggestion->mesh_size,
+        in.suggestion->limited ? "two edges across the thin walls would take too many cells"
+                               : "two edges across the walls but the thinnest 5 % of the boundary",
+        in.suggestion->cells, in.suggestion->spacing);
+  std::vector<std::vector<std::string>> rows;
+  for (auto [name, value] : in.facts) {
+    std::ranges::replace(name, '_', ' ');
+    rows.push_back({name, fmt::format("{:.6g}", value), ""});
+  }
+  if (!rows.empty()) out += fmt::format("quality\n{}", table(rows));
+  for (const std::string& remark : in.remarks) out += fmt::format("note: {}\n", remark);
+  return out;
+}
+
+template <int Dim> std::string inspection_json(const Inspection<Dim>& in) {
+  ordered_json json{{"file", in.file}, {"kind", in.kind}, {"dimensions", Dim}, {"box", json_of<Dim>(in.box)}};
+  json["volume"] = in.volume > 0.0 ? ordered_json(in.volume) : ordered_json();
+  json["boundary"] = in.boundary;
+  json["regions"] = ordered_json::array();
+  for (const auto& body : in.bodies)
+    json["regions"].push_back({{"name", body.name}, {"volume", body.volume}, {"box", json_of<Dim>(body.box)}});
+  json["suggestion"] = nullptr;
+  if (in.suggestion)
+    json["suggestion"] = {
+        {"mesh_size", in.suggestion->mesh_size}, {"cells", in.suggestion->cells}, {"spacing", in.suggestion->spacing}};
+  json["parts"] = ordered_json::array();
+  for (const auto& group : in.groups)
+    json["parts"].push_back({{"name", group.name},
+                             {"facets", group.num_facets},
+                             {"measure", group.measure},
+                             {"flat", group.normal.has_value()},
+                             {"mean_normal", json_of<Dim>(group.mean_normal)},
+                             {"box", json_of<Dim>(group.box)}});
+  json["smallest_feature"] = nullptr;
+  if (in.smallest)
+    json["smallest_feature"] = {
+        {"what", in.smallest->what}, {"size", in.smallest->size}, {"at", json_of<Dim>(in.smallest->at)}};
+  json["walls"] = nullptr;
+  if (in.walls) {
+    const bool cloud = in.walls->spacing > 0.0;
+    json["walls"] = {
+        {"thickness", in.walls->thickness}, {"nodes", cloud ? ordered_json(in.walls->nodes) : ordered_json()},
+        {"edges", in.walls->edges},         {"spacing", cloud ? ordered_json(in.walls->spacing) : ordered_json()},
+        {"at", json_of<Dim>(in.walls->at)}, {"share", in.walls->share}};
+  }
+  json["facts"] = ordered_json::object();
+  for (const auto& [name, value] : in.facts) json["facts"][name] = value;
+  json["remarks"] = in.remarks;
+  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + '\n';
+}
+
+template <int Dim> void write_pieces(const fs::path& file, const Inspection<Dim>& in) {
+  vtkNew<vtkPoints> points;
+  points->SetDataTypeToDouble();
+  points->SetNumberOfPoints(in.points.cols());
+  for (Index p = 0; p < in.points.cols(); ++p)
+    points->SetPoint(p, in.points(0, p), in.points(1, p), Dim == 3 ? in.points(Dim - 1, p) : 0.0);
+  vtkNew<vtkUnstructuredGrid> grid;
+  grid->SetPoints(points);
+  grid->AllocateExact(static_cast<vtkIdType>(in.pieces.size()), 4 * static_cast<vtkIdType>(in.pieces.size()));
+  vtkNew<vtkIntArray> region, group;
+  region->SetName("region");
+  group->SetName("group");
+  constexpr std::array<int, 5> types{VTK_EMPTY_CELL, VTK_VERTEX, VTK_LINE, VTK_TRIANGLE, VTK_QUAD};
+  for (const auto& piece : in.pieces) {
+    std::array<vtkIdType, 4> corners{};
+    std::size_t count = 0;
+    for (; count < 4 && piece.corners[count] >= 0; ++count) corners[count] = piece.corners[count];
+    grid->InsertNextCell(types[count], static_cast<vtkIdType>(count), corners.data());
+    region->InsertNextValue(piece.region);
+    group->InsertNextValue(piece.group);
+  }
+  grid->GetCellData()->AddArray(region);
+  grid->GetCellData()->AddArray(group);
+  const auto add_names = [&](const char* array, const auto& parts) {
+    vtkNew<vtkStringArray> names;
+    names->SetName(array);
+    for (const auto& part : parts) names->InsertNextValue(part.name);
+    grid->GetFieldData()->AddArray(names);
+  };
+  add_names("region_names", in.bodies);
+  add_names("group_names", in.groups);
+  vtkNew<vtkXMLUnstructuredGridWriter> writer;
+  writer->SetFileName(file.c_str());
+  writer->SetInputData(grid);
+  writer->SetDataModeToAppended();
+  writer->EncodeAppendedDataOff();
+  writer->SetCompressorTypeToZLib();
+  if (!writer->Write() || writer->GetErrorCode() != 0) internal::cannot_write(file);
+}
+
+template std::string inspection_text<2>(const Inspection<2>&);
+template std::string inspection_text<3>(const Inspection<3>&);
+template std::string inspection_json<2>(const Inspection<2>&);
+template std::string inspection_json<3>(const Inspection<3>&);
+template void write_pieces<2>(const fs::path&, const Inspection<2>&);
+template void write_pieces<3>(const fs::path&, const Inspection<3>&);
+
+}  // namespace efree

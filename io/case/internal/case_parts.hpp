@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What case files of all kinds have in common. All that throws, throws InputError that begins with "file:line: ".
+#pragma once
+
+#include "efree/analysis/settings.hpp"
+#include "efree/core/internal/fingerprint.hpp"
+#include "efree/io/case/expression.hpp"
+#include "efree/io/case/internal/place_reader.hpp"
+#include "efree/io/case/internal/section.hpp"
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace efree::internal {
+
+/// The time in expressions, or why there is none.
+struct Clock {
+  std::optional<double> time;
+  std::string why{};
+  bool runs = false;  ///< it is the first coordinate of where fields are asked for, which depend on no other
+};
+
+/// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.
+template <int Dim>
+Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock);
+
+/// Keys of [cloud] and [quadrature].
+Section::Keys cloud_keys();
+Section::Keys quadrature_keys();
+
+/// Functions and quadrature but for the grading. `mesh_ratio`: of the geometry, relative to the cloud's spacing.
+template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
+                                           double mesh_ratio, Settings<Dim>& result);
+/// Where the cloud is denser; `graded` gets the regions that it names.
+template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded);
+
+/// Where sections, and what is in them, are said.
+std::map<std::string, std::string> places_in(const Section& root);
+
+/// What a node of the file says, as text.
+std::string text_of(const toml::node_view<const toml::node>& node);
+/// Adds the bytes of a file, if it has a name.
+void add_file(Fingerprint& to, const std::filesystem::path& file);
+
+}  // namespace efree::internal

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Pictures of results and of geometry (PNG, 1600 x 1200), drawn in memory: they need no display.
+#pragma once
+
+#include "efree/analysis/result.hpp"
+#include "efree/geometry/mesh/summary.hpp"
+#include "efree/io/case/inspect.hpp"
+#include "efree/otm/otm.hpp"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// von Mises stress on the deformed body, the undeformed one behind it, and where it is held and loaded. Displacements
+/// are drawn at a fifteenth of the body's size. Throws InputError if the file cannot be written.
+template <int Dim>
+void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+
+/// The same with Result::error_density in place of the stress: where a finer mesh would help.
+template <int Dim>
+void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+
+/// Regions and named parts of the boundary, each in a colour of its own. Throws InputError if the file cannot be
+/// written.
+template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);
+
+/// Material points of bodies in motion, as they are at one moment.
+template <int Dim> struct MotionPicture {
+  Points<Dim> points;
+  Tensors F;                 ///< 9 x points: a circle (sphere) around each is drawn as it is deformed
+  Vector size;               ///< edges of squares (cubes) as large as points were at the start [length]
+  Vector values;             ///< that the colours tell
+  std::string title, field;  ///< `field`: what the values are called
+  BoundingBox<Dim> view;     ///< that is shown
+  std::vector<OtmWall<Dim>> walls{};
+  std::vector<ScalarField<Dim>> tools{};  ///< negative inside; in space one looks through them
+  bool axisymmetric = false;              ///< drawn on both sides of the axis, x = 0
+};
+/// Writes a PNG file of 1600 x 1200 pixels. Throws InputError if that is not possible.
+template <int Dim> void draw_motion(const std::filesystem::path& file, const MotionPicture<Dim>& picture);
+
+}  // namespace efree

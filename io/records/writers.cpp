@@ -1,0 +1,457 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/records/writers.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/memory.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/json_array.hpp"
+
+#include <fmt/format.h>
+#include <vtkCellArray.h>
+#include <vtkCellData.h>
+#include <vtkCellType.h>
+#include <vtkDoubleArray.h>
+#include <vtkFloatArray.h>
+#include <vtkIntArray.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkPoints.h>
+#include <vtkUnsignedCharArray.h>
+#include <vtkUnstructuredGrid.h>
+#include <vtkXMLUnstructuredGridWriter.h>
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+namespace efree {
+namespace {
+
+using internal::json_array, nlohmann::ordered_json;
+
+using internal::cannot_write;
+
+void write_json(const std::filesystem::path& file, const ordered_json& json) {
+  std::ofstream stream(file);
+  stream << json.dump(2, ' ', false, ordered_json::error_handler_t::replace) << '\n';
+  if (!stream.flush()) cannot_write(file);
+}
+
+/// A name as VTK's writer takes it, which puts it into XML as it is.
+std::string in_xml(const std::string& name) {
+  std::string result;
+  for (const char c : name)
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '>')
+      result += "&gt;";
+    else if (c == '"')
+      result += "&quot;";
+    else
+      result += c;
+  return result;
+}
+
+void name_components(vtkDataArray* array, const char* name, const std::vector<const char*>& components) {
+  array->SetName(in_xml(name).c_str());
+  array->SetNumberOfComponents(static_cast<int>(components.size()));
+  for (std::size_t i = 0; components.size() > 1 && i < components.size(); ++i)
+    if (components[i]) array->SetComponentName(static_cast<int>(i), components[i]);
+}
+
+/// One tuple per column of `values`; missing components become 0.
+template <class Array = vtkDoubleArray> vtkNew<Array> array_of(const char* name, const Eigen::Ref<const Matrix>& values,
+                                                               const std::vector<const char*>& components) {
+  vtkNew<Array> array;
+  name_components(array, name, components);
+  array->SetNumberOfTuples(values.cols());
+  const auto count = static_cast<Index>(components.size());
+  auto* const to = array->GetPointer(0);
+  parallel_for(static_cast<Index>(values.cols()), [&](Index p) {
+    for (Index i = 0; i < count; ++i)
+      to[static_cast<std::ptrdiff_t>(count) * p + i] =
+          static_cast<typename Array::ValueType>(i < values.rows() ? values(i, p) : 0.0);
+  });
+  return array;
+}
+void add_array(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,
+               const std::vector<const char*>& components) {
+  grid->GetPointData()->AddArray(array_of(name.c_str(), values, components));
+}
+
+/// The same of what is derived from displacements: in single precision, whose seven digits are more than it is good to,
+/// where it has the range.
+void add_derived(vtkUnstructuredGrid* grid, const std::string& name, const Eigen::Ref<const Matrix>& values,
+                 const std::vector<const char*>& components) {
+  const double largest = values.cwiseAbs().maxCoeff();
+  if (largest > 0.0 && !(largest > 1e-30 && largest < 1e30)) return add_array(grid, name, values, components);
+  grid->GetPointData()->AddArray(array_of<vtkFloatArray>(name.c_str(), values, components));
+}
+
+template <int Dim> vtkNew<vtkUnstructuredGrid> grid_on(const Points<Dim>& points) {
+  vtkNew<vtkPoints> vtk_points;
+  vtk_points->SetDataTypeToDouble();
+  vtk_points->SetNumberOfPoints(points.cols());
+  for (Index p = 0; p < points.cols(); ++p)
+    vtk_points->SetPoint(p, points(0, p), points(1, p), Dim == 3 ? points(Dim - 1, p) : 0.0);
+  vtkNew<vtkUnstructuredGrid> grid;
+  grid->SetPoints(vtk_points);
+  return grid;
+}
+
+/// How VTK names a cell of the space and orders its points: it counts the edges around a triangle, then those up to the
+/// apex; FineSpace counts them by their vertices.
+template <int Dim> struct VtkCell;
+template <> struct VtkCell<2> {
+  static constexpr int linear = VTK_TRIANGLE, quadratic = VTK_QUADRATIC_TRIANGLE;
+  static constexpr std::array<std::size_t, 6> order{0, 1, 2, 3, 5, 4};
+};
+template <> struct VtkCell<3> {
+  static constexpr int linear = VTK_TETRA, quadratic = VTK_QUADRATIC_TETRA;
+  static constexpr std::array<std::size_t, 10> order{0, 1, 2, 3, 4, 7, 5, 6, 8, 9};
+};
+
+/// Enters 1 at degrees of freedom on the parts that the conditions are on.
+template <int Dim, class Conditions>
+void mark(const FineSpace<Dim>& space, const Conditions& conditions, Matrix& at_dofs) {
+  for (const auto& condition : conditions)
+    for (const Index f : space.mesh().group(condition.on))
+      for (const Index dof : space.facet(f)) at_dofs(0, dof) = 1.0;
+}
+
+void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
+  vtkNew<vtkXMLUnstructuredGridWriter> writer;
+  writer->SetFileName(file.c_str());
+  writer->SetInputData(grid);
+  writer->SetDataModeToAppended();
+  writer->EncodeAppendedDataOff();
+  writer->SetCompressorTypeToNone();  // would take twenty times as long for a third of the bytes
+  if (!writer->Write() || writer->GetErrorCode() != 0) cannot_write(file);
+}
+
+template <int Dim> ordered_json json_of(const Resultant<Dim>& of) {
+  ordered_json json = {{"force", json_array(of.force)}};
+  if constexpr (Dim == 2)
+    json["moment"] = of.moment[0];
+  else
+    json["moment"] = json_array(of.moment);
+  return json;
+}
+
+/// The sums of loads and reactions, and what is left of both together.
+template <int Dim> ordered_json balance_json(const Balance<Dim>& balance) {
+  Resultant<Dim> loads, reactions;
+  for (const auto& load : balance.loads) loads += load.of;
+  for (const auto& [part, of] : balance.reactions) reactions += of;
+  return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
+}
+
+/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes,
+/// with their errors.
+template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim>& answer, ordered_json& json) {
+  json["strain_energy"] = answer.solution.strain_energy;
+  if (answer.estimates)
+    json["estimates"]["energy"] = {{"cloud", answer.estimates->cloud},
+                                   {"uncorrected", answer.estimates->uncorrected},
+                                   {"mesh", answer.estimates->mesh},
+                                   {"geometry", answer.estimates->geometry},
+                                   {"total", answer.estimates->total()}};
+  json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
+  json["probes"] = ordered_json::object();
+  for (const auto& [name, values] : answer.probes)
+    json["probes"][name] = {{"displacement", json_array(values.displacement)},
+                            {"strain", json_array(values.strain)},
+                            {"stress", json_array(values.stress)}};
+  for (const auto& [part, of] : answer.balance.reactions) json["reactions"][part] = json_of<Dim>(of);
+  for (const auto& [name, values] : answer.probes)
+    if (const auto error = answer.probe_errors.find(name); error != answer.probe_errors.end()) {
+      json["probes"][name]["error"] = json_array(error->second);
+      json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
+    }
+  for (const auto& reaction : answer.reactions) {
+    json["reactions"][reaction.name].update(
+        {{"force", json_array(reaction.force)}, {"error", json_array(reaction.error)}});
+    json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
+  }
+  json["loads"] = ordered_json::array();
+  for (const auto& load : answer.balance.loads) {
+    ordered_json one = {{"kind", load.kind}};
+    if (!load.on.empty()) one["on"] = load.on;
+    one.update(json_of<Dim>(load.of));
+    json["loads"].push_back(one);
+  }
+  json["balance"] = balance_json(answer.balance);
+  for (const auto& extreme : answer.extremes) {
+    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", json_array(extreme.at)}};
+    if (!extreme.error) continue;
+    json["extremes"][extreme.of]["error"] = *extreme.error;
+    json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
+  }
+  for (const auto& range : field_ranges(space, answer.fields))
+    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", json_array(range.most_at)}}},
+                                  {"min", {{"value", range.least}, {"at", json_array(range.least_at)}}}};
+}
+
+ordered_json errors_json(const Errors& errors) {
+  ordered_json json = ordered_json::object();
+  if (errors.l2_displacement) json["l2_displacement"] = *errors.l2_displacement;
+  if (errors.energy_norm) json["energy_norm"] = *errors.energy_norm;
+  if (errors.energy_norm_recovered) json["energy_norm_recovered"] = *errors.energy_norm_recovered;
+  return json;
+}
+
+}  // namespace
+
+std::string version() {
+  return EFREE_VERSION;
+}
+
+namespace {
+
+/// The cells of a space with their regions, at its places.
+template <int Dim> vtkNew<vtkUnstructuredGrid> grid_of(const FineSpace<Dim>& space) {
+  using Cell = VtkCell<Dim>;
+  vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(space.at_places(space.points()));
+  const std::size_t size = space.degree() == 1 ? Dim + 1 : Cell::order.size();
+  vtkNew<vtkCellArray> cells;
+  Matrix region(1, space.mesh().num_cells());
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) {
+    const auto places = space.places(c);
+    cells->InsertNextCell(static_cast<int>(size));
+    for (std::size_t i = 0; i < size; ++i) cells->InsertCellPoint(places[Cell::order[i]]);
+    region(0, c) = space.mesh().region(c);
+  }
+  grid->SetCells(space.degree() == 1 ? Cell::linear : Cell::quadratic, cells);
+  grid->GetCellData()->AddArray(array_of<vtkIntArray>("region", region, {""}));
+  return grid;
+}
+
+template <int Dim> void add_fields(vtkUnstructuredGrid* grid, const FineSpace<Dim>& space, const Fields<Dim>& fields,
+                                   const std::string& of = "") {
+  if (space.num_places() > space.size())
+    add_array(grid, of + "displacement", space.at_places(fields.displacement), {"x", "y", "z"});
+  else
+    add_array(grid, of + "displacement", fields.displacement, {"x", "y", "z"});
+  const auto components = component_names<Dim>(space.axisymmetric());
+  add_derived(grid, of + "strain", fields.strain, components);
+  add_derived(grid, of + "stress", fields.stress, components);
+  add_derived(grid, of + "von_mises", von_mises_at_places(fields).transpose(), {""});
+}
+
+}  // namespace
+
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space, const Fields<Dim>& fields) {
+  require(fields.displacement.cols() == space.size() && fields.strain.cols() == space.num_places() &&
+              fields.stress.cols() == space.num_places(),
+          "write_fields: displacements at the degrees of freedom of the space, strains and stresses at its places "
+          "expected");
+  const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
+  add_fields(grid, space, fields);
+  write_grid(file, grid);
+}
+
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  const FineSpace<Dim>& space = result.basis().space;
+  const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
+  add_fields<Dim>(grid, space, result.fields);
+  for (std::size_t k = 0; k < result.more.size(); ++k)
+    add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
+  Matrix restrained = Matrix::Zero(1, space.size()), loaded = restrained;
+  mark(space, settings.supports, restrained);
+  for (const auto& loads : loads_by_case(settings)) {
+    mark(space, loads.tractions, loaded);
+    mark(space, loads.resultants, loaded);
+    mark(space, loads.followers, loaded);
+  }
+  const auto add_mark = [&](const char* name, const Matrix& at_dofs) {
+    grid->GetPointData()->AddArray(array_of<vtkUnsignedCharArray>(name, space.at_places(at_dofs), {""}));
+  };
+  add_mark("restrained", restrained);
+  add_mark("loaded", loaded);
+  if (result.instability.size() > 0)
+    add_array(grid, "instability_mode", space.at_places(result.instability), {"x", "y", "z"});
+  for (const auto& [name, values] : result.remembered) {
+    const auto components = values.rows() == 6 ? std::vector<const char*>{"xx", "yy", "zz", "yz", "xz", "xy"}
+                                               : std::vector<const char*>(values.rows(), "");
+    add_array(grid, name, values, components);
+  }
+  if (result.error_density.size() > 0)
+    grid->GetCellData()->AddArray(array_of("error", result.error_density.transpose(), {""}));
+  write_grid(file, grid);
+}
+
+template <int Dim> void write_points(const std::filesystem::path& file, const Points<Dim>& points,
+                                     const std::vector<PointValues>& values) {
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(points);
+  vtkNew<vtkCellArray> cells;
+  for (Index p = 0; p < points.cols(); ++p) {
+    cells->InsertNextCell(1);
+    cells->InsertCellPoint(p);
+  }
+  grid->SetCells(VTK_VERTEX, cells);
+  for (const PointValues& of : values) {
+    if (of.values.cols() != points.cols())
+      throw InputError(
+          fmt::format("{}: {} values of {}, expected {}", file.string(), of.values.cols(), of.name, points.cols()));
+    std::vector<const char*> components;
+    for (Index i = 0; i < of.values.rows(); ++i)
+      components.push_back(i < static_cast<Index>(of.components.size()) ? of.components[i].c_str() : nullptr);
+    // A vector has three components for ParaView.
+    while (of.components == std::vector<std::string>{"x", "y"} && components.size() == 2) components.push_back("z");
+    add_array(grid, of.name, of.values, components);
+  }
+  write_grid(file, grid);
+}
+
+template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result) {
+  const Approximation<Dim>& approximation = result.approximation;
+  std::vector<std::string> axes{"x", "y"};
+  if (Dim == 3) axes.push_back("z");
+  write_points<Dim>(file, approximation.nodes,
+                    {{"displacement", result.fields.displacement(Eigen::all, approximation.node_dofs), axes}});
+}
+
+template <int Dim>
+void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  const Approximation<Dim>& approximation = result.approximation;
+  ordered_json json;
+  json["title"] = settings.title;
+  json["dimension"] = Dim;
+  json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
+                    {"fine_cells", result.mesh->num_cells()},
+                    {"regions", result.mesh->num_regions()}};
+  if (result.cells)
+    json["counts"]["cells"] = result.cells->finest().cells;
+  else
+    json["counts"].update(
+        {{"nodes", approximation.nodes.cols()}, {"quadrature_points", approximation.quadrature.size()}});
+  json["regions"] = result.mesh->region_names();
+  json["boundaries"] = ordered_json::object();
+  for (const auto& part : result.parts)
+    json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
+  json["model"] = {{"taken", result.regime == Regime::linear ? "linear" : "finite"}};
+  for (const LinearCheck& check : result.linear_checks) {
+    ordered_json one = {{"time", check.time},
+                        {"linear", check.enough},
+                        {"displacement", check.displacement},
+                        {"stress", check.stress},
+                        {"overload", check.overload},
+                        {"strain", check.strain},
+                        {"rotation", check.rotation},
+                        {"negative_pivots", check.negative_pivots},
+                        {"same", check.same}};
+    if (!check.failure.empty()) one["failure"] = check.failure;
+    json["model"]["tolerance"] = settings.regime_tolerance;
+    json["model"]["checks"].push_back(one);
+  }
+  if (!result.history.empty()) {
+    const auto& last = result.history.back();
+    int iterations = 0;
+    for (const auto& step : result.history) iterations += step.iterations;
+    json["path"] = {{"steps", result.history.size()},
+                    {"time", last.time},
+                    {"iterations", iterations},
+                    {"dissipated", last.dissipated},
+                    {"smallest_J", last.smallest_jacobian},
+                    {"plastic_share", last.plastic_share},
+                    {"negative_pivots", last.negative_pivots}};
+    for (const auto& [name, values] : result.remembered)
+      if (values.rows() == 1) json["path"]["largest"][name] = values.maxCoeff();
+    json["path"]["gap"] = result.gap;
+    if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
+  }
+  if (result.errors) json["errors"] = errors_json(*result.errors);
+  add_answer<Dim>(result.basis().space, result, json);
+  if (result.cells) {
+    json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
+    for (const CellLevel& level : result.cells->levels)
+      json["grids"].push_back({{"edges", json_array(level.edges)},
+                               {"cells", level.cells},
+                               {"iterations", level.iterations},
+                               {"strain_energy", level.strain_energy}});
+  }
+  if (result.cells) json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
+  for (const Attempt& attempt : result.attempts)
+    json["attempts"].push_back({{"mesh_size", attempt.size},
+                                {"fine_cells", attempt.cells},
+                                {"degree", attempt.degree},
+                                {"error", attempt.error},
+                                {"seconds", attempt.seconds}});
+  for (std::size_t k = 0; k < result.attempts.size(); ++k)
+    if (result.attempts[k].spacing > 0.0) json["attempts"][k]["spacing"] = result.attempts[k].spacing;
+  if (!result.history.empty())
+    for (const auto& reaction : settings.reactions)
+      json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
+  if (result.cloud_alone)
+    json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
+                                        {"probes", result.cloud_alone->probes}};
+  if (result.path_errors)
+    json["estimates"]["path"] = {{"coarser", result.path_errors->coarser}, {"until", result.path_errors->until},
+                                 {"work", result.path_errors->work},       {"reactions", result.path_errors->reactions},
+                                 {"probes", result.path_errors->probes},   {"stress", nullptr}};
+  if (result.path_errors && result.path_errors->stress)
+    json["estimates"]["path"]["stress"] = *result.path_errors->stress;
+  if (result.path_errors && result.path_errors->limit) json["estimates"]["path"]["limit"] = *result.path_errors->limit;
+  for (std::size_t k = 0; k < settings.cases.size(); ++k) {
+    const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
+    add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);
+  }
+  json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
+                     {"largest_support_growth", approximation.mls.largest_growth},
+                     {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
+                     {"small_bodies", approximation.small_bodies},
+                     {"own_functions", approximation.mls.own_functions},
+                     {"quadrature_points_dropped", approximation.dropped_points},
+                     {"interpolation", result.basis().space.degree()}};
+  ApproximationOptions asked = settings.approximation;
+  asked.dilatation = approximation.averaged ? Dilatation::averaged : Dilatation::pointwise;
+  const bool has_cloud = approximation.shape.num_nodes() < approximation.space.size();
+  json["reports"]["basis"] = result.cells                         ? "cells"
+                             : has_cloud                          ? "mls"
+                             : result.basis().space.degree() == 1 ? "p1"
+                                                                  : "p2";
+  if (!result.cells && has_cloud && asked.secondary != SecondaryKind::full) {
+    const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
+    json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
+    json["reports"]["ratio_reached"] = approximation.ratio();
+  }
+  for (const auto& [name, reported] : result.reports)
+    std::visit([&, &key = name](auto value) { json["reports"][key] = value; }, reported);
+  json["reports"]["warnings"] = result.warnings;
+  for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
+  json["seconds"]["total"] = result.times.total();
+  json["peak_memory_mb"] = peak_memory_mb();
+  json["bytes_per_fine_vertex"] = 0x1p20 * peak_memory_mb() / result.mesh->num_vertices();
+  json["threads"] = num_threads();
+  json["version"] = version();
+  write_json(file, json);
+}
+
+void write_failure(const std::filesystem::path& file, const std::string& title, const std::string& reason,
+                   const std::string& stage, const std::string& results) {
+  write_json(file, {{"title", title},
+                    {"status", "failed"},
+                    {"reason", reason},
+                    {"stage", stage},
+                    {"results", results},
+                    {"version", version()}});
+}
+
+template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void write_fields<2>(const std::filesystem::path&, const FineSpace<2>&, const Fields<2>&);
+template void write_points<2>(const std::filesystem::path&, const Points<2>&, const std::vector<PointValues>&);
+template void write_points<3>(const std::filesystem::path&, const Points<3>&, const std::vector<PointValues>&);
+template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
+template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
+template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template void write_fields<3>(const std::filesystem::path&, const FineSpace<3>&, const Fields<3>&);
+template void write_nodes<3>(const std::filesystem::path&, const Result<3>&);
+template void write_result<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+
+}  // namespace efree

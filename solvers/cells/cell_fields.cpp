@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/input/box_averages.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace efree {
+namespace {
+
+/// The points of a grid as a row of columns.
+struct GridPoints {
+  const Lattice& grid;
+  std::array<Index, 3> size{grid.cubes[0] + 1, grid.cubes[1] + 1, grid.cubes[2] + 1};
+  Eigen::Index at(Index i, Index j, Index k) const {
+    return i + static_cast<Eigen::Index>(size[0]) * (j + static_cast<Eigen::Index>(size[1]) * k);
+  }
+  Eigen::Index count() const { return at(0, 0, size[2]); }
+};
+
+/// A point's cell and where it is in it.
+struct Place {
+  std::array<Index, 3> cell;
+  Vec<3> t;
+  double weight(int corner) const {
+    double w = 1.0;
+    for (int d = 0; d < 3; ++d) w *= corner >> d & 1 ? t[d] : 1.0 - t[d];
+    return w;
+  }
+};
+Place place_of(const Lattice& grid, const Vec<3>& x) {
+  Place place;
+  for (int d = 0; d < 3; ++d) {
+    const double u = std::clamp((x[d] - grid.origin[d]) / grid.spacing[d], 0.0, static_cast<double>(grid.cubes[d]));
+    place.cell[d] = std::min(static_cast<Index>(u), grid.cubes[d] - 1);
+    place.t[d] = u - place.cell[d];
+  }
+  return place;
+}
+
+/// Gradient of a displacement on the grid, du_c / dx_d.
+Mat<3> slope_at(const GridPoints& points, const Points<3>& displacement, const Place& place) {
+  Mat<3> slope = Mat<3>::Zero();
+  for (int a = 0; a < 8; ++a) {
+    const auto u =
+        displacement.col(points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2)));
+    for (int d = 0; d < 3; ++d) {
+      double w = (a >> d & 1 ? 1.0 : -1.0) / points.grid.spacing[d];
+      for (int e = 0; e < 3; ++e)
+        if (e != d) w *= a >> e & 1 ? place.t[e] : 1.0 - place.t[e];
+      slope.col(d) += w * u;
+    }
+  }
+  return slope;
+}
+
+/// Strains at the eight points of the cells of a layer (6 x 8 cells), each cell's points together.
+void strains_of_layer(const CellSolution& solution, Index k, Matrix& strains) {
+  const GridPoints points{solution.grid};
+  const auto& n = solution.grid.cubes;
+  strains.resize(6, static_cast<Eigen::Index>(8) * n[0] * n[1]);
+  Eigen::Index column = 0;
+  for (Index j = 0; j < n[1]; ++j)
+    for (Index i = 0; i < n[0]; ++i) {
+      Eigen::Matrix<double, 3, 8> u;
+      for (int a = 0; a < 8; ++a)
+        u.col(a) = solution.displacement.col(points.at(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2)));
+      for (int q = 0; q < 8; ++q, ++column) {
+        Mat<3> slope = Mat<3>::Zero();  // du_c / dx_d
+        for (int a = 0; a < 8; ++a)
+          for (int d = 0; d < 3; ++d) {
+            double w = (a >> d & 1 ? 1.0 : -1.0) / solution.grid.spacing[d];
+            for (int e = 0; e < 3; ++e)
+              if (e != d) w *= (a >> e & 1) == (q >> e & 1) ? 0.75 : 0.25;
+            slope.col(d) += w * u.col(a);
+          }
+        strains.col(column) << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1),
+            slope(0, 2) + slope(2, 0), slope(0, 1) + slope(1, 0);
+      }
+    }
+}
+
+/// Strains at the points of the grid from those at the points of the cells around, weighted with how much of a region
+/// is there: linear fits, means where there is too little for one. Without any of the region: not a number.
+Matrix nodal_strains(const CellSolution& solution, const std::vector<float>& part) {
+  const GridPoints points{solution.grid};
+  const auto& n = solution.grid.cubes;
+  const std::size_t along = 2 * static_cast<std::size_t>(n[0]), plane = along * 2 * n[1];
+  Matrix result(6, points.count());
+  parallel_chunks(points.size[2], 8, [&](Index begin, Index end) {
+    std::array<Matrix, 2> layers;  // below and above the points
+    if (begin > 0) strains_of_layer(solution, begin - 1, layers[1]);
+    for (Index k = begin; k < end; ++k) {
+      std::swap(layers[0], layers[1]);
+      if (k < n[2]) strains_of_layer(solution, k, layers[1]);
+      for (Index j = 0; j < points.size[1]; ++j)
+        for (Index i = 0; i < points.size[0]; ++i) {
+          Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
+          Eigen::Matrix<double, 4, 6> sums = Eigen::Matrix<double, 4, 6>::Zero();
+          for (int c = 0; c < 8; ++c) {
+            const Index x = i - 1 + (c & 1), y = j - 1 + (c >> 1 & 1), z = k - 1 + (c >> 2);
+            if (x < 0 || y < 0 || z < 0 || x >= n[0] || y >= n[1] || z >= n[2]) continue;
+            const auto cell = x + static_cast<Eigen::Index>(n[0]) * y;
+            for (int q = 0; q < 8; ++q) {
+              const double w = part[2 * x + (q & 1) + along * (2 * y + (q >> 1 & 1)) + plane * (2 * z + (q >> 2))];
+              if (w == 0.0) continue;
+              Eigen::Vector4d p(1.0, x + (q & 1 ? 0.75 : 0.25) - i, y + (q & 2 ? 0.75 : 0.25) - j,
+                                z + (q & 4 ? 0.75 : 0.25) - k);
+              moments.noalias() += w * p * p.transpose();
+              sums.noalias() += w * p * layers[c >> 2].col(8 * cell + q).transpose();
+            }
+          }
+          auto strain = result.col(points.at(i, j, k));
+          if (moments(0, 0) == 0.0) {
+            strain.setConstant(std::numeric_limits<double>::quiet_NaN());
+            continue;
+          }
+          // Slopes are held back where points are few or on one side.
+          for (int d = 1; d < 4; ++d) moments(d, d) += 0.005 * moments(0, 0);
+          strain = moments.ldlt().solve(sums).row(0).transpose();
+        }
+    }
+  });
+  return result;
+}
+
+}  // namespace
+
+Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x) {
+  Lattice grid = solution.grid;
+  for (int d = 0; d < 3; ++d)
+    grid.cubes[d] =
+        static_cast<Index>(std::lround(grid.cubes[d] * solution.grid.spacing[d] / solution.levels[level].edges[d]));
+  grid.spacing = solution.levels[level].edges;
+  const Points<3>& displacement = level == 0 ? solution.displacement : solution.levels[level].displacement;
+  const GridPoints points{grid};
+  const Place place = place_of(grid, x);
+  Vec<3> u = Vec<3>::Zero();
+  for (int a = 0; a < 8; ++a)
+    u += place.weight(a) *
+         displacement.col(points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2)));
+  return u;
+}
+
+Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
+                       const std::vector<SharedMaterial>& materials) {
+  const GridPoints points{solution.grid};
+  const Materials<3> by_region(materials, Plane::strain);
+  Vector errors(mesh.num_cells());
+  parallel_for(mesh.num_cells(), [&](Index c) {
+    const Mat<3> slope = slope_at(points, solution.displacement, place_of(solution.grid, mesh.centroid(c)));
+    Voigt<3> strain;
+    strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
+        slope(0, 1) + slope(1, 0);
+    Stiffness<3> room;
+    const auto& stiffness = by_region.stiffness(mesh.region(c), mesh.centroid(c), room);
+    Voigt<3> difference = -stiffness.C * strain;
+    for (int a = 0; a < 4; ++a) difference += 0.25 * fields.stress.col(mesh.cells()(a, c));
+    errors[c] = mesh.volume(c) * difference.dot(stiffness.S * difference);
+  });
+  return errors;
+}
+
+Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials) {
+  const GridPoints points{solution.grid};
+  const Materials<3> by_region(materials, Plane::strain);
+  std::vector<Index> region_of(mesh.num_vertices(), -1);
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (int a = 0; a < 4; ++a) region_of[mesh.cells()(a, c)] = mesh.region(c);
+  Fields<3> fields;
+  fields.displacement.resize(3, mesh.num_vertices());
+  fields.strain.resize(6, mesh.num_vertices());
+  fields.stress.resize(6, mesh.num_vertices());
+  const auto& n = solution.grid.cubes;
+  for (Index region = 0; region < mesh.num_regions(); ++region) {
+    std::vector<float> inside(region_of_label.size());
+    for (std::size_t label = 0; label < inside.size(); ++label) inside[label] = region_of_label[label] == region;
+    const Matrix strains = nodal_strains(solution, box_averages(image, inside, {2 * n[0], 2 * n[1], 2 * n[2]}));
+    parallel_for(mesh.num_vertices(), [&](Index v) {
+      if (region_of[v] != region) return;
+      const Place place = place_of(solution.grid, mesh.vertex(v));
+      Vec<3> u = Vec<3>::Zero();
+      Eigen::Matrix<double, 6, 1> strain = Eigen::Matrix<double, 6, 1>::Zero();
+      double all = 0.0;
+      for (int a = 0; a < 8; ++a) {
+        const Eigen::Index at =
+            points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2));
+        const double w = place.weight(a);
+        u += w * solution.displacement.col(at);
+        if (!std::isfinite(strains(0, at))) continue;
+        // A vertex on a point without material still has a strain if another corner has one.
+        strain += (w + 1e-9) * strains.col(at);
+        all += w + 1e-9;
+      }
+      fields.displacement.col(v) = u;
+      fields.strain.col(v) =
+          all > 0.0 ? Eigen::Matrix<double, 6, 1>(strain / all) : Eigen::Matrix<double, 6, 1>::Zero();
+      Stiffness<3> room;
+      fields.stress.col(v) = by_region.stiffness(region, mesh.vertex(v), room).C * fields.strain.col(v);
+    });
+  }
+  return fields;
+}
+
+}  // namespace efree

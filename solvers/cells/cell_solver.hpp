@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Linear elasticity of images on a regular grid, without a mesh and without a matrix.
+#pragma once
+
+#include "efree/assembly/loads.hpp"
+#include "efree/core/monitor.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/meshing/lattice_mesh.hpp"
+#include "efree/materials/material.hpp"
+#include "efree/solvers/algorithms/static_analysis.hpp"
+
+#include <string>
+#include <vector>
+
+namespace efree {
+
+/// Whether a part of the boundary is a side of an image's frame: "left", "right" (x), "front", "back" (y), "bottom",
+/// "top" (z).
+bool is_side(const std::string& name);
+
+/// Whether a material is isotropic at X, as cells take it. Throws InputError for none.
+bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
+
+/// Memory that solve_on_cells takes [bytes to a point of the grid].
+inline constexpr double cell_memory = 320.0;
+
+/// How fine and how exact a solution on cells is.
+struct CellOptions {
+  double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
+  double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
+  int most = 200;           ///< iterations on a grid after which it is given up
+  bool half_voxel = false;  ///< also say what half a voxel changes
+};
+
+/// What was found on one grid.
+struct CellLevel {
+  Vec<3> edges;     ///< of a cell [length]
+  Index cells = 0;  ///< that are not void
+  int iterations = 0;
+  double strain_energy = 0.0;    ///< [force * length]
+  double potential = 0.0;        ///< strain energy less the work of the loads
+  double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
+  /// By side on which something is prescribed: the force and moment by which that holds the body. Where sides meet each
+  /// has a like share of what both prescribe; what iterations leave out of balance goes to the sides that hold its
+  /// direction, so that reactions balance the loads to rounding.
+  Resultants<3> reactions{};
+  /// Of the second and third grid: 3 x points, as CellSolution::displacement.
+  Points<3> displacement{};
+};
+
+/// What was found on the finest grid, and on the coarser ones before it.
+struct CellSolution {
+  Lattice grid;
+  Points<3> displacement;         ///< 3 x points of the grid; continued to points of void next to the body, 0 beyond
+  std::vector<CellLevel> levels;  ///< ascending edges: the answer's own grid first
+  std::vector<AppliedLoad<3>> applied;  ///< the loads, as the finest grid has them
+  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids.
+  double grid_error = 0.0;
+  /// Strain energy extrapolated to cells without size from the last two grids at the rate of the last three, between
+  /// one and two (that of smooth fields and boundaries; re-entrant corners and noise come with less).
+  double extrapolated_energy = 0.0;
+
+  /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
+  /// voxel further in.
+  double half_voxel = 0.0;
+
+  const CellLevel& finest() const { return levels.front(); }
+};
+
+/// Trilinear displacements on a grid of equal boxes that the image's frame is cut into, their strains weighted with the
+/// stiffness of what the image has in each octant of a cell (finite cells; Parvizian, Duester & Rank 2007). Conjugate
+/// gradients preconditioned by geometric multigrid, a Chebyshev polynomial over the diagonal as smoother (Adams,
+/// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
+///
+/// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of each
+/// octant (of more than two voxels a side: at points two voxels apart, and their mean). Conditions and loads are on the
+/// sides of the frame: "left", "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the
+/// grid's points. Bodies that nothing holds and nothing loads do not count. Bitwise the same on any number of threads;
+/// memory: cell_memory.
+///
+/// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
+/// or with one that is not isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not
+/// held, or too little memory; NumericalError if the iterations break down or do not end.
+CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
+                            const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
+                            const CellOptions& options = {}, const Monitor& monitor = {});
+
+/// Displacement at a point of the frame on one of the three finest grids, counted from the finest.
+Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x);
+
+/// By cell of the mesh, with the fields recovered on it: the square of the distance, in the energy norm, between their
+/// stress at the centroid and that of the solution's gradients there [force * length]. `materials` by region.
+Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
+                       const std::vector<SharedMaterial>& materials);
+
+/// Displacement, strain and stress at the vertices of a mesh of the image, each of one region (cut_regions).
+/// Displacements are interpolated; strains are linear fits around the points of the grid to those of the cells,
+/// weighted with how much of the region is at them, and interpolated in between. `region_of_label` by label: region of
+/// the mesh, -1 where there is none; `materials` by region. Bitwise the same on any number of threads.
+Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials);
+
+}  // namespace efree
