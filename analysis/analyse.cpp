@@ -14,7 +14,7 @@
 #include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/finite.hpp"
-#include "efree/solvers/equations/reactions.hpp"
+#include "efree/solvers/algorithms/element_reactions.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

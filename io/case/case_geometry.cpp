@@ -15,6 +15,7 @@
 #include "efree/geometry/meshing/surface_image.hpp"
 #include "efree/io/case/internal/read_geometry.hpp"
 #include "efree/io/confined/internal/confined.hpp"
+#include "efree/io/confined/internal/transfer.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

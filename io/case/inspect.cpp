@@ -9,6 +9,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "efree/io/case/internal/inspection_fields.hpp"
 #include "efree/io/case/otm_case.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"

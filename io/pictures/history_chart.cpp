@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// An analysis through time as a picture.
+#include "efree/io/pictures/history_chart.hpp"
+
 #include "efree/io/pictures/internal/canvas.hpp"
-#include "efree/io/records/history.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -4,7 +4,6 @@
 #include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/pictures/internal/canvas.hpp"
-#include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
 #include <vtkColorTransferFunction.h>

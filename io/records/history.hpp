@@ -21,9 +21,4 @@ template <int Dim> std::string history_line(const HistoryStep<Dim>& step);
 template <int Dim> void write_history(const std::filesystem::path& file, const Settings<Dim>& settings,
                                       const std::vector<HistoryStep<Dim>>& history);
 
-/// history.png: reactions, and displacements of probes, over time; of each the eight components that become largest.
-/// Throws InputError if the file cannot be written.
-template <int Dim> void draw_history(const std::filesystem::path& file, const Settings<Dim>& settings,
-                                     const std::vector<HistoryStep<Dim>>& history);
-
 }  // namespace efree

@@ -11,7 +11,7 @@
 #include "efree/solvers/equations/internal/side_by_side.hpp"
 #include "efree/solvers/equations/internal/stiffness_terms.hpp"
 #include "efree/solvers/equations/locking.hpp"
-#include "efree/solvers/equations/reactions.hpp"
+#include "efree/solvers/equations/nodal_reactions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

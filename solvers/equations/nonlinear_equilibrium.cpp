@@ -15,7 +15,7 @@
 #include "efree/solvers/equations/internal/patch_shear.hpp"
 #include "efree/solvers/equations/internal/stiffness_terms.hpp"
 #include "efree/solvers/equations/locking.hpp"
-#include "efree/solvers/equations/reactions.hpp"
+#include "efree/solvers/equations/nodal_reactions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

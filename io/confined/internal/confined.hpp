@@ -2,7 +2,7 @@
 /// Work on files that others wrote, in a process that can do no harm.
 #pragma once
 
-#include "efree/io/confined/internal/transfer.hpp"
+#include "efree/core/internal/packer.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <functional>
@@ -28,7 +28,7 @@ struct Confinement {
 std::string run_confined(const Confinement& confinement, const std::function<std::string()>& work,
                          const std::function<void()>& watch = {});
 
-/// The same with a value of any type that Packer takes.
+/// The same with a value of any type that Packer takes (transfer.hpp has `fields` of meshes and images).
 template <class Work>
 auto confined(const Confinement& confinement, const Work& work, const std::function<void()>& watch = {}) {
   const auto packed = [&] {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Charts of a convergence study, drawn by gnuplot.
+#include "efree/io/pictures/study_charts.hpp"
+
 #include "efree/core/error.hpp"
 #include "efree/io/files/child_process.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
-#include "efree/io/records/convergence.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
