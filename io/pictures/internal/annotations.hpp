@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What stands beside a body in a picture: scales, axes, explanations of colours.
+#pragma once
+
+#include "efree/io/pictures/internal/colours.hpp"
+#include "efree/io/pictures/internal/scene.hpp"
+
+#include <string>
+
+namespace efree::internal::drawing {
+
+/// A coloured square and what it stands for; x, y in pixels.
+void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size);
+
+/// Little axes as seen in `view`, in the lower right corner.
+void draw_axes(Canvas& canvas, const View& view, bool solid);
+
+/// The colours of a scale with their values, at the right.
+void draw_scale(Canvas& canvas, const ColourScale& scale);
+
+}  // namespace efree::internal::drawing
