@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Images that VTK reads: PNG, TIFF, MetaImage.
+#include "efree/geometry/input/internal/pixel_values.hpp"
+
+#include <fmt/format.h>
+#include <vtkCallbackCommand.h>
+#include <vtkDataArray.h>
+#include <vtkExecutive.h>
+#include <vtkImageData.h>
+#include <vtkImageReader2.h>
+#include <vtkMetaImageReader.h>
+#include <vtkNew.h>
+#include <vtkPNGReader.h>
+#include <vtkPointData.h>
+#include <vtkSmartPointer.h>
+#include <vtkTIFFReader.h>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace efree::internal {
+namespace {
+
+std::string name_of_vtk_type(int type) {
+  switch (type) {
+    case VTK_FLOAT:
+      return "float32";
+    case VTK_DOUBLE:
+      return "float64";
+    default:
+      break;
+  }
+  const int bytes = vtkDataArray::GetDataTypeSize(type);
+  const bool is_signed = vtkDataArray::GetDataTypeMin(type) < 0.0;
+  return fmt::format("{}int{}", is_signed ? "" : "u", 8 * bytes);
+}
+
+/// Throws for a file that ends early: PNG files are chains of chunks that end with IEND.
+void check_png(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  file.seekg(8);
+  std::array<unsigned char, 8> chunk;
+  const auto length = std::filesystem::file_size(path);
+  std::uint64_t at = 8;
+  while (file.read(reinterpret_cast<char*>(chunk.data()), 8)) {
+    const std::uint64_t bytes = chunk[0] * 16777216ULL + chunk[1] * 65536ULL + chunk[2] * 256ULL + chunk[3];
+    at += 12 + bytes;
+    if (at > length) break;
+    if (std::memcmp(chunk.data() + 4, "IEND", 4) == 0) return;
+    file.seekg(static_cast<std::streamoff>(at));
+  }
+  throw InputError(fmt::format("{}: it is truncated", path));
+}
+
+/// MetaImage's library goes on with zeros where values are missing, so their number is checked here.
+void check_length(const std::string& path, double bytes) {
+  std::ifstream file(path, std::ios::binary);
+  bool compressed = false;
+  for (std::string line; std::getline(file, line);) {
+    const auto equals = line.find('=');
+    if (equals == std::string::npos) break;
+    std::string value;
+    std::istringstream(line.substr(equals + 1)) >> value;
+    const bool yes = value == "True" || value == "true" || value == "1";
+    if (line.starts_with("CompressedData ") && yes) compressed = true;
+    if (line.starts_with("CompressedDataSize")) bytes = std::stod(value);
+    if (!line.starts_with("ElementDataFile")) continue;
+    if (value == "LIST" || value.find('%') != std::string::npos) return;
+    const bool local = value == "LOCAL" || value == "Local" || value == "local";
+    const auto data = std::filesystem::path(path).parent_path() / value;
+    if (!local && !std::filesystem::exists(data))
+      throw InputError(fmt::format("{}: its values should be in \"{}\", which does not exist", path, data.string()));
+    const double there = local
+                             ? static_cast<double>(std::filesystem::file_size(path)) - static_cast<double>(file.tellg())
+                             : static_cast<double>(std::filesystem::file_size(data));
+    if (there < bytes && (!compressed || bytes > 0.0)) throw_truncated(path, bytes, there);
+    return;
+  }
+  throw InputError(fmt::format("{}: it is truncated, or no MetaImage file", path));
+}
+
+PixelValues read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImageReader2>& reader, bool meta,
+                          bool centred) {
+  std::string complaint;
+  vtkNew<vtkCallbackCommand> observer;
+  observer->SetClientData(&complaint);
+  observer->SetCallback([](vtkObject*, unsigned long, void* to, void* text) {
+    auto& complaint_of_vtk = *static_cast<std::string*>(to);
+    if (!complaint_of_vtk.empty() || text == nullptr) return;
+    complaint_of_vtk = static_cast<const char*>(text);
+    // "ERROR: In file, line n\nvtkReader (0x...): what is wrong\n\n"
+    if (const auto at = complaint_of_vtk.find("): "); at != std::string::npos) complaint_of_vtk.erase(0, at + 3);
+    while (!complaint_of_vtk.empty() && std::isspace(complaint_of_vtk.back())) complaint_of_vtk.pop_back();
+  });
+  for (const unsigned long event : {vtkCommand::ErrorEvent, vtkCommand::WarningEvent}) {
+    reader->AddObserver(event, observer);
+    reader->GetExecutive()->AddObserver(event, observer);
+  }
+  const auto check = [&] {
+    if (!complaint.empty() || reader->GetErrorCode() != 0)
+      throw InputError(
+          fmt::format("{}: it is truncated or broken{}{}", path, complaint.empty() ? "" : ": ", complaint));
+  };
+  reader->SetFileName(path.c_str());
+  reader->UpdateInformation();
+  check();
+  PixelValues v;
+  const int* extent = reader->GetDataExtent();
+  for (int d = 0; d < 3; ++d) {
+    v.size[d] = extent[2 * d + 1] - extent[2 * d] + 1;
+    if (v.size[d] < 1) throw InputError(fmt::format("{}: it is truncated or broken, it has no pixels", path));
+    if (const double spacing = reader->GetDataSpacing()[d]; meta || spacing > 0.0) v.spacing[d] = spacing;
+    if (centred) v.origin[d] = reader->GetDataOrigin()[d] - 0.5 * v.spacing[d];
+  }
+  const std::size_t each = vtkDataArray::GetDataTypeSize(reader->GetDataScalarType());
+  v.components = reader->GetNumberOfScalarComponents();
+  require_room(path, v, each);
+  if (meta) check_length(path, static_cast<double>(v.pixels() * v.components * each));
+  reader->Update();
+  check();
+  const vtkSmartPointer<vtkImageData> image = reader->GetOutput();
+  vtkDataArray* scalars = image->GetPointData()->GetScalars();
+  if (scalars == nullptr || static_cast<std::size_t>(scalars->GetNumberOfTuples()) != v.pixels())
+    throw InputError(fmt::format("{}: it is truncated or broken, values are missing", path));
+  v.shared = std::shared_ptr<const void>(scalars->GetVoidPointer(0), [image](const void*) {});
+  v.components = scalars->GetNumberOfComponents();
+  v.type = name_of_vtk_type(scalars->GetDataType());
+  return v;
+}
+
+/// VTK's reader goes through as many dimensions as the header says there are.
+void check_dimensions(const std::string& path, const std::string& head) {
+  const std::size_t value = head.find_first_not_of(" \t=:", head.find("NDims") + 5);
+  const double dimensions = value == std::string::npos ? 0.0 : std::strtod(head.c_str() + value, nullptr);
+  if (dimensions != 2.0 && dimensions != 3.0)
+    throw InputError(fmt::format("{}: it has {} dimensions (NDims), expected 2 or 3", path, dimensions));
+}
+
+}  // namespace
+
+PixelValues read_png(const std::string& path) {
+  check_png(path);
+  return read_with_vtk(path, vtkSmartPointer<vtkPNGReader>::New(), false, false);
+}
+
+PixelValues read_tiff(const std::string& path) {
+  PixelValues v = read_with_vtk(path, vtkSmartPointer<vtkTIFFReader>::New(), false, false);
+  v.top_first = true;  // unlike VTK's other readers, whatever the file's orientation tag
+  return v;
+}
+
+PixelValues read_meta_image(const std::string& path, const std::string& head) {
+  check_dimensions(path, head);
+  return read_with_vtk(path, vtkSmartPointer<vtkMetaImageReader>::New(), true, true);
+}
+
+}  // namespace efree::internal
