@@ -153,17 +153,8 @@ template <int Dim> TractionCondition<Dim> pull(const char* on, const Vec<Dim>& t
   return {on, [t](const Vec<Dim>&, const Vec<Dim>&) { return t; }};
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const std::string part = argc > 1 ? argv[1] : "all";
-  std::printf(
-      "| case | functional | degree | value | true error [%%] | reported / truth | signed / truth | cell by cell / "
-      "truth | "
-      "norms / truth | CPU of u, of z [s] |\n|---|---|---|---|---|---|---|---|---|---|\n");
-  const auto run = [&](const std::string& name, const auto& make) {
-    if (part == "all" || name.find(part) != std::string::npos) compare(name, make());
-  };
+/// Of one material, in the plane.
+template <class Run> void run_plane_cases(const Run& run) {
   for (const double h : {0.4, 0.2, 0.1})
     run("plate", [&] {
       return Problem<2>{Kirsch::mesh(h),
@@ -232,6 +223,10 @@ int main(int argc, char** argv) {
                          {"R_y right", "right", {}, 1},
                          {"R_x left", "left", {}, 0}}};
     });
+}
+
+/// Of two materials.
+template <class Run> void run_inclusions(const Run& run) {
   static const Inclusion stiff(1.0, 0.6, 1000.0), soft(1.0, 0.6, 0.001);
   for (const Inclusion* inclusion : {&stiff, &soft})
     run(inclusion == &stiff ? "inclusion 1000 : 1" : "inclusion 1 : 1000", [&] {
@@ -253,6 +248,10 @@ int main(int argc, char** argv) {
           inclusion->loads(),
           {{"u_x rim", "", {1.0, 0.0}, 0}, {"u_x inside", "", {0.3, 0.2}, 0}, {"R_x left", "left", {}, 0}}};
     });
+}
+
+/// Bodies of revolution and in space.
+template <class Run> void run_space_cases(const Run& run) {
   for (const double h : {0.12, 0.06})
     run("cylinder, section", [&] {
       return Problem<2>{
@@ -287,4 +286,20 @@ int main(int argc, char** argv) {
                          {"R_z right", "right", {}, 2},
                          {"R_z left", "left", {}, 2}}};
     });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string part = argc > 1 ? argv[1] : "all";
+  std::printf(
+      "| case | functional | degree | value | true error [%%] | reported / truth | signed / truth | cell by cell / "
+      "truth | "
+      "norms / truth | CPU of u, of z [s] |\n|---|---|---|---|---|---|---|---|---|---|\n");
+  const auto run = [&](const std::string& name, const auto& make) {
+    if (part == "all" || name.find(part) != std::string::npos) compare(name, make());
+  };
+  run_plane_cases(run);
+  run_inclusions(run);
+  run_space_cases(run);
 }

@@ -423,6 +423,7 @@ template <int Dim> struct Corrector<Dim>::Impl {
   /// All of them in step.
   std::vector<Correction<Dim>> iterate(const std::vector<Beginning>& from, const CorrectionOptions& options,
                                        const Stage& stage) const;
+  struct Iterates;
   /// Which of them are sums of others: their terms.
   std::vector<std::vector<internal::Term>> sums_among(const std::vector<Beginning>& from) const;
   /// Those of these numbers.
@@ -623,159 +624,146 @@ template <int Dim> void Corrector<Dim>::Impl::combine(const Beginning& from, con
   result.strain_energy = 0.5 * result.whole;
 }
 
-template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Beginning& from,
-                                                           const CorrectionOptions& options, const Stage& stage,
-                                                           End& end) const {
-  const auto& [forces, start, first_u] = from;
-  Points<Dim> u = first_u;
+/// The iterates for one right-hand side, and what is known of their errors. All is done on the nodes that the
+/// condensation leaves; the others follow in the end, exactly. Products that iterations share (InStep) are awaited
+/// between the members.
+template <int Dim> struct Corrector<Dim>::Impl::Iterates {
+  const Impl& problem;
+  const Points<Dim>&forces, &start;
+  const CorrectionOptions& options;
+  End& end;
   Correction<Dim>& result = end.correction;
-  const Impl& problem = *this;
-  // All is done on the nodes that the condensation leaves; the others follow in the end, exactly.
-  const Points<Dim> f = condensation.reduced(forces);
-  const auto with_all = [&](Points<Dim> of) {
-    condensation.follow(forces, of);
-    return of;
-  };
-  // Where nothing pulls nothing moves, whatever rounding there is in the start.
-  if (supports.held(u).isZero(0.0)) {
-    Points<Dim> pulls = f;
-    supports.release(pulls);
-    if (pulls.isZero(0.0)) u.setZero();
-  }
-  // g = K u goes along with u, r = f - g on what is free.
-  Points<Dim> g, r, z, q, p;
-  const auto residual = [&] {
-    r = f - g;
-    problem.supports.release(r);
-  };
-  // The answer that there was before a coarse space other than the cloud's, beside that space: all later iterates stay
-  // the best ones with it, too, so that their energy is off by the square of their error only.
-  Points<Dim> own, pull;
-  double own_stiffness = 0.0;
-  const auto keep_own = [&](const Level<Dim>& level) {
-    own = u;
-    problem.supports.release(own);
-    K.multiply(own, q);
-    problem.supports.release(q);
-    const double energy = dot<Dim>(own, q);
-    own -= level.space->solve(q);
-    K.multiply(own, pull);
-    problem.supports.release(pull);
-    own_stiffness = dot<Dim>(own, pull);
-    if (!(own_stiffness > dependent * energy)) own_stiffness = 0.0;
-  };
-  /// Makes u the best answer in the space of a level around it. Returns the squared error that takes off.
-  const auto best_in = [&](const Level<Dim>& level) {
-    residual();
-    z = level.space->solve(r);
-    double square = dot<Dim>(r, z);
-    u += z;
-    K.multiply(u, g);
-    residual();
-    if (own_stiffness > 0.0) {
-      const double factor = dot<Dim>(own, r) / own_stiffness;
-      add<Dim>(u, factor, own);
-      square += factor * factor * own_stiffness;
-      K.multiply(u, g);
-      residual();
-    }
-    return square;
-  };
-  // Of u . K u what is not in springs, or else holds the boundary weakly.
-  const auto strained = [&](double work, const Points<Dim>& of) {
-    if (problem.weak.matrix.size() == 0) return work;
-    return work - 2.0 * energy_held_weakly(with_all(of)(Eigen::all, problem.nodes.at));
-  };
+
+  const bool open = options.iterations < 0;  ///< as many iterations as it takes
+  const int least = problem.approximation.averaged ? least_iterations_averaged : least_iterations;
+  /// The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
+  const int wanted = open ? options.most : options.iterations, last = std::max(wanted + delay, least);
 
   const Level<Dim>* level = &problem.first;
+  Points<Dim> f;        ///< forces on the nodes that are left
+  Points<Dim> u, g, r;  ///< the iterate, K u, and f - K u on what is free
+  Points<Dim> p;        ///< the direction of the last step
+  Points<Dim> z, q, rest;
+  double rz = 0.0, alpha = 0.0, curvature = 0.0;  ///< of the last step: r . z, its length along p, p . K p
+  double one_by_one = 0.0, scale = 0.0;           ///< energy_one_by_one; what squared errors are relative to
+
+  /// The answer that there was before a coarse space other than the cloud's, beside that space, and K times it: all
+  /// later iterates stay the best ones with it, too, so that their energy is off by the square of their error only.
+  Points<Dim> own, pull;
+  double own_stiffness = 0.0;
+
+  /// What iterations were given, if they do not begin with it, and K times it; the squared error that coarse solution
+  /// and smoother see of it; whether that is small enough.
+  Points<Dim> given, pull_of_given;
+  double off_given = 0.0;
+  bool suffices = false;
+
+  Points<Dim> of_start;               ///< K start, if that is where iterations begin
+  std::vector<double> taken, recent;  ///< squared errors, by the iterations; by those of the present level alone
+  double entering = 0.0;              ///< what entering the present level took off
+  bool solved = false;                ///< exactly
+  Points<Dim> answer;
+  double answer_work = 0.0;  ///< u . K u of it
+
+  Iterates(const Impl& of, const Beginning& from, const CorrectionOptions& given_options, End& to)
+      : problem(of),
+        forces(from.forces),
+        start(from.start),
+        options(given_options),
+        end(to),
+        f(of.condensation.reduced(from.forces)),
+        u(from.u) {
+    // Where nothing pulls nothing moves, whatever rounding there is in the start.
+    if (!problem.supports.held(u).isZero(0.0)) return;
+    Points<Dim> pulls = f;
+    problem.supports.release(pulls);
+    if (pulls.isZero(0.0)) u.setZero();
+  }
+
+  Points<Dim> with_all_nodes(Points<Dim> of) const {
+    problem.condensation.follow(forces, of);
+    return of;
+  }
+  void update_residual() {
+    r = f - g;
+    problem.supports.release(r);
+  }
+  /// q = r - q on what is free.
+  void subtract_from_residual() {
+    subtract_from<Dim>(r, q);
+    problem.supports.release(q);
+  }
+  /// Of u . K u what is not in springs, or else holds the boundary weakly.
+  double strained(double work, const Points<Dim>& of) const {
+    if (problem.weak.matrix.size() == 0) return work;
+    return work - 2.0 * problem.energy_held_weakly(with_all_nodes(of)(Eigen::all, problem.nodes.at));
+  }
+
   // Linear elements do not hold the cloud's answer and are mostly nearer than it: begun with what is held alone all
   // iterates are in the spaces they are the best of, so that their energy is off by the square of their error. That of
   // quadratic functions may be nearer than they ever come: it is what there is, if its error is small enough, or else
   // is compared with them.
-  Points<Dim> given, pull_of_given;
-  double off_given = 0.0;  // squared error that coarse solution and smoother see
-  bool suffices = false;
-  if (level->is_of_elements) {
-    if (!is_lifted(approximation) && !u.isZero(0.0)) {
-      given = u;
-      co_await in_step.multiply(given, pull_of_given);
-      const double work = dot<Dim>(given, pull_of_given), bearable = options.tolerance * options.tolerance;
-      if (bearable * work > std::numeric_limits<double>::epsilon() * problem.energy_one_by_one(given)) {
-        g = pull_of_given;
-        residual();
-        co_await in_step.solve(*level->space, r, z);
-        off_given = dot<Dim>(r, z);
-        co_await in_step.multiply(z, q);
-        subtract_from<Dim>(r, q);
-        problem.supports.release(q);
-        co_await in_step.smooth(level->degree, q, z);
-        off_given = std::max(0.0, off_given + dot<Dim>(q, z));
-        suffices = options.iterations < 0 && off_given < bearable * strained(work, given);
-      } else {
-        given.resize(Dim, 0);  // its strains are of the size of what rounding leaves of its motion
-      }
-    }
-    if (!suffices) supports.keep_held(u);
-  }
-  // The best answer in the first space around it.
-  if (u.isZero(0.0))
-    g = Points<Dim>::Zero(Dim, u.cols());
-  else if (!suffices)
-    co_await in_step.multiply(u, g);
-  Points<Dim> of_start;  // K start, if that is where iterations begin
-  if (start == u) of_start = g;
-  residual();
-  if (!suffices) {
-    co_await in_step.solve(*level->space, r, z);
-    result.taken.push_back(dot<Dim>(r, z));
-    add<Dim>(u, 1.0, z);
-    co_await in_step.multiply(z, q);
-    add<Dim>(g, 1.0, q);
-  }
-  const double one_by_one = problem.energy_one_by_one(u);
-  double scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
-  residual();
 
-  // The answer is iterate `wanted`, or an earlier one that is good; what comes after it only tells how good it is.
-  const bool open = options.iterations < 0;
-  const int least = problem.approximation.averaged ? least_iterations_averaged : least_iterations;
-  const int wanted = open ? options.most : options.iterations, last = std::max(wanted + delay, least);
-  std::vector<double> taken, recent;  // by the iterations; by those of the present level, without entering it
-  double entering = 0.0;
-  bool solved = false;  // exactly
-  Points<Dim> answer;
-  double answer_work = 0.0;  // u . K u of it
-  const auto take = [&] {
+  /// Whether the given answer is to be judged, which needs pull_of_given.
+  bool keep_given() {
+    if (is_lifted(problem.approximation) || u.isZero(0.0)) return false;
+    given = u;
+    return true;
+  }
+  /// Puts the residual of the given answer into r, unless its strains are of the size of what rounding leaves of its
+  /// motion: then it is dropped.
+  bool begin_judging_given() {
+    const double work = dot<Dim>(given, pull_of_given), bearable = options.tolerance * options.tolerance;
+    if (bearable * work > std::numeric_limits<double>::epsilon() * problem.energy_one_by_one(given)) {
+      g = pull_of_given;
+      update_residual();
+      return true;
+    }
+    given.resize(Dim, 0);
+    return false;
+  }
+  /// With q what the coarse solution leaves of the residual, and z = M q.
+  void judge_given() {
+    off_given = std::max(0.0, off_given + dot<Dim>(q, z));
+    const double work = dot<Dim>(given, pull_of_given), bearable = options.tolerance * options.tolerance;
+    suffices = open && off_given < bearable * strained(work, given);
+  }
+
+  /// Once u is the best answer in the first space around where iterations begin.
+  void begin() {
+    one_by_one = problem.energy_one_by_one(u);
+    scale = std::max(dot<Dim>(u, g), no_energy * one_by_one);
+    update_residual();
+    if (wanted == 0) take_answer();
+  }
+  void take_answer() {
     answer = u;
     answer_work = dot<Dim>(u, g);
     if (end.is_term) end.forces = g;
-  };
-  if (wanted == 0) take();
-  double rz = 0.0;
-  Points<Dim> rest;
-  for (int k = 1; !suffices && k <= last; ++k) {
-    stage.check();
-    co_await in_step.smooth(level->degree, r, z);
-    co_await in_step.multiply(z, q);
-    subtract_from<Dim>(r, q);
-    problem.supports.release(q);
-    co_await in_step.solve(*level->space, q, rest);
+  }
+
+  /// With z = M r and `rest` the coarse solution for r - K z: the next direction. Returns whether there is one: the
+  /// first iterate that is exact up to rounding leaves none. Throws NumericalError.
+  bool find_direction() {
     add<Dim>(z, 1.0, rest);
     if (own_stiffness > 0.0) add<Dim>(z, -dot<Dim>(pull, z) / own_stiffness, own);
     const double next = dot<Dim>(r, z);
-    // The first iterate that is exact up to rounding: nothing is left to be taken off.
     if (const double nothing = std::max(error_rounding * scale, no_step * one_by_one); !(next > nothing)) {
       if (!(next >= -nothing)) throw NumericalError("correction: the smoother is not positive definite");
       solved = true;
-      break;
+      return false;
     }
     if (recent.empty())
       p = z;
     else
       add_to_multiple<Dim>(z, next / rz, p);
     rz = next;
-    co_await in_step.multiply(p, q);
-    const double curvature = dot<Dim>(p, q), alpha = rz / curvature;
+    return true;
+  }
+  /// Iterate k, with q = K p.
+  void step(int k) {
+    curvature = dot<Dim>(p, q);
+    alpha = rz / curvature;
     if (!std::isfinite(alpha)) throw NumericalError("correction: the iterations broke down");
     add<Dim>(u, alpha, p);
     add<Dim>(g, alpha, q);
@@ -784,89 +772,193 @@ template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step,
     recent.push_back(alpha * rz);
     taken.push_back(entering + recent.back());
     entering = 0.0;
-    if (k == wanted) take();
+    if (k == wanted) take_answer();
     if (k <= wanted) result.iterations = k;
-    const auto is_good = [&] {  // the iterate before this one
-      return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale;
-    };
-    if (open && std::ssize(recent) >= least && is_good()) {
-      const double work = dot<Dim>(u, g);
-      scale = std::max(strained(work, u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
-      if (is_good()) {
-        result.iterations = k - delay;
-        answer = u;
-        add<Dim>(answer, -alpha, p);
-        answer_work = work - 2.0 * alpha * dot<Dim>(p, g) + alpha * alpha * curvature;
-        if (end.is_term) {
-          end.forces = g;
-          add<Dim>(end.forces, -alpha, q);
-        }
-        break;
-      }
-    }
-    if (open && k == patience && static_cast<double>(K.num_entries()) < few_entries<Dim>) {
-      if (!direct) direct.emplace(held_matrix(K, supports), Dim);
-      const Vector left = direct->solve(r.reshaped());
-      z = left.reshaped(Dim, K.size());
-      taken.push_back(dot<Dim>(r, z));
-      u += z;
-      co_await in_step.multiply(u, g);
-      ++result.iterations;
-      solved = true;
-      break;
-    }
-    // Where dilatations are averaged hats lock as the cloud does.
-    if (open && k >= probation && level == &problem.first && !level->is_of_elements && !problem.mean_dilatation &&
-        hats_are_faster(recent, options.tolerance * options.tolerance * scale)) {
-      level = &problem.hats();
-      keep_own(*level);
-      entering = best_in(*level);
-      recent.clear();
-    }
   }
-  const double beyond = suffices ? off_given : recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
-  const double work = dot<Dim>(u, g);
-  if (answer.size() == 0) take();
-  double after = beyond;
-  for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
-  residual();
-  if (given.size() > 0 && !suffices) {
+  /// Whether the iterate before the last one is within the tolerance.
+  bool is_good() const { return recent.back() + error_left(recent) < options.tolerance * options.tolerance * scale; }
+  /// Takes the iterate before k as the answer if it is good.
+  bool take_if_good(int k) {
+    if (!open || std::ssize(recent) < least || !is_good()) return false;
+    const double work = dot<Dim>(u, g);
+    scale = std::max(strained(work, u), no_energy * one_by_one);  // what is prescribed makes it fall on the way
+    if (!is_good()) return false;
+    result.iterations = k - delay;
+    answer = u;
+    add<Dim>(answer, -alpha, p);
+    answer_work = work - 2.0 * alpha * dot<Dim>(p, g) + alpha * alpha * curvature;
+    if (end.is_term) {
+      end.forces = g;
+      add<Dim>(end.forces, -alpha, q);
+    }
+    return true;
+  }
+
+  bool is_to_be_solved_directly(int k) const {
+    return open && k == patience && static_cast<double>(problem.K.num_entries()) < few_entries<Dim>;
+  }
+  void solve_directly() {
+    if (!problem.direct) problem.direct.emplace(held_matrix(problem.K, problem.supports), Dim);
+    const Vector left = problem.direct->solve(r.reshaped());
+    z = left.reshaped(Dim, problem.K.size());
+    taken.push_back(dot<Dim>(r, z));
+    u += z;
+    ++result.iterations;
+    solved = true;
+  }
+
+  /// Where dilatations are averaged hats lock as the cloud does.
+  bool needs_hats(int k) const {
+    return open && k >= probation && level == &problem.first && !level->is_of_elements && !problem.mean_dilatation &&
+           hats_are_faster(recent, options.tolerance * options.tolerance * scale);
+  }
+  void enter_hats() {
+    level = &problem.hats();
+    keep_own();
+    entering = move_to_best();
+    recent.clear();
+  }
+  void keep_own() {
+    own = u;
+    problem.supports.release(own);
+    problem.K.multiply(own, q);
+    problem.supports.release(q);
+    const double energy = dot<Dim>(own, q);
+    own -= level->space->solve(q);
+    problem.K.multiply(own, pull);
+    problem.supports.release(pull);
+    own_stiffness = dot<Dim>(own, pull);
+    if (!(own_stiffness > dependent * energy)) own_stiffness = 0.0;
+  }
+  /// Makes u the best answer in the space of the level around it. Returns the squared error that takes off.
+  double move_to_best() {
+    update_residual();
+    z = level->space->solve(r);
+    double square = dot<Dim>(r, z);
+    u += z;
+    problem.K.multiply(u, g);
+    update_residual();
+    if (own_stiffness > 0.0) {
+      const double factor = dot<Dim>(own, r) / own_stiffness;
+      add<Dim>(u, factor, own);
+      square += factor * factor * own_stiffness;
+      problem.K.multiply(u, g);
+      update_residual();
+    }
+    return square;
+  }
+
+  /// Squared error of the last iterate.
+  double error_beyond() const {
+    return suffices ? off_given : recent.empty() || solved ? 0.0 : std::max(0.0, error_left(recent));
+  }
+  /// Takes the last iterate as the answer if there is none, and what was given if that is nearer. Returns the squared
+  /// error of the answer.
+  double choose_answer() {
+    const double beyond = error_beyond();
+    if (answer.size() == 0) take_answer();
+    double after = beyond;
+    for (std::size_t k = result.iterations; k < taken.size(); ++k) after += taken[k];
+    update_residual();
+    if (given.size() == 0 || suffices) return after;
     // How much more potential energy there is in what was given than in the last iterate: half of what its squared
     // error is larger.
     const double more = dot<Dim>(given - u, pull_of_given - g) - 2.0 * dot<Dim>(given - u, r);
-    if (more + beyond < after) {
-      answer = std::move(given);
-      answer_work = dot<Dim>(answer, pull_of_given);
-      if (end.is_term) end.forces = pull_of_given;
-      result.iterations = 0;
-      after = std::min(after, std::max(off_given, more + beyond));
-    }
+    if (!(more + beyond < after)) return after;
+    answer = std::move(given);
+    answer_work = dot<Dim>(answer, pull_of_given);
+    if (end.is_term) end.forces = pull_of_given;
+    result.iterations = 0;
+    return std::min(after, std::max(off_given, more + beyond));
   }
+  /// Fills the result: with all nodes in u and the answer, `off` = start - u and q = K off; `work` is u . K u of the
+  /// nodes left, `after` the squared error of the answer. Throws NumericalError if it is not finite, or off by more
+  /// than it may.
+  void report(double work, double after, const Points<Dim>& off) {
+    const Condensation<Dim>& condensation = problem.condensation;
+    const double best_energy = result.whole =
+        work + condensation.work(u, u) - 2.0 * problem.energy_held_weakly(u(Eigen::all, problem.nodes.at));
+    const bool deformed = best_energy > no_energy * one_by_one;
+    const auto relative = [&](double square) {
+      return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0;
+    };
+    if (end.is_term) end.off = q + g - end.forces;
+    result.start_error =
+        relative(dot<Dim>(off, q) + condensation.work(off, off) - 2.0 * dot<Dim>(off, r) + error_beyond());
+    result.error = relative(after);
+    result.strain_energy = 0.5 * (answer_work + condensation.work(answer, answer));
+    for (const double one : taken) result.taken.push_back(one);
+    for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
+    result.displacement = answer(Eigen::all, problem.nodes.at);
+    result.strain_energy -= problem.energy_held_weakly(result.displacement);
+    if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.start_error))
+      throw NumericalError("correction: the solution is not finite");
+    if (open && result.error > options.tolerance)
+      throw NumericalError(
+          fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for", result.error,
+                      result.iterations, options.tolerance));
+  }
+};
 
-  u = with_all(std::move(u));
-  answer = with_all(std::move(answer));
-  const double best_energy = result.whole =
-      work + condensation.work(u, u) - 2.0 * energy_held_weakly(u(Eigen::all, problem.nodes.at));
-  const bool deformed = best_energy > no_energy * one_by_one;
-  const auto relative = [&](double square) { return deformed ? std::sqrt(std::max(0.0, square) / best_energy) : 0.0; };
-  const Points<Dim> off = start - u;
-  if (of_start.size() > 0)
-    q = of_start - g;
+template <int Dim> Iteration Corrector<Dim>::Impl::iterate(InStep<Dim>& in_step, const Beginning& from,
+                                                           const CorrectionOptions& options, const Stage& stage,
+                                                           End& end) const {
+  Iterates at(*this, from, options, end);
+  if (first.is_of_elements) {
+    if (at.keep_given()) {
+      co_await in_step.multiply(at.given, at.pull_of_given);
+      if (at.begin_judging_given()) {
+        co_await in_step.solve(*first.space, at.r, at.z);
+        at.off_given = dot<Dim>(at.r, at.z);
+        co_await in_step.multiply(at.z, at.q);
+        at.subtract_from_residual();
+        co_await in_step.smooth(first.degree, at.q, at.z);
+        at.judge_given();
+      }
+    }
+    if (!at.suffices) supports.keep_held(at.u);
+  }
+  // The best answer in the first space around it.
+  if (at.u.isZero(0.0))
+    at.g = Points<Dim>::Zero(Dim, at.u.cols());
+  else if (!at.suffices)
+    co_await in_step.multiply(at.u, at.g);
+  if (at.start == at.u) at.of_start = at.g;
+  at.update_residual();
+  if (!at.suffices) {
+    co_await in_step.solve(*first.space, at.r, at.z);
+    at.result.taken.push_back(dot<Dim>(at.r, at.z));
+    add<Dim>(at.u, 1.0, at.z);
+    co_await in_step.multiply(at.z, at.q);
+    add<Dim>(at.g, 1.0, at.q);
+  }
+  at.begin();
+  for (int k = 1; !at.suffices && k <= at.last; ++k) {
+    stage.check();
+    co_await in_step.smooth(at.level->degree, at.r, at.z);
+    co_await in_step.multiply(at.z, at.q);
+    at.subtract_from_residual();
+    co_await in_step.solve(*at.level->space, at.q, at.rest);
+    if (!at.find_direction()) break;
+    co_await in_step.multiply(at.p, at.q);
+    at.step(k);
+    if (at.take_if_good(k)) break;
+    if (at.is_to_be_solved_directly(k)) {
+      at.solve_directly();
+      co_await in_step.multiply(at.u, at.g);
+      break;
+    }
+    if (at.needs_hats(k)) at.enter_hats();
+  }
+  const double work = dot<Dim>(at.u, at.g), after = at.choose_answer();
+  at.u = at.with_all_nodes(std::move(at.u));
+  at.answer = at.with_all_nodes(std::move(at.answer));
+  const Points<Dim> off = at.start - at.u;
+  if (at.of_start.size() > 0)
+    at.q = at.of_start - at.g;
   else
-    co_await in_step.multiply(off, q);
-  if (end.is_term) end.off = q + g - end.forces;
-  result.start_error = relative(dot<Dim>(off, q) + condensation.work(off, off) - 2.0 * dot<Dim>(off, r) + beyond);
-  result.error = relative(after);
-  result.strain_energy = 0.5 * (answer_work + condensation.work(answer, answer));
-  for (const double one : taken) result.taken.push_back(one);
-  for (double& one : result.taken) one = deformed ? one / best_energy : 0.0;
-  result.displacement = answer(Eigen::all, problem.nodes.at);
-  result.strain_energy -= energy_held_weakly(result.displacement);
-  if (!result.displacement.allFinite() || !std::isfinite(result.error) || !std::isfinite(result.start_error))
-    throw NumericalError("correction: the solution is not finite");
-  if (open && result.error > options.tolerance)
-    throw NumericalError(fmt::format("correction: an error of {:.2g} is left after {} iterations, {:.2g} was asked for",
-                                     result.error, result.iterations, options.tolerance));
+    co_await in_step.multiply(off, at.q);
+  at.report(work, after, off);
 }
 
 template <int Dim> std::vector<DualSolution<Dim>> Corrector<Dim>::duals(const std::vector<Functional<Dim>>& functionals,

@@ -77,12 +77,17 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
                        std::span<const Index> first_of_nodes)
     : rows_(static_cast<const int*>(symbolic.s), static_cast<const int*>(symbolic.s) + symbolic.ssize),
       size_(symbolic.xsize) {
+  const std::vector<Index> panel_of = cut_panels(symbolic);
+  list_updates(symbolic, panel_of);
+  part_tree(panel_of);
+  place_entries(static_cast<const int*>(symbolic.Perm), lower, first_of_nodes, panel_of);
+}
+
+std::vector<Index> Supernodes::cut_panels(const cholmod_factor& symbolic) {
   const auto* first_column = static_cast<const int*>(symbolic.super);
   const auto* first_row = static_cast<const int*>(symbolic.pi);
   const auto* first_value = static_cast<const int*>(symbolic.px);
-  const Index n = static_cast<Index>(symbolic.n);
-
-  std::vector<Index> panel_of(n);
+  std::vector<Index> panel_of(symbolic.n);
   for (Index s = 0; s < static_cast<Index>(symbolic.nsuper); ++s) {
     const Index columns = first_column[s + 1] - first_column[s], height = first_row[s + 1] - first_row[s];
     const Index parts = (columns + widest_panel - 1) / widest_panel;
@@ -96,8 +101,13 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
                          height});
     }
   }
-  const Index panels = static_cast<Index>(panels_.size());
+  return panel_of;
+}
 
+void Supernodes::list_updates(const cholmod_factor& symbolic, const std::vector<Index>& panel_of) {
+  const auto* first_column = static_cast<const int*>(symbolic.super);
+  const auto* first_row = static_cast<const int*>(symbolic.pi);
+  const auto* first_value = static_cast<const int*>(symbolic.px);
   const auto for_updates = [&](const auto& visit) {
     for (Index s = 0; s < static_cast<Index>(symbolic.nsuper); ++s) {
       const Index columns = first_column[s + 1] - first_column[s], height = first_row[s + 1] - first_row[s];
@@ -111,18 +121,20 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
       }
     }
   };
-  updates_.offsets.assign(panels + 1, 0);
+  updates_.offsets.assign(panels_.size() + 1, 0);
   for_updates([&](Index target, const Update&) { ++updates_.offsets[target + 1]; });
   std::partial_sum(updates_.offsets.begin(), updates_.offsets.end(), updates_.offsets.begin());
   updates_.items.resize(updates_.offsets.back());
   std::vector<Index> cursor(updates_.offsets.begin(), updates_.offsets.end() - 1);
   for_updates([&](Index target, const Update& update) { updates_.items[cursor[target]++] = update; });
+}
 
-  // Branches and trunk: operations of every panel with all below it in the tree.
+void Supernodes::part_tree(const std::vector<Index>& panel_of) {
+  const Index panels = static_cast<Index>(panels_.size());
   const auto parent = [&](const Panel& panel) {
     return static_cast<Index>(panel.rows.size()) > panel.width ? panel_of[panel.rows[panel.width]] : none;
   };
-  std::vector<double> work(panels, 0.0);
+  std::vector<double> work(panels, 0.0);  // operations of every panel with all below it
   double total = 0.0;
   for (Index p = 0; p < panels; ++p) {
     double own = static_cast<double>(panels_[p].rows.size()) * panels_[p].width * panels_[p].width;
@@ -154,8 +166,11 @@ Supernodes::Supernodes(const cholmod_factor& symbolic, const SymmetricMatrix& lo
     branches_.items.insert(branches_.items.end(), branch[r].begin(), branch[r].end());
     branches_.close_row();
   }
+}
 
-  const auto* order = static_cast<const int*>(symbolic.Perm);
+void Supernodes::place_entries(const int* order, const SymmetricMatrix& lower, std::span<const Index> first_of_nodes,
+                               const std::vector<Index>& panel_of) {
+  const Index n = static_cast<Index>(panel_of.size());
   std::vector<Index> position(n);
   for (Index i = 0; i < n; ++i) position[order[i]] = i;
   place_.resize(static_cast<std::size_t>(lower.nonZeros()));

@@ -66,6 +66,15 @@ class Supernodes {
   struct Workspace;
   class Workspaces;
 
+  /// Cuts the supernodes into panels. Returns the panel of each column.
+  std::vector<Index> cut_panels(const cholmod_factor_struct& symbolic);
+  void list_updates(const cholmod_factor_struct& symbolic, const std::vector<Index>& panel_of);
+  /// Parts the tree of panels into branches and the trunk above them.
+  void part_tree(const std::vector<Index>& panel_of);
+  /// Finds the place of each entry of the matrix; `order`: the unknown of each column.
+  void place_entries(const int* order, const SymmetricMatrix& lower, std::span<const Index> first_of_nodes,
+                     const std::vector<Index>& panel_of);
+
   void update(const Panel& panel, Index tile, std::span<const Update> updates, Workspace& space,
               const Factor& to) const;
   Index factorize_first(const Panel& panel, const Factor& to) const;
