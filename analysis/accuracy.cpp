@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/analyse.hpp"
-#include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/located.hpp"
@@ -9,6 +8,7 @@
 #include "efree/analysis/internal/refinement.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

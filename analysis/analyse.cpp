@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/analyse.hpp"
 
-#include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/corrected.hpp"
 #include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/analysis/internal/judge.hpp"
@@ -13,6 +12,7 @@
 #include "efree/assembly/follower_pressure.hpp"
 #include "efree/assembly/internal/no_follower.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/core/internal/finite.hpp"
 #include "efree/solvers/algorithms/element_reactions.hpp"
 

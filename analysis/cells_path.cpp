@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/mentions.hpp"
@@ -7,6 +6,7 @@
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/solvers/equations/locking.hpp"
 

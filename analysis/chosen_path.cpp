@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Load paths that leave their functions open: finer and finer ones until the errors are small.
 #include "efree/analysis/analyse.hpp"
-#include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/geometry/mesh/refine.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/solvers/equations/locking.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/prepare.hpp"
 
-#include "efree/analysis/internal/clock.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/mentions.hpp"
@@ -9,6 +8,7 @@
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/equations/locking.hpp"
 

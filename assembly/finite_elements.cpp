@@ -130,7 +130,7 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
   for (Index c = 0; c < mesh.num_cells(); ++c)
     for (const Index dof : space.cell(c)) cell_nodes.push_back(nodes.at[dof]);
   const auto nodes_of = [&](Index c) { return std::span(cell_nodes).subspan(c * corners, corners); };
-  const Ragged<Place> cells_at = places_of_nodes(nodes.count, mesh.num_cells(), nodes_of);
+  const Ragged<NodePlace> cells_at = places_of_nodes(nodes.count, mesh.num_cells(), nodes_of);
 
   const HatShares<Dim> shares(space);
   constexpr Index chunk_rows = BlockMatrix<Dim>::chunk_rows;
@@ -144,9 +144,9 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
     std::vector<std::pair<Index, Index>> around;  // columns of a row, with where in `entries`
     for (Index i = begin; i < end; ++i) {
       around.clear();
-      for (const Place& place : cells_at[i]) {
-        for (const Index j : nodes_of(place.row)) around.emplace_back(j, entries.size() + around.size());
-        cells.push_back(place.row);
+      for (const NodePlace& place : cells_at[i]) {
+        for (const Index j : nodes_of(place.point)) around.emplace_back(j, entries.size() + around.size());
+        cells.push_back(place.point);
       }
       entries.resize(entries.size() + around.size());
       std::ranges::sort(around);
@@ -214,8 +214,8 @@ template <int Dim> BlockMatrix<Dim> element_stiffness(const FineSpace<Dim>& spac
 
     const Index* entry = entries.data();
     for (Index i = begin; i < end; ++i)
-      for (const Place& place : cells_at[i]) {
-        const auto n = std::ranges::lower_bound(cells, place.row) - cells.begin();
+      for (const NodePlace& place : cells_at[i]) {
+        const auto n = std::ranges::lower_bound(cells, place.point) - cells.begin();
         const Mat<Dim>* of_cell = stiffness.data() + n * pairs;
         const auto k = static_cast<std::size_t>(place.position);
         for (std::size_t l = 0; l < corners; ++l) {

@@ -79,9 +79,7 @@ template <int Dim> HeldGradient<Dim>::HeldGradient(const FineSpace<Dim>& space, 
     for (const Index node : nodal.sorted()) nodes_.items.push_back(node), blocks_.push_back(nodal[node]);
     nodes_.close_row();
   }
-  const auto places = places_of_nodes(shape.num_nodes(), nodes_.rows(), [&](Index row) { return nodes_[row]; });
-  places_.offsets = places.offsets;
-  for (const auto& [row, position] : places.items) places_.items.push_back({row, position});
+  places_ = places_of_nodes(shape.num_nodes(), nodes_.rows(), [&](Index row) { return nodes_[row]; });
 
   penalty_ = penalty_matrix(shape, constraints, beta);
   for (const auto& spring : elastic)

@@ -2,11 +2,11 @@
 /// Time that this process has had.
 #pragma once
 
+#include "efree/core/internal/clock.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
 #include <utility>
 #include <vector>
 
@@ -14,9 +14,7 @@ namespace efree::bench {
 
 /// CPU seconds of all threads so far.
 inline double cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return internal::process_cpu_seconds();
 }
 
 /// Seconds by the clock, since some time.

@@ -8,8 +8,8 @@
 ///                                                            pixels, on meshes with as few as 3 vertices to a node
 ///   bench_coercivity --pressure [seeds = 3]                  inf-sup values of pressures, on squares (2D)
 ///                                                            and cubes (3D)
-#include "efree/assembly/operators.hpp"
 #include "efree/bench/cavity.hpp"
+#include "efree/bench/inf_sup.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
@@ -18,7 +18,6 @@
 #include "efree/tests/bodies.hpp"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 #include <cstdio>
 #include <cstdlib>
@@ -26,37 +25,12 @@
 #include <string_view>
 
 using namespace efree;
+using bench::inf_sup, bench::reduced_stiffness, bench::without_rigid_motions;
 
 namespace {
 
-template <int Dim> Matrix dense_stiffness(const Discretization<Dim>& discretization) {
-  const Materials<Dim> materials({LinearElastic(1.0, 0.3)}, Plane::stress);
-  const SymmetricMatrix full =
-      stiffness_matrix(discretization, materials.tangents(discretization)).template selfadjointView<Eigen::Lower>();
-  return Matrix(full);
-}
-
-/// Orthonormal basis of the coefficients that hold no rigid motion (order 1 reproduces those from nodal positions).
-template <int Dim> Matrix without_rigid_motions(const Points<Dim>& nodes) {
-  constexpr int motions = Dim * (Dim + 1) / 2;
-  Matrix rigid = Matrix::Zero(Dim * nodes.cols(), motions);
-  for (Index a = 0; a < nodes.cols(); ++a) {
-    int motion = Dim;
-    for (int i = 0; i < Dim; ++i) {
-      rigid(Dim * a + i, i) = 1.0;
-      for (int j = 0; j < i; ++j, ++motion) {
-        rigid(Dim * a + i, motion) = nodes(j, a);
-        rigid(Dim * a + j, motion) = -nodes(i, a);
-      }
-    }
-  }
-  const Matrix Q = Eigen::HouseholderQR<Matrix>(rigid).householderQ();
-  return Q.rightCols(Q.cols() - motions);
-}
-
-/// Stiffness on the space that `basis` spans.
-template <int Dim> Matrix reduced_stiffness(const Discretization<Dim>& discretization, const Matrix& basis) {
-  return basis.transpose() * dense_stiffness(discretization) * basis;
+template <int Dim> Materials<Dim> material() {
+  return Materials<Dim>({LinearElastic(1.0, 0.3)}, Plane::stress);
 }
 
 /// Eigenvalues, ascending, of Kbar u = lambda K u.
@@ -74,14 +48,14 @@ template <int Dim> void study(const FineMesh<Dim>& mesh, double spacing, int see
                                    .secondary = SecondaryKind::full};
       const auto reference = approximate(mesh, options);
       const Matrix basis = without_rigid_motions<Dim>(reference.nodes);
-      const Matrix K = reduced_stiffness(reference.quadrature, basis);
+      const Matrix K = reduced_stiffness(reference.quadrature, material<Dim>(), basis);
       for (const auto secondary : {SecondaryKind::cells, SecondaryKind::linear, SecondaryKind::mls})
         for (const double ratio : {0.5, 0.7, 1.0, 1.4, 2.0, 2.5, 2.8, 4.0, 5.6, 8.0, 16.0, 24.0}) {
           if (ratio > 8.0 && (Dim == 2 || secondary != SecondaryKind::mls)) continue;
           options.secondary = secondary;
           options.ratio = ratio;
           const auto approximation = approximate(mesh, options);
-          const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, basis), K);
+          const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, material<Dim>(), basis), K);
           const Index points = approximation.quadrature.size();
           std::printf("%s,%g,%g,%d,%td,%d,%.3f,%.5f,%.12f,%td\n", testing::name_of(secondary), support, ratio, seed,
                       approximation.nodes.cols(), points,
@@ -105,30 +79,13 @@ void study_pores(int seeds) {
         const FineMesh<2> mesh(mesh_image<2>(image, {.size = size, .contour = Contour::smooth, .simplify = simplify}));
         const auto approximation = approximate(mesh, {.spacing = spacing, .grading = {.features = true}, .fine = true});
         const Matrix basis = without_rigid_motions<2>(approximation.nodes);
-        const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, basis),
-                                          reduced_stiffness(approximation.fine, basis));
+        const Vector lambda = eigenvalues(reduced_stiffness(approximation.quadrature, material<2>(), basis),
+                                          reduced_stiffness(approximation.fine, material<2>(), basis));
         std::printf("%g,%g,%g,%d,%d,%td,%d,%.4f,%td\n", simplify, size, spacing, seed, mesh.num_vertices(),
                     approximation.nodes.cols(), approximation.quadrature.size(), lambda.minCoeff(),
                     (lambda.array() < 0.2).count());
         std::fflush(stdout);
       }
-}
-
-/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p made of
-/// Approximation::pressures.
-template <int Dim> double inf_sup(const Approximation<Dim>& approximation) {
-  const Matrix basis = without_rigid_motions<Dim>(approximation.nodes);
-  const Discretization<Dim>& pressures = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(pressures.size(), Dim * approximation.nodes.cols());
-  for (Index j = 0; j < pressures.size(); ++j) {
-    const auto row = pressures.shape.row(j);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.template block<1, Dim>(j, Dim * row.nodes[k]) =
-          std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
-  }
-  const Matrix reduced = divergence * basis;
-  const Matrix schur = reduced * reduced_stiffness(approximation.quadrature, basis).llt().solve(reduced.transpose());
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix>(schur, Eigen::EigenvaluesOnly).eigenvalues().minCoeff());
 }
 
 template <int Dim> void study_pressure(const std::function<FineMesh<Dim>(double)>& mesh_of, int seeds) {
@@ -146,7 +103,8 @@ template <int Dim> void study_pressure(const std::function<FineMesh<Dim>(double)
                                                            .dilatation = Dilatation::averaged});
         const auto nodes = static_cast<double>(approximation.nodes.cols());
         std::printf("%d,%s,%g,%d,%g,%.2f,%.2f,%.3f\n", Dim, testing::name_of(secondary), spacing, seed, nodes,
-                    approximation.ratio(), approximation.dilatation.size() / nodes, inf_sup(approximation));
+                    approximation.ratio(), approximation.dilatation.size() / nodes,
+                    inf_sup(approximation, material<Dim>()));
         std::fflush(stdout);
       }
     }

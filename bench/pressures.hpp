@@ -4,42 +4,14 @@
 #pragma once
 
 #include "efree/analysis/analyse.hpp"
-#include "efree/assembly/operators.hpp"
+#include "efree/bench/inf_sup.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/linear_elastic.hpp"
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 
 #include <cmath>
 #include <numbers>
 
 namespace efree::bench {
-
-/// Smallest of int p div u over the norms of p in L2 and of u in the energy of the projected gradients, p made of
-/// Approximation::pressures; rigid motions, which no pressure works on, are held.
-inline double inf_sup(const Approximation<2>& approximation) {
-  const Materials<2> materials({LinearElastic(1.0, 0.0)}, Plane::strain);
-  const auto& points = approximation.quadrature;
-  Matrix K = SymmetricMatrix(stiffness_matrix(points, materials.tangents(points)).selfadjointView<Eigen::Lower>());
-  const Index nodes = approximation.nodes.cols();
-  Matrix rigid = Matrix::Zero(2 * nodes, 3);
-  for (Index a = 0; a < nodes; ++a) {
-    rigid(2 * a, 0) = rigid(2 * a + 1, 1) = 1.0;
-    rigid(2 * a, 2) = -approximation.nodes(1, a);
-    rigid(2 * a + 1, 2) = approximation.nodes(0, a);
-  }
-  K += rigid * rigid.transpose() / static_cast<double>(nodes);
-  const auto& pressures = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(pressures.size(), 2 * nodes);
-  for (Index j = 0; j < pressures.size(); ++j) {
-    const auto row = pressures.shape.row(j);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.block<1, 2>(j, 2 * row.nodes[k]) = std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
-  }
-  const Matrix schur = divergence * K.llt().solve(divergence.transpose());
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix>(schur, Eigen::EigenvaluesOnly).eigenvalues()[0]);
-}
 
 /// A quarter of a thick tube (1 to 2) in plane strain under unit pressure inside: its mean stress is the same
 /// everywhere (Lame 1852).

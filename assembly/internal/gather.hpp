@@ -4,6 +4,7 @@
 
 #include "efree/assembly/internal/block_matrix.hpp"
 #include "efree/assembly/operators.hpp"
+#include "efree/basis/shape_table.hpp"
 #include "efree/core/internal/accumulator.hpp"
 #include "efree/core/parallel.hpp"
 
@@ -14,15 +15,10 @@
 
 namespace efree {
 
-/// Where a node appears in rows of varying length.
-struct Place {
-  Index row;
-  Index position;  ///< within that row
-};
-
-/// For each node, its places in ascending order of row. nodes_of(row) is the range of the row's nodes.
-template <class NodesOf> Ragged<Place> places_of_nodes(Index nodes, Index rows, const NodesOf& nodes_of) {
-  Ragged<Place> places;
+/// For each node, its places in ascending order of row (NodePlace::point). nodes_of(row) is the range of the row's
+/// nodes.
+template <class NodesOf> Ragged<NodePlace> places_of_nodes(Index nodes, Index rows, const NodesOf& nodes_of) {
+  Ragged<NodePlace> places;
   places.offsets.assign(nodes + 1, 0);
   for (Index r = 0; r < rows; ++r)
     for (const Index node : nodes_of(r)) ++places.offsets[node + 1];

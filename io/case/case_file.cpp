@@ -24,7 +24,7 @@
 namespace efree {
 namespace {
 
-using internal::Clock, internal::PlaceReader, internal::read_approximation, internal::read_definitions,
+using internal::ExpressionTime, internal::PlaceReader, internal::read_approximation, internal::read_definitions,
     internal::read_grading, internal::places_in, internal::text_of;
 using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
 
@@ -599,9 +599,9 @@ template <int Dim> Case<Dim> read(const std::filesystem::path& file, const std::
     result.time = read_time<Dim>(root, table, result);
     result.steps.fields_every = read_output(root.section("time", {}));
   }
-  const Clock clock{result.time ? std::optional(result.time->path.end) : std::nullopt,
-                    "t is the time of [time], and the case has none"};
-  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, clock);
+  const ExpressionTime time{result.time ? std::optional(result.time->path.end) : std::nullopt,
+                            "t is the time of [time], and the case has none"};
+  const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, time);
   read_approximation(cloud, quadrature, basis, result.geometry.ratio, result);
   read_regime(analysis, result);
   const std::string asks_for_finite = result.regime == Regime::finite ? "analysis.model = \"finite\" asks" : "";

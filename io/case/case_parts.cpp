@@ -11,7 +11,7 @@
 namespace efree::internal {
 
 template <int Dim>
-Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock) {
+Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const ExpressionTime& time) {
   const Section section = root.section("definitions", {});
   std::vector<std::pair<std::string, const toml::node*>> entries;
   for (const auto& [key, node] : section.table()) entries.emplace_back(key.str(), &node);
@@ -24,12 +24,12 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
     expressions.define("grey", grey);
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
-  if (clock.runs)
+  if (time.runs)
     expressions.at_any_time();
-  else if (clock.time)
-    expressions.at_time(*clock.time);
+  else if (time.time)
+    expressions.at_time(*time.time);
   else if (!section.has("t"))
-    expressions.refuse("t", clock.why);
+    expressions.refuse("t", time.why);
   for (const auto& [name, node] : entries)
     expressions.define(name, section.expression(*node, name), section.where(*node));
   return expressions;
@@ -138,8 +138,8 @@ void add_file(Fingerprint& to, const std::filesystem::path& file) {
   }
 }
 
-template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const Clock&);
-template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const Clock&);
+template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const ExpressionTime&);
+template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const ExpressionTime&);
 template void read_approximation<2>(const Section&, const Section&, const Section&, double, Settings<2>&);
 template void read_approximation<3>(const Section&, const Section&, const Section&, double, Settings<3>&);
 template Grading read_grading<2>(const Section&, PlaceReader<2>&, std::vector<Mention>&);

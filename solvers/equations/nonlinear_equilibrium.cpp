@@ -97,9 +97,7 @@ template <int Dim> struct Patches {
       nodes.close_row();
       entry.push_back(entry.back() + num_functions(g) * static_cast<Index>(all.size()));
     }
-    const auto places = places_of_nodes(held.num_nodes(), size(), [&](Index g) { return nodes[g]; });
-    of_node.offsets = places.offsets;
-    for (const auto& [row, position] : places.items) of_node.items.push_back({row, position});
+    of_node = places_of_nodes(held.num_nodes(), size(), [&](Index g) { return nodes[g]; });
   }
 
   Index size() const { return points.rows(); }

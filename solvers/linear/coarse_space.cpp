@@ -70,7 +70,8 @@ template <int Dim> struct CoarseSpace<Dim>::Functions {
   HeldNodes<Dim> held;
   std::vector<Index> first{};  ///< by node: its motion; if it turns, the next is that
   bool turning = false;        ///< whether one does
-  Ragged<Place> followers{};  ///< by point of the lift: the nodes that follow it, with its position among their parents
+  Ragged<NodePlace>
+      followers{};  ///< by point of the lift: the nodes that follow it, with its position among their parents
 
   Functions(const BlockMatrix<Dim>& K, ShapeTable<Dim> table, Points<Dim> at, Points<Dim> of_nodes,
             const std::vector<char>& turn, const std::function<Mat<Dim>(Index)>& free, std::optional<Lift<Dim>> lifted)
@@ -143,8 +144,8 @@ template <int Dim> BlockMatrix<Dim> CoarseSpace<Dim>::Functions::lifted_stiffnes
   return gather_rows<Dim>(motions * static_cast<Index>(lift->points.cols()), [&](Index f, Accumulator<Mat<Dim>>& sums) {
     const Index point = f / motions;
     sums[f];
-    for (const Place& place : followers[point]) {
-      const Index node = place.row;
+    for (const NodePlace& place : followers[point]) {
+      const Index node = place.point;
       Mat<Dim> move = lift->parents[node][place.position].share * Mat<Dim>::Identity();
       if (f % motions == 1) move = move * rotations<Dim>(arm(node, point));
       if (const Mat<Dim>* open = held.at(node)) move = *open * move;

@@ -1,36 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Eigenvalues of the projected stiffness against the fully integrated one, rigid motions removed.
-#include "efree/assembly/operators.hpp"
+#include "efree/bench/inf_sup.hpp"
 #include "efree/tests/bodies.hpp"
 
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 namespace efree {
 namespace {
 
-Matrix dense_stiffness(const Discretization<2>& discretization) {
-  const auto C = Materials<2>({LinearElastic(1.0, 0.3)}, Plane::stress).tangents(discretization);
-  return Matrix(SymmetricMatrix(stiffness_matrix(discretization, C).selfadjointView<Eigen::Lower>()));
-}
-
-/// Orthonormal complement of the rigid motions.
-Matrix deformations(const Points<2>& nodes) {
-  Matrix rigid = Matrix::Zero(2 * nodes.cols(), 3);
-  for (Index a = 0; a < nodes.cols(); ++a) {
-    rigid.block<2, 2>(2 * a, 0).setIdentity();
-    rigid.block<2, 1>(2 * a, 2) << -nodes(1, a), nodes(0, a);
-  }
-  const Matrix Q = Eigen::HouseholderQR<Matrix>(rigid).householderQ();
-  return Q.rightCols(Q.cols() - 3);
-}
+const Materials<2> materials({LinearElastic(1.0, 0.3)}, Plane::stress);
 
 /// Smallest and largest eigenvalue lambda of (projected stiffness) u = lambda (full stiffness) u.
 std::pair<double, double> extreme_eigenvalues(const Approximation<2>& approximation) {
-  const Matrix basis = deformations(approximation.nodes);
-  const Matrix projected = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
-  const Matrix full = basis.transpose() * dense_stiffness(approximation.fine) * basis;
+  const Matrix basis = bench::without_rigid_motions<2>(approximation.nodes);
+  const Matrix projected = bench::reduced_stiffness(approximation.quadrature, materials, basis);
+  const Matrix full = bench::reduced_stiffness(approximation.fine, materials, basis);
   const Vector lambda =
       Eigen::GeneralizedSelfAdjointEigenSolver<Matrix>(projected, full, Eigen::EigenvaluesOnly).eigenvalues();
   return {lambda.minCoeff(), lambda.maxCoeff()};
@@ -61,30 +46,13 @@ TEST(CoercivityOfPores, ProjectedStiffnessIsAtLeastAFifthOfTheFullOneWhereNodesA
   }
 }
 
-/// Smallest inf-sup value of pressures on patches and displacements: of int p div u over the norms of p in L2
-/// and of u in the energy of the projected gradients.
-double inf_sup(const Approximation<2>& approximation) {
-  const Matrix basis = deformations(approximation.nodes);
-  const Matrix energy = basis.transpose() * dense_stiffness(approximation.quadrature) * basis;
-  const Discretization<2>& pressures = approximation.dilatation;
-  Matrix divergence = Matrix::Zero(pressures.size(), 2 * approximation.nodes.cols());
-  for (Index j = 0; j < pressures.size(); ++j) {
-    const auto row = pressures.shape.row(j);
-    for (std::size_t k = 0; k < row.nodes.size(); ++k)
-      divergence.block<1, 2>(j, 2 * row.nodes[k]) = std::sqrt(pressures.weights[j]) * row.dN[k].transpose();
-  }
-  const Matrix reduced = divergence * basis;
-  const Matrix schur = reduced * energy.llt().solve(reduced.transpose());
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix>(schur, Eigen::EigenvaluesOnly).eigenvalues().minCoeff());
-}
-
 TEST(InfSup, ClustersOfLinearFunctionsHoldThePressureHoweverFineTheCloud) {
   for (const double H : {0.2, 0.1, 0.07}) {
     const auto mesh = triangulate(shapes::rectangle(0, 0, 1, 1), {.size = H / 3.0});
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {
       const auto approximation = approximate(
           mesh, {.spacing = H, .seed = seed, .secondary = SecondaryKind::linear, .dilatation = Dilatation::averaged});
-      EXPECT_GE(inf_sup(approximation), 0.5) << "H = " << H << ", cloud " << seed;
+      EXPECT_GE(bench::inf_sup(approximation, materials), 0.5) << "H = " << H << ", cloud " << seed;
     }
   }
 }

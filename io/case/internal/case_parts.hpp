@@ -17,7 +17,7 @@
 namespace efree::internal {
 
 /// The time in expressions, or why there is none.
-struct Clock {
+struct ExpressionTime {
   std::optional<double> time;
   std::string why{};
   bool runs = false;  ///< it is the first coordinate of where fields are asked for, which depend on no other
@@ -25,7 +25,7 @@ struct Clock {
 
 /// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.
 template <int Dim>
-Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const Clock& clock);
+Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const ExpressionTime& time);
 
 /// Keys of [cloud] and [quadrature].
 Section::Keys cloud_keys();

@@ -44,7 +44,7 @@ template <int Dim> class Condensation {
   };
 
   std::vector<Group> groups_;
-  Ragged<Place> places_;  ///< by node: in `outer` of the groups
+  Ragged<NodePlace> places_;  ///< by node: in `outer` of the groups
 };
 
 }  // namespace efree
