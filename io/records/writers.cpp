@@ -317,12 +317,10 @@ template <int Dim> void write_nodes(const std::filesystem::path& file, const Res
                     {{"displacement", result.fields.displacement(Eigen::all, approximation.node_dofs), axes}});
 }
 
-template <int Dim>
-void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+namespace {
+
+template <int Dim> void add_counts(const Result<Dim>& result, ordered_json& json) {
   const Approximation<Dim>& approximation = result.approximation;
-  ordered_json json;
-  json["title"] = settings.title;
-  json["dimension"] = Dim;
   json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
                     {"fine_cells", result.mesh->num_cells()},
                     {"regions", result.mesh->num_regions()}};
@@ -335,6 +333,10 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   json["boundaries"] = ordered_json::object();
   for (const auto& part : result.parts)
     json["boundaries"][part.name] = {{"facets", part.facets}, {Dim == 2 ? "length" : "area", part.measure}};
+}
+
+/// The model that was chosen, and why.
+template <int Dim> void add_model(const Settings<Dim>& settings, const Result<Dim>& result, ordered_json& json) {
   json["model"] = {{"taken", result.regime == Regime::linear ? "linear" : "finite"}};
   for (const LinearCheck& check : result.linear_checks) {
     ordered_json one = {{"time", check.time},
@@ -350,33 +352,39 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
     json["model"]["tolerance"] = settings.regime_tolerance;
     json["model"]["checks"].push_back(one);
   }
-  if (!result.history.empty()) {
-    const auto& last = result.history.back();
-    int iterations = 0;
-    for (const auto& step : result.history) iterations += step.iterations;
-    json["path"] = {{"steps", result.history.size()},
-                    {"time", last.time},
-                    {"iterations", iterations},
-                    {"dissipated", last.dissipated},
-                    {"smallest_J", last.smallest_jacobian},
-                    {"plastic_share", last.plastic_share},
-                    {"negative_pivots", last.negative_pivots}};
-    for (const auto& [name, values] : result.remembered)
-      if (values.rows() == 1) json["path"]["largest"][name] = values.maxCoeff();
-    json["path"]["gap"] = result.gap;
-    if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
-  }
-  if (result.errors) json["errors"] = errors_json(*result.errors);
-  add_answer<Dim>(result.basis().space, result, json);
-  if (result.cells) {
-    json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
-    for (const CellLevel& level : result.cells->levels)
-      json["grids"].push_back({{"edges", json_array(level.edges)},
-                               {"cells", level.cells},
-                               {"iterations", level.iterations},
-                               {"strain_energy", level.strain_energy}});
-  }
-  if (result.cells) json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
+}
+
+/// Of an analysis through time.
+template <int Dim> void add_path(const Result<Dim>& result, ordered_json& json) {
+  const auto& last = result.history.back();
+  int iterations = 0;
+  for (const auto& step : result.history) iterations += step.iterations;
+  json["path"] = {{"steps", result.history.size()},
+                  {"time", last.time},
+                  {"iterations", iterations},
+                  {"dissipated", last.dissipated},
+                  {"smallest_J", last.smallest_jacobian},
+                  {"plastic_share", last.plastic_share},
+                  {"negative_pivots", last.negative_pivots}};
+  for (const auto& [name, values] : result.remembered)
+    if (values.rows() == 1) json["path"]["largest"][name] = values.maxCoeff();
+  json["path"]["gap"] = result.gap;
+  if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
+}
+
+/// Of an image solved on cells.
+template <int Dim> void add_grids(const Result<Dim>& result, ordered_json& json) {
+  json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
+  for (const CellLevel& level : result.cells->levels)
+    json["grids"].push_back({{"edges", json_array(level.edges)},
+                             {"cells", level.cells},
+                             {"iterations", level.iterations},
+                             {"strain_energy", level.strain_energy}});
+  json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
+}
+
+/// Meshes on the way to an accuracy.
+template <int Dim> void add_attempts(const Result<Dim>& result, ordered_json& json) {
   for (const Attempt& attempt : result.attempts)
     json["attempts"].push_back({{"mesh_size", attempt.size},
                                 {"fine_cells", attempt.cells},
@@ -385,23 +393,19 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
                                 {"seconds", attempt.seconds}});
   for (std::size_t k = 0; k < result.attempts.size(); ++k)
     if (result.attempts[k].spacing > 0.0) json["attempts"][k]["spacing"] = result.attempts[k].spacing;
-  if (!result.history.empty())
-    for (const auto& reaction : settings.reactions)
-      json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
-  if (result.cloud_alone)
-    json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
-                                        {"probes", result.cloud_alone->probes}};
-  if (result.path_errors)
-    json["estimates"]["path"] = {{"coarser", result.path_errors->coarser}, {"until", result.path_errors->until},
-                                 {"work", result.path_errors->work},       {"reactions", result.path_errors->reactions},
-                                 {"probes", result.path_errors->probes},   {"stress", nullptr}};
-  if (result.path_errors && result.path_errors->stress)
-    json["estimates"]["path"]["stress"] = *result.path_errors->stress;
-  if (result.path_errors && result.path_errors->limit) json["estimates"]["path"]["limit"] = *result.path_errors->limit;
-  for (std::size_t k = 0; k < settings.cases.size(); ++k) {
-    const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
-    add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);
-  }
+}
+
+template <int Dim> void add_path_errors(const Result<Dim>& result, ordered_json& json) {
+  const auto& errors = *result.path_errors;
+  json["estimates"]["path"] = {{"coarser", errors.coarser},     {"until", errors.until},   {"work", errors.work},
+                               {"reactions", errors.reactions}, {"probes", errors.probes}, {"stress", nullptr}};
+  if (errors.stress) json["estimates"]["path"]["stress"] = *errors.stress;
+  if (errors.limit) json["estimates"]["path"]["limit"] = *errors.limit;
+}
+
+/// How functions and quadrature were made, and warnings.
+template <int Dim> void add_reports(const Settings<Dim>& settings, const Result<Dim>& result, ordered_json& json) {
+  const Approximation<Dim>& approximation = result.approximation;
   json["reports"] = {{"supports_grown", approximation.mls.grown_nodes},
                      {"largest_support_growth", approximation.mls.largest_growth},
                      {"largest_sum_of_shape_functions", approximation.mls.largest_sum},
@@ -424,6 +428,34 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   for (const auto& [name, reported] : result.reports)
     std::visit([&, &key = name](auto value) { json["reports"][key] = value; }, reported);
   json["reports"]["warnings"] = result.warnings;
+}
+
+}  // namespace
+
+template <int Dim>
+void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  ordered_json json;
+  json["title"] = settings.title;
+  json["dimension"] = Dim;
+  add_counts(result, json);
+  add_model(settings, result, json);
+  if (!result.history.empty()) add_path(result, json);
+  if (result.errors) json["errors"] = errors_json(*result.errors);
+  add_answer<Dim>(result.basis().space, result, json);
+  if (result.cells) add_grids(result, json);
+  add_attempts(result, json);
+  if (!result.history.empty())
+    for (const auto& reaction : settings.reactions)
+      json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
+  if (result.cloud_alone)
+    json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
+                                        {"probes", result.cloud_alone->probes}};
+  if (result.path_errors) add_path_errors(result, json);
+  for (std::size_t k = 0; k < settings.cases.size(); ++k) {
+    const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
+    add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);
+  }
+  add_reports(settings, result, json);
   for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
   json["seconds"]["total"] = result.times.total();
   json["peak_memory_mb"] = peak_memory_mb();
