@@ -150,7 +150,7 @@ template <int Dim> Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const st
       } else {
         columns.assign(before.columns.begin() + from, before.columns.begin() + to);
         std::erase_if(columns, [&](Index j) { return out[j]; });
-        for (const Place& place : places_[i])
+        for (const NodePlace& place : places_[i])
           for (const Index j : groups_[place.point].outer)
             if (BlockMatrix<Dim>::stores(i, j)) columns.push_back(j);
         std::ranges::sort(columns);
@@ -163,7 +163,7 @@ template <int Dim> Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const st
         };
         for (Index e = from; e < to; ++e)
           if (!out[before.columns[e]]) block(before.columns[e]) = before.blocks[e];
-        for (const Place& place : places_[i]) {
+        for (const NodePlace& place : places_[i]) {
           const Group& group = groups_[place.point];
           const auto coupling = couplings[place.point].template middleCols<Dim>(Dim * place.position);
           for (std::size_t k = 0; k < group.outer.size(); ++k)
@@ -181,7 +181,7 @@ template <int Dim> Condensation<Dim>::Condensation(BlockMatrix<Dim>& K, const st
 template <int Dim> Points<Dim> Condensation<Dim>::reduced(Points<Dim> f) const {
   if (groups_.empty()) return f;
   parallel_for(static_cast<Index>(f.cols()), [&](Index i) {
-    for (const Place& place : places_[i]) {  // none at the groups' own nodes, which are read here
+    for (const NodePlace& place : places_[i]) {  // none at the groups' own nodes, which are read here
       const Group& group = groups_[place.point];
       for (std::size_t k = 0; k < group.inner.size(); ++k)
         f.col(i) -=
