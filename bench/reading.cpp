@@ -2,9 +2,9 @@
 /// What it costs that geometries are read and meshed in a process of their own: bench_reading CASE.toml [RUNS]. Seconds
 /// of reading and meshing there and in this process, and of the whole analysis; medians.
 #include "clock.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <efree/efree.hpp>
@@ -14,30 +14,22 @@ using efree::bench::median;
 
 namespace {
 
-class Clock {
- public:
-  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
 template <int Dim> void measure(const Case<Dim>& analysis, int runs) {
   const MeshSize size{.length = analysis.geometry.size};
   std::vector<double> apart, here, whole;
   for (int run = 0; run < runs; ++run) {
-    Clock clock;
+    internal::Stopwatch clock;
     const auto made = analysis.geometry.mesh(size, {"mesh", {}});
-    apart.push_back(clock.seconds());
+    apart.push_back(clock());
     // Work in such a process that asks for one is simply done there.
     here.push_back(internal::confined({.subject = "the case", .reader = "the mesher"}, [&] {
-      const Clock inner;
+      const internal::Stopwatch inner;
       analysis.geometry.mesh(size, {"mesh", {}});
-      return inner.seconds();
+      return inner();
     }));
     clock = {};
     analyse(analysis);
-    whole.push_back(clock.seconds());
+    whole.push_back(clock());
   }
   const double cost = median(apart) - median(here);
   std::printf("mesh in a process of its own %.3f s, without %.3f s: %.3f s more, %.2f %% of the analysis's %.2f s\n",

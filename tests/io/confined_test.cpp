@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/io/case/case_file.hpp"
 #include "efree/io/case/inspect.hpp"
+#include "efree/io/confined/internal/transfer.hpp"
 #include "workspace.hpp"
 
 #include <gmock/gmock.h>
