@@ -9,7 +9,7 @@ namespace efree {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start) {
+double elapsed_seconds(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
@@ -59,7 +59,7 @@ Monitor::Progress Display::waiting() {
 void Display::detail(const std::string& how_far) {
   detail_ = how_far;
   constexpr double interval = 10.0;
-  if (terminal_ || quiet_ || seconds_since(detail_said_) < interval) return;
+  if (terminal_ || quiet_ || elapsed_seconds(detail_said_) < interval) return;
   detail_said_ = Clock::now();
   fmt::print(stderr, "{}\n", how_far);
 }
@@ -78,7 +78,7 @@ void Display::say(const std::string& message) {
 
 void Display::finish_line() {
   if (!terminal_ && !quiet_ && stage_start_ != Clock::time_point{})
-    fmt::print(stderr, "{:<12}{:8.2f} s\n", stage_, seconds_since(stage_start_));
+    fmt::print(stderr, "{:<12}{:8.2f} s\n", stage_, elapsed_seconds(stage_start_));
   stage_start_ = {};
 }
 
@@ -87,7 +87,7 @@ void Display::bar(const std::string& label, double fraction) {
   constexpr int width = 30;
   fraction_ = std::clamp(fraction, fraction_, 1.0);  // a stage that comes back must not turn the bar around
   const int filled = static_cast<int>(width * fraction_);
-  fmt::print(stderr, "\r\033[K[{:#<{}}{:.<{}}] {:5.1f} s  {}", "", filled, "", width - filled, seconds_since(start_),
+  fmt::print(stderr, "\r\033[K[{:#<{}}{:.<{}}] {:5.1f} s  {}", "", filled, "", width - filled, elapsed_seconds(start_),
              detail_.empty() ? label : fmt::format("{}: {}", label, detail_));
   std::fflush(stderr);
   bar_shown_ = true;

@@ -12,8 +12,9 @@
 #include "efree/io/pictures/picture.hpp"
 #include "efree/io/pictures/study_charts.hpp"
 #include "efree/io/records/convergence.hpp"
+#include "efree/io/records/dynamics_report.hpp"
+#include "efree/io/records/dynamics_run.hpp"
 #include "efree/io/records/history.hpp"
-#include "efree/io/records/otm_run.hpp"
 #include "efree/io/records/path_record.hpp"
 #include "efree/io/records/writers.hpp"
 #include "on_interrupt.hpp"
@@ -32,6 +33,7 @@
 #include <future>
 #include <iostream>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 namespace {
@@ -115,7 +117,7 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
     for (const auto& reaction : answer.reactions)
       say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
   };
-  const auto say_balance = [&](const Balance<Dim>& balance) {
+  const auto say_balance = [&](const auto& balance) {
     Resultant<Dim> scale;
     const auto add = [&](const Resultant<Dim>& of) { scale += {of.force.cwiseAbs(), of.moment.cwiseAbs()}; };
     for (const auto& load : balance.loads) add(load.of);
@@ -232,123 +234,111 @@ int solve(Case<Dim> analysis, const Options& options, const Monitor::Progress& p
   return 0;
 }
 
-/// What bodies in motion have done, a line each.
-template <int Dim> std::vector<std::string> motion_text(const OtmCase<Dim>& of, const MovingBodies<Dim>& bodies) {
-  const Otm<Dim>& otm = bodies.otm;
-  const OtmBalance<Dim> now = otm.balance();
-  const OtmTimes spent = otm.times();
-  const double all = spent.functions + spent.kinematics + spent.materials + spent.forces + spent.stability +
-                     spent.nodes + spent.contact + spent.fracture;
-  std::vector<std::string> lines{
-      fmt::format("{} steps to time {:.6g}, functions renewed {:.1f} times", otm.counts().steps, otm.time(),
-                  static_cast<double>(otm.counts().renewals) / otm.num_points()),
-      fmt::format(
-          "energy: kinetic {:.4g}, stored {:.4g}, dissipated {:.4g}, contact {:.4g}, elsewhere {:.4g}; off by up "
-          "to {:.2g} %",
-          now.kinetic, now.stored, now.dissipated, now.contact,
-          now.stabilising + now.viscous + now.renewal + now.fracture, 100.0 * otm.energy().largest_error())};
-  if (all > 0.0)
-    lines.push_back(
-        fmt::format("{:.3g} million updates of points a second; functions {:.0f} %, kinematics {:.0f} %, "
-                    "materials {:.0f} %, forces {:.0f} %, stable step {:.0f} %, nodes {:.0f} %, contact {:.0f} %, "
-                    "fracture {:.0f} %",
-                    1e-6 * static_cast<double>(otm.counts().updates) / all, 100.0 * spent.functions / all,
-                    100.0 * spent.kinematics / all, 100.0 * spent.materials / all, 100.0 * spent.forces / all,
-                    100.0 * spent.stability / all, 100.0 * spent.nodes / all, 100.0 * spent.contact / all,
-                    100.0 * spent.fracture / all));
-  for (const auto& [name, values] : measure(of.motion, bodies))
-    lines.push_back(values.size() == 1 ? fmt::format("probe \"{}\": {:.6g}", name, values[0])
-                                       : fmt::format("probe \"{}\": displacement ({:.6g}), velocity ({:.6g})", name,
-                                                     fmt::join(values.begin(), values.begin() + Dim, ", "),
-                                                     fmt::join(values.begin() + Dim, values.end(), ", ")));
-  return lines;
+/// Lets a signal's handler wait until the run has stopped.
+class StopSignal {
+ public:
+  /// Confirms that the run has stopped when it goes out of scope.
+  struct OnExit {
+    StopSignal& signal;
+    ~OnExit() { signal.confirm(); }
+  };
+  /// Asks the run to stop, and waits for a step and a checkpoint.
+  void request() {
+    requested_ = true;
+    stopped_.get_future().wait_for(std::chrono::seconds(20));
+  }
+  bool is_requested() const { return requested_.load(); }
+  void confirm() {
+    if (!std::exchange(is_confirmed_, true)) stopped_.set_value();
+  }
+
+ private:
+  std::atomic<bool> requested_ = false;
+  std::promise<void> stopped_;
+  bool is_confirmed_ = false;
+};
+
+/// Explicit dynamics of a case; its results are in `out`. Returns why the run ended before its time, or nothing, and
+/// whether there are results of this run.
+template <int Dim> std::pair<std::string, bool> run_case(const DynamicsCase<Dim>& dynamics_case, const Options& options,
+                                                         const Monitor& monitor, OutputDirectory& out,
+                                                         DynamicsRun<Dim>& run, Display& display) {
+  const auto say = monitor.say;
+  const PreparedMesh<Dim> mesh = prepare<Dim>(dynamics_case.geometry, dynamics_case, monitor);
+  for (const std::string& remark : mesh.remarks) say(remark);
+  DynamicsModel<Dim> model = build_dynamics_model(mesh, dynamics_case, dynamics_case.dynamics, monitor);
+  for (const std::string& remark : model.remarks) say(remark);
+  say(describe_model(model));
+  if (options.resume) {
+    run.resume(model);
+    say(fmt::format("goes on from step {} at time {:.6g}", model.dynamics.steps(), model.dynamics.time()));
+  } else if (run.is_unfinished()) {
+    say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
+                    options.out));
+  }
+  const DynamicsOutcome outcome = run_dynamics(model, dynamics_case.dynamics,
+                                               {.history_line = [&] { run.add_history_line(model); },
+                                                .frame = [&] { run.add_frame(model); },
+                                                .checkpoint = [&] { run.write_checkpoint(model); }},
+                                               monitor);
+  for (const std::string& line : describe_run(dynamics_case.dynamics, model)) say(line);
+  const auto warnings = collect_warnings(dynamics_case.dynamics, model);
+  for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
+  if (outcome.can_resume) return {outcome.stop_reason, false};
+  if (outcome.stop_reason.empty()) run.write_checkpoint(model);
+  run.finish(out);
+  write_dynamics_result(out.file("result.json"), dynamics_case, model, outcome, warnings, *monitor.times);
+  return {outcome.stop_reason, true};
 }
 
 /// Exit status. Signals end it after a checkpoint.
-template <int Dim>
-int move(const OtmCase<Dim>& of, const Options& options, const Monitor::Progress& progress, Display& display) {
+template <int Dim> int run_dynamics_case(const DynamicsCase<Dim>& dynamics_case, const Options& options,
+                                         const Monitor::Progress& progress, Display& display) {
   OutputDirectory out(options.out);
-  std::atomic<bool> stop = false;
-  std::promise<void> stopped;
+  StopSignal stop;
   const OnInterrupt clean_up([&] {
-    stop = true;
-    stopped.get_future().wait_for(std::chrono::seconds(20));  // a step and a checkpoint
+    stop.request();
     out.discard();
   });
-  struct Ended {
-    std::promise<void>& promise;
-    bool is_said = false;
-    void say() {
-      if (!std::exchange(is_said, true)) promise.set_value();
-    }
-    ~Ended() { say(); }
-  } ended{stopped};
-  OtmRun<Dim> run(options.out, of, !options.no_picture);
-  const auto say = [&](const std::string& remark) {
-    if (!options.quiet) display.say(remark);
-  };
+  const StopSignal::OnExit on_exit{stop};
+  DynamicsRun<Dim> run(options.out, dynamics_case, !options.no_picture);
   StageTimes times;
   const Monitor monitor{.progress = progress,
-                        .cancelled = [&] { return stop.load(); },
-                        .say = say,
+                        .cancelled = [&] { return stop.is_requested(); },
+                        .say =
+                            [&](const std::string& remark) {
+                              if (!options.quiet) display.say(remark);
+                            },
                         .times = &times,
                         .detail = [&](const std::string& how_far) { display.detail(how_far); }};
-  std::string refusal;
-  bool is_put = false;  // whether what there is of this run is results
+  std::string failure;
+  bool has_results = false;  // of this run
   try {
-    const PreparedMesh<Dim> mesh = prepare<Dim>(of.geometry, of, monitor);
-    for (const std::string& remark : mesh.remarks) say(remark);
-    MovingBodies<Dim> bodies = set_in_motion(mesh, of, of.motion, monitor);
-    for (const std::string& remark : bodies.remarks) say(remark);
-    say(fmt::format("{} bod{}, {} nodes, {} material points, steps of {:.4g}", bodies.names.size(),
-                    bodies.names.size() == 1 ? "y" : "ies", bodies.otm.num_nodes(), bodies.otm.num_points(),
-                    bodies.otm.stable_step()));
-    if (options.resume) {
-      run.resume(bodies);
-      say(fmt::format("goes on from step {} at time {:.6g}", bodies.otm.counts().steps, bodies.otm.time()));
-    } else if (run.is_unfinished()) {
-      say(fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now",
-                      options.out));
-    }
-    const MotionEnd end = run_motion(bodies, of.motion,
-                                     {.line = [&] { run.line(bodies); },
-                                      .frame = [&] { run.frame(bodies); },
-                                      .checkpoint = [&] { run.checkpoint(bodies); }},
-                                     monitor);
-    refusal = end.refusal;
-    for (const std::string& line : motion_text(of, bodies)) say(line);
-    const auto warnings = warnings_of(of, bodies);
-    for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
-    if (!end.can_go_on) {
-      if (refusal.empty()) run.checkpoint(bodies);
-      run.finish(out);
-      write_otm_result(out.file("result.json"), of, bodies, end, warnings, times);
-      is_put = true;
-    }
+    std::tie(failure, has_results) = run_case(dynamics_case, options, monitor, out, run, display);
   } catch (const Cancelled&) {
-    ended.say();
+    stop.confirm();
     for (;;) std::this_thread::sleep_for(std::chrono::hours(1));  // the signal ends it
   } catch (const NumericalError& error) {
-    refusal = error.what();
+    failure = error.what();
     out.clear();
-    is_put = run.has_begun();
-    if (is_put) run.finish(out);
-    if (is_put) out.supersede("result.json");
+    has_results = run.has_begun();
+    if (has_results) run.finish(out);
+    if (has_results) out.supersede("result.json");
   } catch (const std::bad_alloc&) {
-    refusal = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
+    failure = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
     out.clear();
   }
-  const std::string whose = is_put ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
+  const std::string whose = has_results ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
   const std::string stage = display.stage();
-  if (refusal.empty())
+  if (failure.empty())
     out.supersede("failure.json");
   else
-    write_failure(out.file("failure.json"), of.title, refusal, stage, whose);
+    write_failure(out.file("failure.json"), dynamics_case.title, failure, stage, whose);
   out.commit();
-  if (is_put) run.forget();
-  if (!refusal.empty())
-    throw NumericalError(fmt::format("{} failed: {}{}", stage, refusal,
-                                     is_put ? fmt::format("; what there was by then is in {}", options.out)
+  if (has_results) run.remove_unfinished();
+  if (!failure.empty())
+    throw NumericalError(fmt::format("{} failed: {}{}", stage, failure,
+                                     has_results ? fmt::format("; the results until then are in {}", options.out)
                                      : whose == "none"
                                          ? ""
                                          : fmt::format("; the results in {} are {}", options.out, whose)));
@@ -442,12 +432,12 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   Options options;
   CLI::App& solve_command = *app.add_subcommand(
-      "solve", "solve a case, or set its bodies in motion; writes result.json, fields and pictures");
+      "solve", "solve a case, static or of explicit dynamics; writes result.json, fields and pictures");
   solve_command.alias("run");
   add_common(solve_command, options);
   solve_command.add_flag("--no-picture", options.no_picture, "draw no pictures");
   solve_command.add_flag("--resume", options.resume,
-                         "go on from where an earlier run through time, or of bodies in motion, was stopped");
+                         "go on from where an earlier run through time, or of explicit dynamics, was stopped");
   const CLI::Validator positive([](const std::string& text) { return not_positive(text); }, "");
   solve_command
       .add_option(
@@ -459,8 +449,8 @@ int run(int argc, char** argv) {
   solve_command
       .add_option(
           "--time-limit", options.time_limit,
-          "with an accuracy: seconds after which no finer mesh is begun; in motion: after which a run is stopped, for "
-          "--resume")
+          "with an accuracy: seconds after which no finer mesh is begun; in explicit dynamics: after which a run is "
+          "stopped, for --resume")
       ->type_name("SECONDS")
       ->check(CLI::PositiveNumber);
   CLI::App& convergence_command = *app.add_subcommand(
@@ -508,17 +498,17 @@ int run(int argc, char** argv) {
       inspect_file(options, display);
       return 0;
     }
-    if (solve_command.parsed() && is_otm_case(options.case_file)) {
+    if (solve_command.parsed() && is_dynamics_case(options.case_file)) {
       if (!options.accuracy.empty())
-        throw InputError(fmt::format("{}: --accuracy means nothing for bodies in motion", options.case_file));
+        throw InputError(fmt::format("{}: --accuracy means nothing in explicit dynamics", options.case_file));
       const Monitor::Progress progress =
-          display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature", "bodies", "motion"});
+          display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature", "bodies", "dynamics"});
       return std::visit(
-          [&](auto of) {
-            if (options.time_limit > 0.0) of.motion.time_limit = options.time_limit;
-            return move(of, options, progress, display);
+          [&](auto dynamics_case) {
+            if (options.time_limit > 0.0) dynamics_case.dynamics.time_limit = options.time_limit;
+            return run_dynamics_case(dynamics_case, options, progress, display);
           },
-          read_otm_case(options.case_file, options.reading, {.progress = progress}));
+          read_dynamics_case(options.case_file, options.reading, {.progress = progress}));
     }
     const Monitor::Progress progress = display.stages({"read", "mesh", "cloud", "weights", "basis", "quadrature",
                                                        "assembly", "solve", "path", "correction", "duals", "output"});

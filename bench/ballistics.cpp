@@ -25,31 +25,31 @@ void shoot(double size, const std::vector<double>& speeds, bench::Keys& keys, co
       "dim,size,points,speed,residual,through,eroded,energy_error,mass_error,momentum_error,fracture,steps,seconds");
   for (const double speed : speeds) {
     const double begin = bench::cpu_seconds();
-    OtmFracture fracture = bench::Perforation::fracture();
+    FractureCriteria fracture = bench::Perforation::fracture();
     if (keys["toughness"] == 0.0) fracture.toughness = 0.0;
     if (keys["strain"] == 0.0) fracture.strain.reset();
-    auto otm = bench::Perforation::bodies<Dim>(size, speed, keys["free"] == 0.0, fracture);
-    const double kinetic = otm.balance().kinetic;
+    auto dynamics = bench::Perforation::bodies<Dim>(size, speed, keys["free"] == 0.0, fracture);
+    const double kinetic = dynamics.balance()["kinetic"];
     bench::Perforation::End end;
     try {
-      end = bench::Perforation::run(otm, keys["until"]);
+      end = bench::Perforation::run(dynamics, keys["until"]);
     } catch (const NumericalError& error) {
       std::printf("# %g m/s: %s\n", speed, error.what());
     }
-    const auto& counts = otm.counts();
-    std::printf("%d,%g,%d,%g,%.1f,%d,%d,%.2g,%.2g,%.2g,%.3g,%d,%.3g\n", Dim, size, otm.num_points(), speed,
-                end.through ? end.speed : 0.0, end.through ? 1 : 0, counts.eroded, end.error, end.mass_error,
-                end.momentum_error, otm.balance().fracture / kinetic, counts.steps, bench::cpu_seconds() - begin);
+    std::printf("%d,%g,%d,%g,%.1f,%d,%d,%.2g,%.2g,%.2g,%.3g,%d,%.3g\n", Dim, size, dynamics.num_points(), speed,
+                end.through ? end.speed : 0.0, end.through ? 1 : 0, static_cast<int>(dynamics.count("eroded points")),
+                end.error, end.mass_error, end.momentum_error, dynamics.balance()["fracture"] / kinetic,
+                dynamics.steps(), bench::cpu_seconds() - begin);
     std::fflush(stdout);
     if (points.empty() || speed != speeds.back()) continue;
     std::FILE* file = std::fopen(points.c_str(), "w");
     std::fprintf(file, "x,y,body,eroded,plastic_strain\n");
-    const Points<Dim> at = otm.points();
+    const Points<Dim> at = dynamics.points();
     for (Index b = 0; b < 2; ++b) {
-      const Matrix history = otm.history(b);
-      for (Index p = otm.first_point(b); p < otm.first_point(b + 1); ++p)
+      const Matrix history = dynamics.history(b);
+      for (Index p = dynamics.first_point(b); p < dynamics.first_point(b + 1); ++p)
         std::fprintf(file, "%.6g,%.6g,%d,%d,%.4g\n", 1e3 * at.col(p).template head<Dim - 1>().norm(),
-                     1e3 * at(Dim - 1, p), b, otm.is_eroded(p) ? 1 : 0, history(6, p - otm.first_point(b)));
+                     1e3 * at(Dim - 1, p), b, dynamics.is_eroded(p) ? 1 : 0, history(6, p - dynamics.first_point(b)));
     }
     std::fclose(file);
   }

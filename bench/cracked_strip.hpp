@@ -2,12 +2,14 @@
 /// A long strip with clamped edges and a crack along its middle, pulled apart (Rice 1967), for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace efree::bench {
 
@@ -20,12 +22,12 @@ struct CrackedStrip {
   static constexpr double toughness = 0.5 * modulus * strain_at_onset * strain_at_onset;
 
   double size, ramp;
-  Otm<2> otm;
+  Dynamics<2> dynamics;
   Index notched;  ///< points that the crack took at the start
 
-  static OtmBody<2> body(double size, double neighbourhood, double ramp) {
-    OtmBody<2> body = otm_body(triangulate(shapes::rectangle(0.0, -0.5, length, 0.5), {.size = size}),
-                               NeoHookean({.E = 1.0, .nu = nu}), 1.0);
+  static DeformableBody<2> body(double size, double neighbourhood, double ramp) {
+    DeformableBody<2> body = deformable_body(triangulate(shapes::rectangle(0.0, -0.5, length, 0.5), {.size = size}),
+                                             NeoHookean({.E = 1.0, .nu = nu}), 1.0);
     body.fracture = {.toughness = toughness, .neighbourhood = neighbourhood};
     // The edges part at a steady rate. What is behind the crack's tip moves as a whole, which saves it from swinging.
     body.velocity.setZero(2, body.nodes.cols());
@@ -36,28 +38,28 @@ struct CrackedStrip {
     }
     return body;
   }
-  /// Nodes at most `size` apart. The crack is wider than functions, which would bridge it. G would get to the toughness
-  /// at the time `ramp`.
+  /// Nodes at most `size` apart. The crack is wider than the supports of shape functions, which would bridge it. G
+  /// would get to the toughness at the time `ramp`.
   CrackedStrip(double size, double neighbourhood, double ramp)
-      : size(size), ramp(ramp), otm({body(size, neighbourhood, ramp)}) {
-    for (Index a = 0; a < otm.num_nodes(); ++a)
-      if (std::abs(otm.nodes()(1, a)) > 0.5 - 1e-9) {
-        otm.prescribe(a, 0, 0.0);
-        otm.prescribe(a, 1, otm.velocities()(1, a));
+      : size(size), ramp(ramp), dynamics({body(size, neighbourhood, ramp)}, otm<2>()) {
+    for (Index a = 0; a < dynamics.num_nodes(); ++a)
+      if (std::abs(dynamics.nodes()(1, a)) > 0.5 - 1e-9) {
+        dynamics.prescribe(a, 0, 0.0);
+        dynamics.prescribe(a, 1, dynamics.velocities()(1, a));
       }
-    const Points<2> points = otm.points();
-    for (Index p = 0; p < otm.num_points(); ++p)
-      if (points(0, p) < notch && std::abs(points(1, p)) < size) otm.erode(p);
-    notched = otm.counts().eroded;
+    const Points<2> points = dynamics.points();
+    for (Index p = 0; p < dynamics.num_points(); ++p)
+      if (points(0, p) < notch && std::abs(points(1, p)) < size) dynamics.erode(p);
+    notched = static_cast<Index>(dynamics.count("eroded points"));
   }
   /// Energy release rate of a crack that is long, over the toughness.
-  double load() const { return std::pow(otm.time() / ramp, 2); }
+  double load() const { return std::pow(dynamics.time() / ramp, 2); }
   /// How far the crack has grown.
   double growth() const {
     double tip = notch;
-    const Points<2> points = otm.points();
-    for (Index p = 0; p < otm.num_points(); ++p)
-      if (otm.is_eroded(p)) tip = std::max(tip, points(0, p));
+    const Points<2> points = dynamics.points();
+    for (Index p = 0; p < dynamics.num_points(); ++p)
+      if (dynamics.is_eroded(p)) tip = std::max(tip, points(0, p));
     return tip - notch;
   }
   struct Onset {
@@ -69,9 +71,9 @@ struct CrackedStrip {
     constexpr double never = std::numeric_limits<double>::infinity();
     Onset result{never, never};
     while (load() < 4.0) {
-      const Index before = otm.counts().eroded;
-      otm.step();
-      if (otm.counts().eroded == before) continue;
+      const std::int64_t before = dynamics.count("eroded points");
+      dynamics.step();
+      if (dynamics.count("eroded points") == before) continue;
       result.first = std::min(result.first, load());
       if (growth() < 5.0 * size) continue;
       result.grown = load();

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Blocks of rubber and bars that vibrate, for tests and benchmarks of bodies in motion.
+/// Blocks of rubber and bars that vibrate, for tests and benchmarks of explicit dynamics.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <cmath>
 #include <limits>
@@ -27,20 +29,21 @@ template <int Dim> FineMesh<Dim> block(double length, double size) {
 }
 
 /// Free vibration of a bar with free ends, u = cos(pi x / L), in steps of at most that: its frequency over pi c / L,
-/// less one.
-template <int Dim> double frequency_error(OtmBody<Dim> body, double length, const OtmOptions& options = {},
+/// less one. By the total Lagrangian scheme if the body has shape functions.
+template <int Dim> double frequency_error(DeformableBody<Dim> body, double length, const OtmOptions& scheme = {},
+                                          const DynamicsOptions& options = {},
                                           double at_most = std::numeric_limits<double>::infinity()) {
   body.velocity.setZero(Dim, body.nodes.cols());
   for (Index a = 0; a < body.nodes.cols(); ++a)
     body.velocity(0, a) = std::cos(std::numbers::pi * body.nodes(0, a) / length);
   const Points<Dim> shape = body.velocity;
   body.velocity *= 1e-4;
-  Otm<Dim> otm({body}, options);
+  Dynamics<Dim> dynamics({body}, body.shape ? total_lagrangian<Dim>() : otm<Dim>(scheme), options);
   // The mode's velocity passes zero at odd quarters of a period: for the eighth time at 15 / 4 of one.
   double last = 1.0, last_time = 0.0, crossing = 0.0;
   for (int crossings = 0; crossings < 8;) {
-    const double dt = otm.step(at_most), time = otm.time() - 0.5 * dt;
-    const double now = (otm.velocities().cwiseProduct(shape) * otm.masses().asDiagonal()).sum();
+    const double dt = dynamics.step(at_most), time = dynamics.time() - 0.5 * dt;
+    const double now = (dynamics.velocities().cwiseProduct(shape) * dynamics.masses().asDiagonal()).sum();
     if (now * last < 0.0) {
       ++crossings;
       crossing = last_time + (time - last_time) * last / (last - now);

@@ -27,11 +27,12 @@ void onset(const std::vector<double>& sizes, Keys& keys) {
   for (const double size : sizes) {
     const double begin = bench::cpu_seconds();
     bench::CrackedStrip strip(size, keys["neighbourhood"], keys["ramp"]);
-    const double before = strip.otm.balance().total();
+    const double before = strip.dynamics.balance().total();
     const auto [first, grown] = strip.onset();
-    const auto after = strip.otm.balance();
-    std::printf("%g,%g,%d,%.4f,%.4f,%.2g,%d,%.3g\n", keys["neighbourhood"], size, strip.otm.num_points(), first, grown,
-                (after.total() - before) / after.prescribed, strip.otm.counts().steps, bench::cpu_seconds() - begin);
+    const auto after = strip.dynamics.balance();
+    std::printf("%g,%g,%d,%.4f,%.4f,%.2g,%d,%.3g\n", keys["neighbourhood"], size, strip.dynamics.num_points(), first,
+                grown, (after.total() - before) / after["prescribed"], strip.dynamics.steps(),
+                bench::cpu_seconds() - begin);
     std::fflush(stdout);
   }
 }
@@ -39,31 +40,31 @@ void onset(const std::vector<double>& sizes, Keys& keys) {
 /// Maraging steel 18Ni1900; metres. The impact is at x = 0 below the notch, y = 0 a plane of symmetry.
 void path(double size, Keys& keys) {
   constexpr double side = 0.1, notch = 0.05, height = 0.025;
-  OtmBody<2> body = otm_body(triangulate(shapes::rectangle(0.0, 0.0, side, side), {.size = size}),
-                             NeoHookean({.E = 190e9, .nu = 0.3}), 8000.0);
+  DeformableBody<2> body = deformable_body(triangulate(shapes::rectangle(0.0, 0.0, side, side), {.size = size}),
+                                           NeoHookean({.E = 190e9, .nu = 0.3}), 8000.0);
   body.fracture = {.toughness = 2.213e4, .neighbourhood = keys["neighbourhood"]};
-  Otm<2> otm({body});
-  const Points<2> start = otm.points();
-  for (Index p = 0; p < otm.num_points(); ++p)
-    if (start(0, p) < notch && std::abs(start(1, p) - height) < keys["width"] * size) otm.erode(p);
-  const Index notched = otm.counts().eroded;
-  std::vector<bool> is_notch(static_cast<std::size_t>(otm.num_points()));
-  for (Index p = 0; p < otm.num_points(); ++p) is_notch[p] = otm.is_eroded(p);
-  for (Index a = 0; a < otm.num_nodes(); ++a) {
-    if (otm.nodes()(1, a) < 1e-9) otm.prescribe(a, 1, 0.0);
-    if (otm.nodes()(0, a) < 1e-9 && otm.nodes()(1, a) < height - 0.5 * size) otm.prescribe(a, 0, 16.5);
+  Dynamics<2> dynamics({body}, otm<2>());
+  const Points<2> start = dynamics.points();
+  for (Index p = 0; p < dynamics.num_points(); ++p)
+    if (start(0, p) < notch && std::abs(start(1, p) - height) < keys["width"] * size) dynamics.erode(p);
+  const auto notched = static_cast<Index>(dynamics.count("eroded points"));
+  std::vector<bool> is_notch(static_cast<std::size_t>(dynamics.num_points()));
+  for (Index p = 0; p < dynamics.num_points(); ++p) is_notch[p] = dynamics.is_eroded(p);
+  for (Index a = 0; a < dynamics.num_nodes(); ++a) {
+    if (dynamics.nodes()(1, a) < 1e-9) dynamics.prescribe(a, 1, 0.0);
+    if (dynamics.nodes()(0, a) < 1e-9 && dynamics.nodes()(1, a) < height - 0.5 * size) dynamics.prescribe(a, 0, 16.5);
   }
-  const double before = otm.balance().total();
+  const double before = dynamics.balance().total();
   double began = 0.0;
-  while (otm.time() < keys["until"]) {
-    otm.step();
-    if (began == 0.0 && otm.counts().eroded > notched) began = otm.time();
+  while (dynamics.time() < keys["until"]) {
+    dynamics.step();
+    if (began == 0.0 && dynamics.count("eroded points") > notched) began = dynamics.time();
   }
   std::puts("x,y,notch");
   // A line through the notch's end, by least squares over points at least 5 mm from it.
   double along = 0.0, across = 0.0, both = 0.0;
-  for (Index p = 0; p < otm.num_points(); ++p) {
-    if (!otm.is_eroded(p)) continue;
+  for (Index p = 0; p < dynamics.num_points(); ++p) {
+    if (!dynamics.is_eroded(p)) continue;
     std::printf("%.6g,%.6g,%d\n", 1e3 * start(0, p), 1e3 * start(1, p), is_notch[p] ? 1 : 0);
     const double dx = start(0, p) - notch, dy = start(1, p) - height;
     if (is_notch[p] || dy < 0.005) continue;
@@ -72,10 +73,10 @@ void path(double size, Keys& keys) {
     both += dx * dy;
   }
   const double angle = 0.5 * std::atan2(2.0 * both, along - across) * 180.0 / std::numbers::pi;
-  const auto after = otm.balance();
+  const auto after = dynamics.balance();
   std::fprintf(stderr, "%d points, %d broke from %.1f us on, angle %.1f degrees, energy off by %.2g\n",
-               otm.num_points(), otm.counts().eroded - notched, 1e6 * began, angle,
-               (after.total() - before) / after.prescribed);
+               dynamics.num_points(), static_cast<Index>(dynamics.count("eroded points")) - notched, 1e6 * began, angle,
+               (after.total() - before) / after["prescribed"]);
 }
 
 }  // namespace

@@ -7,14 +7,16 @@
 // (quadrature points a node), averaged (dilatation 0, 1), delaunay (mesh 0, 1), until (microseconds).
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
-#include "efree/io/records/otm_record.hpp"
+#include "efree/io/records/dynamics_record.hpp"
 #include "efree/materials/j2.hpp"
-#include "efree/otm/otm.hpp"
 
 #include "arguments.hpp"
 #include "clock.hpp"
+#include "ledger_text.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -65,38 +67,37 @@ struct History {
   }
 };
 
-History thrown(OtmBody<3> body, double begin, double until, const fs::path& record) {
+History thrown(DeformableBody<3> body, double begin, double until, const fs::path& record) {
   body.velocity.setZero(3, body.nodes.cols());
   body.velocity.row(2).setConstant(-speed);
-  Otm<3> otm({body});
-  otm.add_wall({.normal = Vec<3>::Unit(2)});
-  const double before = otm.balance().total();
+  Dynamics<3> dynamics({body}, total_lagrangian<3>());
+  dynamics.add_wall({.normal = Vec<3>::Unit(2)});
+  const double before = dynamics.balance().total();
   History result;
-  result.step = otm.stable_step();
+  result.step = dynamics.stable_step();
   std::printf("%d nodes, %d points, set up after %.1f s, masses %.2g to %.2g of the mean, step %.3g ns\n",
-              otm.num_nodes(), otm.num_points(), bench::cpu_seconds() - begin,
-              otm.masses().minCoeff() / otm.masses().mean(), otm.masses().maxCoeff() / otm.masses().mean(),
-              1e9 * result.step);
+              dynamics.num_nodes(), dynamics.num_points(), bench::cpu_seconds() - begin,
+              dynamics.masses().minCoeff() / dynamics.masses().mean(),
+              dynamics.masses().maxCoeff() / dynamics.masses().mean(), 1e9 * result.step);
   std::fflush(stdout);
   double last = 0.0;
-  while (otm.time() < until) {
-    const double dt = otm.step(until - otm.time());
-    result.impulse.push_back(result.impulse.back() - 0.5 * (last + dt) * otm.wall_forces()(2, 0));
-    result.time.push_back(otm.time());
+  while (dynamics.time() < until) {
+    const double dt = dynamics.step(until - dynamics.time());
+    result.impulse.push_back(result.impulse.back() - 0.5 * (last + dt) * dynamics.wall_forces()(2, 0));
+    result.time.push_back(dynamics.time());
     last = dt;
   }
   result.seconds = bench::cpu_seconds() - begin;
-  const auto now = otm.balance();
-  const OtmTimes times = otm.times();
+  const auto now = dynamics.balance();
   std::printf(
       "%d steps, kinetic %.3f, stored %.3f, plastic %.3f, contact %.3f, total %.5f, momentum off by %.1e; %.1f s: "
-      "kinematics %.1f, materials %.1f, forces %.1f, stability %.1f, nodes %.1f; peak %.0f MB\n",
-      otm.counts().steps, now.kinetic / before, now.stored / before, now.dissipated / before, now.contact / before,
-      now.total() / before,
+      "%s; peak %.0f MB\n",
+      dynamics.steps(), now["kinetic"] / before, now["stored"] / before, now["dissipated"] / before,
+      now["contact"] / before, now.total() / before,
       std::abs((now.momentum[2] - result.impulse.back()) / (density * speed) / body.volumes.sum() + 1.0),
-      result.seconds, times.kinematics, times.materials, times.forces, times.stability, times.nodes, peak_memory_mb());
+      result.seconds, bench::times_text(dynamics.ledger()).c_str(), peak_memory_mb());
   std::fflush(stdout);
-  OtmRecord<3>(record).add(otm);
+  DynamicsRecord<3>(record).add(dynamics);
   return result;
 }
 
@@ -120,19 +121,20 @@ void run(int voxels, double size, const fs::path& folder, const std::vector<doub
   const fs::path file = folder / ("elements_" + name + ".txt");
   if (!fs::exists(file)) {
     const double begin = bench::cpu_seconds();
-    thrown(otm_body(approximate(mesh, {.kind = BasisKind::p1}), steel, density), begin, until,
+    thrown(deformable_body(approximate(mesh, {.kind = BasisKind::p1}), steel, density), begin, until,
            folder / ("elements_" + name))
         .write(file);
   }
   const History elements = History::read(file);
   for (const double spacing : spacings) {
     const double begin = bench::cpu_seconds();
-    OtmBody<3> body = otm_body(approximate(mesh, {.spacing = spacing,
-                                                  .support = value("support", otm_support),
-                                                  .ratio = value("ratio", 0.0),
-                                                  .dilatation = averaged_if(value("averaged", 0.0) != 0.0),
-                                                  .pressures = PressureKind::constant}),
-                               steel, density);
+    DeformableBody<3> body =
+        deformable_body(approximate(mesh, {.spacing = spacing,
+                                           .support = value("support", dynamics_support),
+                                           .ratio = value("ratio", 0.0),
+                                           .dilatation = averaged_if(value("averaged", 0.0) != 0.0),
+                                           .pressures = PressureKind::constant}),
+                        steel, density);
     body.mass_terms = static_cast<Index>(value("terms", body.mass_terms));
     const std::string cloud = "cloud_" + name + "_" + std::to_string(spacing).substr(0, 4);
     const History found = thrown(std::move(body), begin, until, folder / cloud);

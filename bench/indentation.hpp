@@ -3,9 +3,10 @@
 /// 4/3 E* sqrt(R) d^(3/2), for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -57,29 +58,30 @@ struct Indentation {
 
   struct Answer {
     double force;   ///< over Hertz's
-    double energy;  ///< not accounted for, over the work
+    double energy;  ///< error of the balance, over the work
     Index steps;
   };
   /// Pressed within three times that a wave takes to the end; the force is the mean over two more.
-  static Answer press(Index n, OtmOptions options = {}, double careless = 0.0) {
+  static Answer press(Index n, const OtmOptions& scheme = {}, double careless = 0.0, DynamicsOptions options = {}) {
     options.plane = Plane::axisymmetric;
-    Otm<2> otm({otm_body(mesh(n, careless), NeoHookean({.E = 1.0, .nu = nu}), 1.0, true)}, options);
+    Dynamics<2> dynamics({deformable_body(mesh(n, careless), NeoHookean({.E = 1.0, .nu = nu}), 1.0, true)},
+                         otm<2>(scheme), options);
     const double crossing = far / std::sqrt((1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))), ramp = 3.0 * crossing;
-    for (Index a = 0; a < otm.num_nodes(); ++a) {
-      const Vec<2> x = otm.nodes().col(a);
+    for (Index a = 0; a < dynamics.num_nodes(); ++a) {
+      const Vec<2> x = dynamics.nodes().col(a);
       for (int i = 0; i < 2; ++i)
-        if (x.norm() > 0.999 * far || (i == 0 && x[0] == 0.0)) otm.prescribe(a, i, 0.0);
+        if (x.norm() > 0.999 * far || (i == 0 && x[0] == 0.0)) dynamics.prescribe(a, i, 0.0);
     }
-    otm.add_tool({.shape = tools::ball<2>({0.0, radius}, radius), .velocity = [ramp](double t) {
-                    const double s = std::sin(std::numbers::pi * t / ramp);
-                    return Vec<2>(0.0, t < ramp ? -2.0 * depth / ramp * s * s : 0.0);
-                  }});
-    otm.run(ramp);
-    const double before = otm.tools()[0].impulse[1];
-    otm.run(ramp + 2.0 * crossing);
-    const double force = (otm.tools()[0].impulse[1] - before) / (2.0 * crossing);
+    dynamics.add_rigid_body({.shape = rigid_shapes::ball<2>({0.0, radius}, radius), .velocity = [ramp](double t) {
+                               const double s = std::sin(std::numbers::pi * t / ramp);
+                               return Vec<2>(0.0, t < ramp ? -2.0 * depth / ramp * s * s : 0.0);
+                             }});
+    dynamics.run(ramp);
+    const double before = dynamics.rigid_bodies()[0].impulse[1];
+    dynamics.run(ramp + 2.0 * crossing);
+    const double force = (dynamics.rigid_bodies()[0].impulse[1] - before) / (2.0 * crossing);
     const double hertz = 4.0 / 3.0 / (1.0 - nu * nu) * std::sqrt(radius) * std::pow(depth, 1.5);
-    return {force / hertz, otm.balance().total() / otm.balance().prescribed, otm.counts().steps};
+    return {force / hertz, dynamics.balance().total() / dynamics.balance()["prescribed"], dynamics.steps()};
   }
 
  private:

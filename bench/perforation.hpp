@@ -2,10 +2,11 @@
 /// A steel sphere through an aluminium plate, for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/j2.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -37,7 +38,7 @@ struct Perforation {
                .heating = Heating{.capacity = 2770.0 * 875.0, .melting = 775.0, .reference = 293.0, .exponent = 1.0}});
   }
   /// Both ways to break: eigenerosion with the toughness of 37 MPa m^(1/2), and strain.
-  static OtmFracture fracture() {
+  static FractureCriteria fracture() {
     return {.toughness = 37e6 * 37e6 * (1.0 - 0.33 * 0.33) / 73e9,
             .strain = JohnsonCookFailure{.D = {0.13, 0.13, -1.5, 0.011, 0.0}, .melting = 482.0}};
   }
@@ -85,24 +86,25 @@ struct Perforation {
   }
 
   /// `held`: the plate's rim, which else is free.
-  template <int Dim> static Otm<Dim> bodies(double size, double speed, bool held, const OtmFracture& broken_by) {
-    std::vector<OtmBody<Dim>> bodies{otm_body(sphere<Dim>(size), steel(), 7830.0, Dim == 2),
-                                     otm_body(plate<Dim>(size), aluminium(), 2770.0, Dim == 2)};
+  template <int Dim>
+  static Dynamics<Dim> bodies(double size, double speed, bool held, const FractureCriteria& broken_by) {
+    std::vector<DeformableBody<Dim>> bodies{deformable_body(sphere<Dim>(size), steel(), 7830.0, Dim == 2),
+                                            deformable_body(plate<Dim>(size), aluminium(), 2770.0, Dim == 2)};
     bodies[0].velocity.setZero(Dim, bodies[0].nodes.cols());
     bodies[0].velocity.row(Dim - 1).setConstant(-speed);
     bodies[0].fracture.strain = JohnsonCookFailure{.D = {0.05, 3.44, -2.12, 0.002, 0.61}, .melting = 1500.0};
     bodies[1].fracture = broken_by;
-    OtmOptions options;
+    DynamicsOptions options;
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;
     options.shock = {.linear = 0.06, .quadratic = 1.5};
-    Otm<Dim> otm(bodies, options);
-    for (Index a = 0; a < otm.num_nodes(); ++a) {
-      const Vec<Dim> at = otm.nodes().col(a);
-      const bool on_rim = a >= otm.first_node(1) && at.template head<Dim - 1>().maxCoeff() > rim - 1e-9;
+    Dynamics<Dim> dynamics(bodies, otm<Dim>(), options);
+    for (Index a = 0; a < dynamics.num_nodes(); ++a) {
+      const Vec<Dim> at = dynamics.nodes().col(a);
+      const bool on_rim = a >= dynamics.first_node(1) && at.template head<Dim - 1>().maxCoeff() > rim - 1e-9;
       for (int i = 0; i < Dim; ++i)
-        if ((i < Dim - 1 && at[i] < 1e-9) || (held && on_rim)) otm.prescribe(a, i, 0.0);
+        if ((i < Dim - 1 && at[i] < 1e-9) || (held && on_rim)) dynamics.prescribe(a, i, 0.0);
     }
-    return otm;
+    return dynamics;
   }
 
   struct End {
@@ -111,29 +113,29 @@ struct Perforation {
     double error = 0.0;                             ///< of energy, over that at the start
     double mass_error = 0.0, momentum_error = 0.0;  ///< over those at the start; momentum along the axis
   };
-  template <int Dim> static double sphere_speed(const Otm<Dim>& otm) {
+  template <int Dim> static double sphere_speed(const Dynamics<Dim>& dynamics) {
     double momentum = 0.0, mass = 0.0;
-    const Points<Dim> v = otm.velocities();
-    for (Index a = 0; a < otm.first_node(1); ++a) {
-      momentum -= otm.masses()[a] * v(Dim - 1, a);
-      mass += otm.masses()[a];
+    const Points<Dim> v = dynamics.velocities();
+    for (Index a = 0; a < dynamics.first_node(1); ++a) {
+      momentum -= dynamics.masses()[a] * v(Dim - 1, a);
+      mass += dynamics.masses()[a];
     }
     return momentum / mass;
   }
   /// Runs until the sphere is through, has been stopped, or that time.
-  template <int Dim> static End run(Otm<Dim>& otm, double until = 200e-6) {
-    const auto before = otm.balance();
-    const double mass = otm.masses().sum();
+  template <int Dim> static End run(Dynamics<Dim>& dynamics, double until = 200e-6) {
+    const auto before = dynamics.balance();
+    const double mass = dynamics.masses().sum();
     End end;
-    while (otm.time() < until) {
-      for (int k = 0; k < 20; ++k) otm.step();
-      end.speed = sphere_speed(otm);
-      end.through = otm.nodes().row(Dim - 1).head(otm.first_node(1)).maxCoeff() < -0.2 * radius;
+    while (dynamics.time() < until) {
+      for (int k = 0; k < 20; ++k) dynamics.step();
+      end.speed = sphere_speed(dynamics);
+      end.through = dynamics.nodes().row(Dim - 1).head(dynamics.first_node(1)).maxCoeff() < -0.2 * radius;
       if (end.through || end.speed <= 0.0) break;
     }
-    const auto after = otm.balance();
+    const auto after = dynamics.balance();
     end.error = after.total() / before.total() - 1.0;
-    end.mass_error = otm.masses().sum() / mass - 1.0;
+    end.mass_error = dynamics.masses().sum() / mass - 1.0;
     end.momentum_error = after.momentum[Dim - 1] / before.momentum[Dim - 1] - 1.0;
     return end;
   }

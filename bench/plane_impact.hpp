@@ -3,11 +3,12 @@
 /// the same by explicit dynamics on meshes of no symmetry, for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/j2.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <cmath>
 #include <utility>
@@ -79,18 +80,18 @@ struct PlaneImpact {
     else
       return FineMesh<3>(solids::box({width, width, length}, size));
   }
-  template <int Dim> static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, const OtmOptions& options,
-                                         bool shared_dilatation = true) {
-    OtmBody<Dim> body = otm_body(mesh, aluminium(), density);
+  template <int Dim> static Dynamics<Dim> bar(const FineMesh<Dim>& mesh, double speed, const OtmOptions& scheme,
+                                              const DynamicsOptions& options, bool shared_dilatation = true) {
+    DeformableBody<Dim> body = deformable_body(mesh, aluminium(), density);
     body.velocity.setZero(Dim, body.nodes.cols());
     body.velocity.row(Dim - 1).setConstant(-speed);
-    if (!shared_dilatation) body.unions.clear();
-    Otm<Dim> otm({body}, options);
-    otm.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
+    if (!shared_dilatation) body.patches.clear();
+    Dynamics<Dim> dynamics({body}, otm<Dim>(scheme), options);
+    dynamics.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
     for (Index a = 0; a < body.nodes.cols(); ++a)
       for (int i = 0; i + 1 < Dim; ++i)
-        if (const double x = body.nodes(i, a); x < 1e-9 || x > width - 1e-9) otm.prescribe(a, i, 0.0);
-    return otm;
+        if (const double x = body.nodes(i, a); x < 1e-9 || x > width - 1e-9) dynamics.prescribe(a, i, 0.0);
+    return dynamics;
   }
 };
 

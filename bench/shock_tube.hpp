@@ -3,8 +3,10 @@
 #pragma once
 
 #include "efree/core/error.hpp"
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/materials/equation_of_state.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -77,40 +79,44 @@ struct RiemannProblem {
 struct ShockTube {
   RiemannProblem problem;
   Index cells;
-  Otm<2> otm;
+  Dynamics<2> dynamics;
 
-  /// Functions that are renewed as seldom as can be, and not too smooth: where they are renewed often under pressure,
-  /// nodes clump (docs/evidence.md). Viscosity as von Neumann and Richtmyer's and Landshoff's users have it.
-  static OtmOptions defaults() {
+  /// As few reconnections as possible, and shape functions that are not too smooth: with frequent reconnection under
+  /// pressure nodes clump (docs/evidence.md).
+  static OtmOptions scheme_options() {
     OtmOptions options;
     options.lme.gamma = 4.0;
-    options.renewal = 0.5;
+    options.reconnection_strain = 0.5;
     options.merging = 0.0;  // points are counted
-    options.shock = {.linear = 0.5, .quadratic = 2.0};
     return options;
   }
+  /// Artificial viscosity as it is usual after von Neumann and Richtmyer, and Landshoff.
+  static DynamicsOptions dynamics_options() { return {.shock = {.linear = 0.5, .quadratic = 2.0}}; }
 
-  /// With `elements` functions are bilinear on the cells instead, for good: the same driver is then a Lagrangian finite
-  /// element (or difference) method.
-  ShockTube(const RiemannProblem& riemann, Index num_cells, const OtmOptions& options, bool elements = false)
-      : problem(riemann), cells(num_cells), otm({body(riemann, num_cells, elements)}, options) {
+  /// With `elements` shape functions are bilinear on the cells and stay: a Lagrangian finite element (or difference)
+  /// method, of which `scheme` means nothing.
+  ShockTube(const RiemannProblem& riemann, Index num_cells, bool elements = false,
+            const OtmOptions& scheme = scheme_options(), const DynamicsOptions& options = dynamics_options())
+      : problem(riemann),
+        cells(num_cells),
+        dynamics({body(riemann, num_cells, elements)}, elements ? total_lagrangian<2>() : otm<2>(scheme), options) {
     for (Index k = 0; k <= cells; ++k)
-      for (const Index a : {k, k + cells + 1}) otm.prescribe(a, 1, 0.0);
+      for (const Index a : {k, k + cells + 1}) dynamics.prescribe(a, 1, 0.0);
     for (const Index a : {Index(0), cells + 1}) {
-      otm.prescribe(a, 0, problem.left.velocity);
-      otm.prescribe(a + cells, 0, problem.right.velocity);
+      dynamics.prescribe(a, 0, problem.left.velocity);
+      dynamics.prescribe(a + cells, 0, problem.right.velocity);
     }
   }
   /// Cells of a strip from -1/2 to 1/2, of density 1 and at rest.
-  static OtmBody<2> strip(Index cells, SharedMaterial material) {
+  static DeformableBody<2> strip(Index cells, SharedMaterial material) {
     const double h = 1.0 / cells;
-    OtmBody<2> result{.nodes = Points<2>(2, 2 * (cells + 1)),
-                      .velocity = Points<2>::Zero(2, 2 * (cells + 1)),
-                      .points = Points<2>(2, cells),
-                      .volumes = Vector::Constant(cells, h * h),
-                      .unions = {},
-                      .material = std::move(material),
-                      .densities = Vector::Ones(cells)};
+    DeformableBody<2> result{.nodes = Points<2>(2, 2 * (cells + 1)),
+                             .velocity = Points<2>::Zero(2, 2 * (cells + 1)),
+                             .points = Points<2>(2, cells),
+                             .volumes = Vector::Constant(cells, h * h),
+                             .patches = {},
+                             .material = std::move(material),
+                             .densities = Vector::Ones(cells)};
     for (Index k = 0; k <= cells; ++k) {
       result.nodes.col(k) << k * h - 0.5, 0.0;
       result.nodes.col(k + cells + 1) << k * h - 0.5, h;
@@ -118,10 +124,11 @@ struct ShockTube {
     for (Index p = 0; p < cells; ++p) result.points.col(p) << (p + 0.5) * h - 0.5, 0.5 * h;
     return result;
   }
-  static OtmBody<2> body(const RiemannProblem& problem, Index cells, bool elements) {
+  static DeformableBody<2> body(const RiemannProblem& problem, Index cells, bool elements) {
     const double h = 1.0 / cells;
     const auto pressure = [=](const Vec<3>& X) { return X[0] < 0.0 ? problem.left.pressure : problem.right.pressure; };
-    OtmBody<2> result = strip(cells, Fluid({.state = EquationOfState::ideal_gas(problem.gamma), .pressure = pressure}));
+    DeformableBody<2> result =
+        strip(cells, Fluid({.state = EquationOfState::ideal_gas(problem.gamma), .pressure = pressure}));
     for (Index k = 0; k <= cells; ++k)
       for (const Index a : {k, k + cells + 1})
         // The node between the gases has what both bring in the mean.
@@ -150,9 +157,9 @@ struct ShockTube {
   };
   /// At the material points; velocities are half a step old.
   std::vector<Sample> samples() const {
-    const Points<2> x = otm.points(), v = otm.velocities();
-    const Points<2>& nodes = otm.nodes();
-    const Tensors F = otm.deformation(), stress = otm.cauchy_stress();
+    const Points<2> x = dynamics.points(), v = dynamics.velocities();
+    const Points<2>& nodes = dynamics.nodes();
+    const Tensors F = dynamics.deformation(), stress = dynamics.cauchy_stress();
     std::vector<Sample> result(cells);
     Index k = 1;
     for (Index p = 0; p < cells; ++p) {
@@ -172,7 +179,7 @@ struct ShockTube {
   /// Of densities and pressures that are constant around each point, to half way to the next one, and velocities that
   /// are linear between nodes, by the midpoint rule on a twentieth of each interval.
   Errors errors(double time_of_velocity) const {
-    const Points<2>&x = otm.nodes(), v = otm.velocities();
+    const Points<2>&x = dynamics.nodes(), v = dynamics.velocities();
     const std::vector<Sample> found = samples();
     const auto middle = problem.middle();
     constexpr int parts = 20;
@@ -181,7 +188,7 @@ struct ShockTube {
       const double from = p == 0 ? x(0, 0) : 0.5 * (found[p - 1].x + found[p].x);
       const double to = p + 1 == cells ? x(0, cells) : 0.5 * (found[p].x + found[p + 1].x);
       for (int i = 0; i < parts; ++i) {
-        const auto exact = problem.at((from + (i + 0.5) / parts * (to - from)) / otm.time(), middle);
+        const auto exact = problem.at((from + (i + 0.5) / parts * (to - from)) / dynamics.time(), middle);
         result.density += std::abs((to - from) / parts * (found[p].density - exact.density));
         result.pressure += std::abs((to - from) / parts * (found[p].pressure - exact.pressure));
       }
@@ -200,8 +207,8 @@ struct ShockTube {
   /// To the problem's end, in which no wave reaches the ends of the tube. Returns the errors there.
   Errors run() {
     double last = 0.0;
-    while (otm.time() < problem.until * (1.0 - 1e-12)) last = otm.step(problem.until - otm.time());
-    return errors(otm.time() - 0.5 * last);
+    while (dynamics.time() < problem.until * (1.0 - 1e-12)) last = dynamics.step(problem.until - dynamics.time());
+    return errors(dynamics.time() - 0.5 * last);
   }
 };
 

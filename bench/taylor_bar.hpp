@@ -2,11 +2,12 @@
 /// Taylor's bar of copper against a rigid wall (SAND2020-9716, section 4), for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/j2.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <algorithm>
 #include <array>
@@ -79,29 +80,29 @@ struct TaylorBar {
         }
     return FineMesh<3>(mesh);
   }
-  template <int Dim> static Otm<Dim> bar(const FineMesh<Dim>& mesh, double speed, OtmOptions options,
-                                         bool shared_dilatation = true, const SharedMaterial& material = copper(),
-                                         bool is_quarter = false) {
+  template <int Dim> static Dynamics<Dim> bar(const FineMesh<Dim>& mesh, double speed, const OtmOptions& scheme,
+                                              DynamicsOptions options = {}, bool shared_dilatation = true,
+                                              const SharedMaterial& material = copper(), bool is_quarter = false) {
     options.plane = Dim == 2 ? Plane::axisymmetric : Plane::strain;
-    OtmBody<Dim> body = otm_body(mesh, material, density, Dim == 2);
+    DeformableBody<Dim> body = deformable_body(mesh, material, density, Dim == 2);
     body.velocity.setZero(Dim, body.nodes.cols());
     body.velocity.row(Dim - 1).setConstant(-speed);
-    if (!shared_dilatation) body.unions.clear();
-    Otm<Dim> otm({body}, options);
-    otm.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
+    if (!shared_dilatation) body.patches.clear();
+    Dynamics<Dim> dynamics({body}, otm<Dim>(scheme), options);
+    dynamics.add_wall({.normal = Vec<Dim>::Unit(Dim - 1)});
     for (int axis = 0; axis < (Dim == 2 ? 1 : is_quarter ? 2 : 0); ++axis)
       for (Index a = 0; a < body.nodes.cols(); ++a)
-        if (body.nodes(axis, a) < 1e-9) otm.prescribe(a, axis, 0.0);
-    return otm;
+        if (body.nodes(axis, a) < 1e-9) dynamics.prescribe(a, axis, 0.0);
+    return dynamics;
   }
 
   struct Shape {
     double length, foot, plastic_strain;
   };
   /// Of nodes; the foot is what is within 1 % of the length above the wall.
-  template <int Dim> static Shape shape(const Otm<Dim>& otm) {
-    const Points<Dim>& x = otm.nodes();
-    Shape result{x.row(Dim - 1).maxCoeff(), 0.0, otm.history(0).row(6).maxCoeff()};
+  template <int Dim> static Shape shape(const Dynamics<Dim>& dynamics) {
+    const Points<Dim>& x = dynamics.nodes();
+    Shape result{x.row(Dim - 1).maxCoeff(), 0.0, dynamics.history(0).row(6).maxCoeff()};
     for (Index a = 0; a < x.cols(); ++a)
       if (x(Dim - 1, a) < 0.01 * length) result.foot = std::max(result.foot, x.col(a).template head<Dim - 1>().norm());
     return result;

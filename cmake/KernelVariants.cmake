@@ -2,7 +2,7 @@
 # efree_AVX2 and efree_SSE2: the library with kernels for processors without AVX-512 (without AVX2) alone, in
 # <build>/AVX2 and <build>/SSE2. scripts/test takes one of them (LD_LIBRARY_PATH), so that no test leans on the rounding
 # of one processor. All but the kernels is taken from the library itself.
-set(kernels assembly/block_column assembly/block_matrix basis/lme materials/internal/eight_metals otm/kernels
+set(kernels assembly/block_column assembly/block_matrix basis/lme materials/internal/eight_metals dynamics/kernels
     solvers/algorithms/blend solvers/cells/cell_grid solvers/equations/side_by_side solvers/linear/conjugate_gradients
     solvers/linear/rigid_map solvers/linear/smoothing_pass solvers/linear/supernodes)
 list(JOIN kernels "|" any_kernel)

@@ -21,19 +21,19 @@ namespace {
 Vector impulses(const char* name, const FineMesh<3>& mesh, const ApproximationOptions& options) {
   const J2 steel(
       {.moduli = {.E = 210e3, .nu = 0.3}, .yield = Hardening::linear(450.0, 129.24), .strain = Strain::finite});
-  OtmBody<3> body = otm_body(approximate(mesh, options), steel, 7.85e-9);
+  DeformableBody<3> body = deformable_body(approximate(mesh, options), steel, 7.85e-9);
   body.velocity.setZero(3, body.nodes.cols());
   body.velocity.row(2).setConstant(-20e3);
-  Otm<3> otm({body});
-  otm.add_wall({.normal = Vec<3>::Unit(2)});
-  const double before = otm.balance().momentum[2], step = otm.stable_step();
+  Dynamics<3> dynamics({body}, total_lagrangian<3>());
+  dynamics.add_wall({.normal = Vec<3>::Unit(2)});
+  const double before = dynamics.balance().momentum[2], step = dynamics.stable_step();
   Vector result(8);
   for (Index k = 0; k < result.size(); ++k) {
-    otm.run(3e-6 * (k + 1));
-    result[k] = otm.balance().momentum[2] - before;
+    dynamics.run(3e-6 * (k + 1));
+    result[k] = dynamics.balance().momentum[2] - before;
   }
-  std::printf("%-10s %5d nodes, %6d points, steps of %5.1f ns, %4d of them, impulses", name, otm.num_nodes(),
-              otm.num_points(), 1e9 * step, otm.counts().steps);
+  std::printf("%-10s %5d nodes, %6d points, steps of %5.1f ns, %4d of them, impulses", name, dynamics.num_nodes(),
+              dynamics.num_points(), 1e9 * step, dynamics.steps());
   for (const double impulse : result) std::printf(" %.2f", impulse);
   std::printf(" N s\n");
   return result;
@@ -45,7 +45,7 @@ int main() {
   const auto image = keep_largest(random_spheres<3>(48, {.porosity = 0.3})).image;
   const FineMesh<3> mesh(keep_largest(mesh_image<3>(image, {.size = 3.0})).mesh);
   const Vector elements = impulses("elements", mesh, {.kind = BasisKind::p1});
-  const Vector cloud = impulses("cloud", mesh, {.spacing = 5.0, .support = otm_support});
+  const Vector cloud = impulses("cloud", mesh, {.spacing = 5.0, .support = dynamics_support});
   const double error = (cloud - elements).norm() / elements.norm();
   std::printf("impulses differ by %.1f %%\n", 100.0 * error);
   return error < 0.03 ? 0 : 1;

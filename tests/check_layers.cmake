@@ -15,9 +15,9 @@ set(may_quadrature core geometry heatgeo basis)
 set(may_materials core)
 set(may_assembly core geometry heatgeo basis quadrature materials)
 set(may_solvers core geometry heatgeo basis quadrature materials assembly)
-set(may_otm core geometry heatgeo basis quadrature materials)
-set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers otm)
-set(may_io core geometry heatgeo basis quadrature materials assembly solvers otm analysis)
+set(may_dynamics core geometry heatgeo basis quadrature materials)
+set(may_analysis core geometry heatgeo basis quadrature materials assembly solvers dynamics)
+set(may_io core geometry heatgeo basis quadrature materials assembly solvers dynamics analysis)
 
 # Rooms of a folder, in which all of its sources are, and the rooms of it they may include besides themselves.
 set(rooms_of_geometry mesh input meshing cloud)
@@ -37,10 +37,16 @@ set(may_io_case files confined)
 set(may_io_pictures files confined case)
 set(may_io_records files confined case pictures)
 
+# Within dynamics/: the driver knows no scheme, schemes know no other and no driver, contact and fracture neither.
+set(sources_of_dynamics "^dynamics/([a-z_]+[.]|internal/)" "^dynamics/contact/" "^dynamics/fracture/" "^dynamics/schemes/otm/"
+  "^dynamics/schemes/total_lagrangian/")
+set(may_not_include "/schemes/" "/schemes/|/fracture/|/dynamics.hpp|/parts.hpp" "/schemes/|/contact/|/dynamics.hpp|/parts.hpp"
+  "/schemes/total_lagrangian/|/dynamics.hpp|/parts.hpp" "/schemes/otm/|/dynamics.hpp|/parts.hpp")
+
 set(standard_headers
   algorithm array atomic bit bitset cassert cctype cfloat charconv chrono climits cmath complex concepts cstddef cstdint
   cstdio cstdlib cstring deque exception filesystem fstream functional initializer_list iomanip iosfwd iostream istream
-  iterator limits list map memory mutex new numbers numeric optional ostream queue random ratio set span sstream stdexcept
+  iterator limits list map memory mutex new numbers numeric optional ostream queue random ranges ratio set span sstream stdexcept
   string string_view thread tuple type_traits unordered_map unordered_set utility variant vector)
 
 set(broken 0)
@@ -80,6 +86,11 @@ foreach(folder IN LISTS folders)
                AND NOT other_room IN_LIST may_${folder}_${room})
           complain(${source} "${folder}/${room}/ may not include ${header}")
         endif()
+        foreach(sources_here headers_there IN ZIP_LISTS sources_of_dynamics may_not_include)
+          if(source MATCHES "${sources_here}" AND header MATCHES "^efree/dynamics.*(${headers_there})")
+            complain(${source} "may not include ${header}")
+          endif()
+        endforeach()
       elseif(header MATCHES "^efree" OR line MATCHES "\"")
         complain(${source} "write headers of efree as \"efree/<folder>/<file>.hpp\", others in <>: ${header}")
       elseif(source MATCHES "\\.hpp$" AND NOT source MATCHES "/internal/" AND NOT header MATCHES "^Eigen/"

@@ -6,8 +6,8 @@ found = data.'/taylor_choices.csv'
 set datafile separator ','
 stats found skip 1 using (strcol(1) eq 'limit' ? $6 : 1/0) name 'length' nooutput
 stats found skip 1 using (strcol(1) eq 'limit' ? $7 : 1/0) name 'foot' nooutput
-array choices[3] = ['gamma', 'cutoff', 'renewal']
-array titles[3] = ['{/Symbol g}', 'cutoff', 'renewal']
+array choices[3] = ['gamma', 'cutoff', 'reconnection_strain']
+array titles[3] = ['{/Symbol g}', 'cutoff', 'reconnection_strain']
 array values[3] = ['1 1.8 2.5 3 4', '0.01 0.0001 1e-06', '0.02 0.05 0.1 0.2 0.4']
 array defaults[3] = ['2.5', '0.0001', '0.2']
 array names[2] = ['length', 'foot']

@@ -571,7 +571,7 @@ CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesy
 template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& result) {
   const auto refuse = [](const SharedMaterial& material, const std::string& where) {
     if (material && dynamic_cast<const Fluid*>(&*material) != nullptr)
-      throw InputError(where + ": a fluid bears no load at rest: it is for bodies in motion only");
+      throw InputError(where + ": a fluid bears no load at rest: it is for explicit dynamics only");
   };
   if (root.is_table("material")) refuse(result.model.material, root.where("material"));
   for (const RegionMaterial& one : result.materials) refuse(one.material, one.where);
@@ -640,14 +640,13 @@ AnyCase read_case(const std::filesystem::path& file, const Reading& reading, con
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
   if (const auto kind = (*table)["analysis"]["kind"].value<std::string>(); kind && kind != "static")
     Section(*table->get_as<toml::table>("analysis"), "[analysis]", file.string(), {})
-        .fail("kind", kind == "otm"
-                          ? "this case is about bodies in motion: efree run moves them, and what is asked for "
-                            "here is for bodies at rest"
-                          : fmt::format("kind is \"{}\", expected \"static\" or \"otm\"", *kind));
-  for (const char* key : {"velocity", "wall", "tool", "contact", "otm"})
+        .fail("kind", kind == "dynamics"
+                          ? "this case is of explicit dynamics, and this command is for static analyses: take efree run"
+                          : fmt::format("kind is \"{}\", expected \"static\" or \"dynamics\"", *kind));
+  for (const char* key : {"velocity", "wall", "rigid_body", "contact", "dynamics", "otm"})
     if (table->contains(key))
       Section(*table, "", file.string(), {})
-          .fail(key, fmt::format("[{}] is for bodies in motion, with analysis.kind = \"otm\"", key));
+          .fail(key, fmt::format("[{}] is for explicit dynamics: set analysis.kind = \"dynamics\"", key));
   const Section root(*table, "", file.string(),
                      {"title", "definitions", "geometry", "cloud", "quadrature", "basis", "analysis", "material",
                       "boundary", "case", "exact", "probe", "reaction", "accuracy", "time"});

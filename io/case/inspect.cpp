@@ -9,8 +9,8 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
+#include "efree/io/case/dynamics_case.hpp"
 #include "efree/io/case/internal/inspection_fields.hpp"
-#include "efree/io/case/otm_case.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 
@@ -400,13 +400,14 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml")) {
     const auto inspect = [&]<int Dim>(const Case<Dim>& of) -> AnyInspection { return inspect_case(path, of); };
-    if (is_otm_case(file))
+    if (is_dynamics_case(file))
       return std::visit(
-          [&](auto of) {
-            if (!of.motion.cloud) of.approximation.kind = BasisKind::p1;  // there are no nodes but the vertices
-            return inspect(of);
+          [&](auto dynamics_case) {
+            // There are no nodes but the vertices.
+            if (dynamics_case.dynamics.method == DynamicsMethod::otm) dynamics_case.approximation.kind = BasisKind::p1;
+            return inspect(dynamics_case);
           },
-          read_otm_case(file, reading));
+          read_dynamics_case(file, reading));
     return std::visit(inspect, read_case(file, reading));
   }
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);

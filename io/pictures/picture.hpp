@@ -3,9 +3,9 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
+#include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/io/case/inspect.hpp"
-#include "efree/otm/otm.hpp"
 
 #include <filesystem>
 #include <string>
@@ -26,19 +26,19 @@ void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings
 /// written.
 template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);
 
-/// Material points of bodies in motion, as they are at one moment.
-template <int Dim> struct MotionPicture {
+/// Material points of explicit dynamics at one time.
+template <int Dim> struct DynamicsPicture {
   Points<Dim> points;
   Tensors F;                 ///< 9 x points: a circle (sphere) around each is drawn as it is deformed
-  Vector size;               ///< edges of squares (cubes) as large as points were at the start [length]
-  Vector values;             ///< that the colours tell
-  std::string title, field;  ///< `field`: what the values are called
-  BoundingBox<Dim> view;     ///< that is shown
-  std::vector<OtmWall<Dim>> walls{};
-  std::vector<ScalarField<Dim>> tools{};  ///< negative inside; in space one looks through them
-  bool axisymmetric = false;              ///< drawn on both sides of the axis, x = 0
+  Vector size;               ///< edges of squares (cubes) as large as the points at the start [length]
+  Vector values;             ///< by colour
+  std::string title, field;  ///< `field`: the name of the values
+  BoundingBox<Dim> view;     ///< the part of space in the picture
+  std::vector<Wall<Dim>> walls{};
+  std::vector<ScalarField<Dim>> rigid_bodies{};  ///< gaps, negative inside; transparent in space
+  bool axisymmetric = false;                     ///< drawn on both sides of the axis, x = 0
 };
 /// Writes a PNG file of 1600 x 1200 pixels. Throws InputError if that is not possible.
-template <int Dim> void draw_motion(const std::filesystem::path& file, const MotionPicture<Dim>& picture);
+template <int Dim> void draw_dynamics(const std::filesystem::path& file, const DynamicsPicture<Dim>& picture);
 
 }  // namespace efree

@@ -96,7 +96,7 @@ void write_series(const fs::path& file, const std::vector<int>& steps, const std
 }  // namespace
 
 template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<Dim>& there, CaseMark of) {
-  internal::Packer pack;
+  Packer pack;
   Checkpoint<Dim> all = there;
   pack(all);
   internal::write_sealed(file, path_state_kind, Dim, of, {std::move(pack).bytes()});
@@ -104,7 +104,7 @@ template <int Dim> void write_checkpoint(const fs::path& file, const Checkpoint<
 
 template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMark of) {
   const internal::Sealed sealed = internal::read_sealed(file, path_state_kind, Dim, of);
-  internal::Unpacker unpack(sealed.packed());
+  Unpacker unpack(sealed.packed());
   Checkpoint<Dim> there;
   try {
     unpack(there);

@@ -3,7 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
-#include "efree/core/internal/packer.hpp"
+#include "efree/core/packer.hpp"
 #include "efree/io/records/writers.hpp"
 
 #include <fcntl.h>

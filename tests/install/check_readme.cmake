@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # Installs efree into a prefix of its own, builds the program in the README against that copy, runs it and compares
-# what it prints with what the README says it prints. Then runs the installed command line program.
+# what it prints with what the README says it prints. Likewise two methods of explicit dynamics from outside of the
+# library. Then runs the installed command line program.
 cmake_minimum_required(VERSION 3.25)
 
 # The lines of the fenced block that follows `marker` in the README.
@@ -27,7 +28,7 @@ readme_block("<!-- output: plate -->" expected)
 set(prefix ${WORK}/prefix)
 file(REMOVE_RECURSE ${WORK})
 file(WRITE ${WORK}/plate.cpp "${snippet}")
-file(COPY ${CMAKE_CURRENT_LIST_DIR}/consumer/CMakeLists.txt DESTINATION ${WORK})
+file(COPY ${CMAKE_CURRENT_LIST_DIR}/consumer/ DESTINATION ${WORK})
 
 execute_process(COMMAND ${CMAKE_COMMAND} --install ${EFREE_BUILD} --prefix ${prefix} OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
 execute_process(
@@ -41,5 +42,6 @@ if(NOT printed STREQUAL expected)
   message(FATAL_ERROR "the README promises\n${expected}but its program prints\n${printed}")
 endif()
 
+execute_process(COMMAND ${WORK}/build/outside_methods ${WORK}/outside_methods COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${prefix}/bin/efree --version OUTPUT_VARIABLE printed COMMAND_ERROR_IS_FATAL ANY)
 message("${printed}")

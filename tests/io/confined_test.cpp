@@ -21,7 +21,7 @@
 namespace efree::test {
 namespace {
 
-using internal::confined, internal::Confinement, internal::Packer, internal::run_confined, internal::Unpacker;
+using internal::confined, internal::Confinement, internal::run_confined;
 
 Confinement of(const std::string& subject) {
   return {.subject = subject, .reader = "the test's reader", .limits = {.seconds = 20.0}};

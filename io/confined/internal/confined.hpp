@@ -2,7 +2,7 @@
 /// Work on files that others wrote, in a process that can do no harm.
 #pragma once
 
-#include "efree/core/internal/packer.hpp"
+#include "efree/core/packer.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <functional>

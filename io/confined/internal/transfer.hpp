@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/analysis/mesh_source.hpp"
-#include "efree/core/internal/packer.hpp"
+#include "efree/core/packer.hpp"
 #include "efree/geometry/input/grey_image.hpp"
 
 #include <tuple>

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/analysis/dynamics.hpp"
+
+#include "efree/assembly/kinematics.hpp"
+#include "efree/core/error.hpp"
+
+#include <fmt/format.h>
+#include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+
+namespace efree {
+
+template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<Dim>& dynamics) {
+  const Index n = dynamics.num_points();
+  const Tensors F = dynamics.deformation(), sigma = dynamics.cauchy_stress();
+  Vector mises(n), pressure(n), J(n);
+  for (Index p = 0; p < n; ++p) {
+    const Voigt<3> stress = stress_of<3>(sigma.col(p));
+    mises[p] = von_mises<3>(stress);
+    pressure[p] = -stress.template head<3>().mean();
+    J[p] = Eigen::Map<const Mat<3>>(F.col(p).data()).determinant();
+  }
+  std::vector<std::pair<std::string, Vector>> result{
+      {"von_mises", mises}, {"pressure", pressure}, {"J", J}, {"damage", dynamics.damage()}};
+  std::map<std::string, Vector> of_histories;
+  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
+    const Matrix history = dynamics.history(b);
+    for (const HistoryPart& part : dynamics.material(b).history_parts())
+      if (part.size == 1)
+        of_histories.try_emplace(part.name, Vector::Zero(n))
+            .first->second.segment(dynamics.first_point(b), history.cols()) = history.row(part.offset);
+  }
+  for (auto& [name, values] : of_histories) result.emplace_back(name, std::move(values));
+  return result;
+}
+
+namespace {
+
+/// NaN where the scheme has no such node any more.
+template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, const Dynamics<Dim>& dynamics) {
+  const Index a = dynamics.first_node(node.body) + node.number;
+  if (a >= dynamics.first_node(node.body + 1))
+    return std::vector<double>(2 * Dim, std::numeric_limits<double>::quiet_NaN());
+  const Vec<Dim> u = dynamics.nodes().col(a) - node.start, v = dynamics.velocities().col(a);
+  std::vector<double> both(u.begin(), u.end());
+  both.insert(both.end(), v.begin(), v.end());
+  return both;
+}
+
+/// Of nodes or material points, as the probe has it.
+template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const DynamicsModel<Dim>& model,
+                                          const std::vector<std::pair<std::string, Vector>>& scalars) {
+  using Kind = typename DynamicsProbe<Dim>::Kind;
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const bool nodal = probe.field.empty();
+  const Points<Dim> points = nodal ? dynamics.nodes() : dynamics.points();
+  const auto field = std::ranges::find(scalars, probe.field, [](const auto& entry) { return entry.first; });
+  double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
+  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
+    if (!probe.region.empty() && probe.region != model.names[b]) continue;
+    const Index begin = nodal ? dynamics.first_node(b) : dynamics.first_point(b);
+    const Index end = nodal ? dynamics.first_node(b + 1) : dynamics.first_point(b + 1);
+    for (Index k = begin; k < end; ++k) {
+      const Vec<Dim> at = points.col(k);
+      if (!probe.box.isEmpty() && !probe.box.contains(at)) continue;
+      const double value = nodal ? probe.coordinate(at) : field->second[k];
+      smallest = std::min(smallest, value);
+      largest = std::max(largest, value);
+    }
+  }
+  if (smallest > largest) return std::numeric_limits<double>::quiet_NaN();
+  return probe.kind == Kind::largest ? largest : probe.kind == Kind::smallest ? smallest : largest - smallest;
+}
+
+}  // namespace
+
+template <int Dim>
+std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const DynamicsSettings<Dim>& settings,
+                                                                        const DynamicsModel<Dim>& model) {
+  const bool needs_fields =
+      std::ranges::any_of(settings.probes, [](const auto& probe) { return !probe.field.empty(); });
+  const auto scalars = needs_fields ? point_scalars(model.dynamics) : std::vector<std::pair<std::string, Vector>>{};
+  std::vector<std::pair<std::string, std::vector<double>>> result;
+  for (std::size_t k = 0; k < settings.probes.size(); ++k) {
+    const DynamicsProbe<Dim>& probe = settings.probes[k];
+    const auto& node = model.probe_nodes[k];
+    result.emplace_back(
+        probe.name, node ? measure_node(*node, model.dynamics) : std::vector{measure_extreme(probe, model, scalars)});
+  }
+  return result;
+}
+
+namespace {
+
+void call(const std::function<void()>& function) {
+  if (function) function();
+}
+
+/// Ends a run whose steps become too short.
+template <int Dim> class StepGuard {
+ public:
+  StepGuard(const Dynamics<Dim>& dynamics, const DynamicsSettings<Dim>& settings)
+      : dynamics_(dynamics),
+        min_step_(settings.min_step > 0.0 ? settings.min_step
+                                          : 1e-3 * std::min(dynamics.stable_step(), settings.max_step)) {}
+
+  /// Before a step: why there cannot be one, or nothing. left: until the end of the run.
+  std::string check_stable_step(double stable, double left) const {
+    if (stable >= min_step_ || left <= stable) return {};
+    return fmt::format(
+        "at time {:.6g} the stable step is {:.3g}, less than min_step = {:.3g}: a part of a body is crushed, or has "
+        "become very stiff. Try a coarser mesh there, or a smaller min_step",
+        dynamics_.time(), stable, min_step_);
+  }
+  /// After a step that was at most `limit`: likewise. Steps are shorter than stable ones where nodes, or rigid bodies,
+  /// are fast for the spacing; single ones may be.
+  std::string check_step(double step, double limit) {
+    constexpr Index short_steps_in_a_row = 100;
+    short_steps_ = step < std::min(min_step_, limit) ? short_steps_ + 1 : 0;
+    if (short_steps_ < short_steps_in_a_row) return {};
+    return fmt::format(
+        "at time {:.6g} steps are {:.3g} long, less than min_step = {:.3g}: nodes nearly coincide (a sliver of the "
+        "mesh), or nodes or rigid bodies are very fast for the spacing. Try a better mesh, or a smaller min_step",
+        dynamics_.time(), step, min_step_);
+  }
+
+ private:
+  const Dynamics<Dim>& dynamics_;
+  double min_step_;
+  Index short_steps_ = 0;
+};
+
+/// Why the result is rejected at the end; empty: it is not.
+template <int Dim> std::string check_energy(const Dynamics<Dim>& dynamics, const DynamicsSettings<Dim>& settings) {
+  const double error = dynamics.energy().largest_error();
+  const double limit = std::min(rejected_imbalance, settings.options.imbalance);
+  if (std::abs(error) <= limit) return {};
+  return fmt::format(
+      "the energy is off by {:.2g} %, more than {:.2g} %: try smaller steps (dynamics.courant) or a finer mesh",
+      100.0 * error, 100.0 * limit);
+}
+
+}  // namespace
+
+template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const DynamicsSettings<Dim>& settings,
+                                                const DynamicsObserver& observer, const Monitor& monitor) {
+  using Clock = std::chrono::steady_clock;
+  const auto began = Clock::now();
+  const auto seconds = [&] { return std::chrono::duration<double>(Clock::now() - began).count(); };
+  Dynamics<Dim>& dynamics = model.dynamics;
+  DynamicsOutcome outcome;
+  const Stage stage("dynamics", monitor);
+  const double from = dynamics.time();
+  if (dynamics.steps() == 0) {
+    call(observer.history_line);
+    call(observer.frame);
+  }
+  // Whether the last step has passed one of so many times up to the end.
+  const auto passes = [&](double before, Index times) {
+    const double interval = settings.end / static_cast<double>(times);
+    return times > 0 && std::floor(before / interval) < std::floor(dynamics.time() / interval);
+  };
+  const auto is_over = [&] { return settings.end - dynamics.time() <= 1e-12 * settings.end; };
+  const auto report_progress = [&](double now) {
+    stage.tick(dynamics.time() / settings.end);
+    if (monitor.detail)
+      monitor.detail(fmt::format("time {:.4g} of {:.4g}, step {} of {:.3g}, energy off by {:.2g} %, {:.0f} s to go",
+                                 dynamics.time(), settings.end, dynamics.steps(), dynamics.stable_step(),
+                                 100.0 * dynamics.energy().error(),
+                                 now * (settings.end - dynamics.time()) / (dynamics.time() - from)));
+  };
+  StepGuard<Dim> guard(dynamics, settings);
+  double next_checkpoint = settings.checkpoint_interval, next_progress = 0.0;
+  while (!is_over()) {
+    if (monitor.cancelled && monitor.cancelled()) {
+      if (dynamics.steps() > 0) call(observer.checkpoint);
+      throw Cancelled("dynamics");
+    }
+    const double before = dynamics.time(), left = settings.end - before, stable = dynamics.stable_step();
+    outcome.stop_reason = guard.check_stable_step(stable, left);
+    if (!outcome.stop_reason.empty()) break;
+    // The last two share what is left, so that no step is tiny.
+    const double limit = std::min(settings.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left);
+    outcome.stop_reason = guard.check_step(dynamics.step(limit), limit);
+    if (!outcome.stop_reason.empty()) break;
+    const bool last = is_over();
+    if (last || passes(before, settings.history_lines)) call(observer.history_line);
+    if (last || passes(before, settings.frames)) call(observer.frame);
+    const double now = seconds();
+    if (now >= next_progress || last) {
+      next_progress = now + 0.1;
+      report_progress(now);
+    }
+    if (last) {
+      outcome.stop_reason = check_energy(dynamics, settings);
+    } else if (now >= settings.time_limit) {
+      call(observer.checkpoint);
+      outcome.can_resume = true;
+      outcome.stop_reason = fmt::format(
+          "the time limit of {:.6g} s ended the run at time {:.6g} of {:.6g}; --resume "
+          "continues it",
+          settings.time_limit, dynamics.time(), settings.end);
+      break;
+    } else if (now >= next_checkpoint) {
+      call(observer.checkpoint);
+      next_checkpoint = seconds() + settings.checkpoint_interval;
+    }
+  }
+  outcome.seconds = seconds();
+  return outcome;
+}
+
+template std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<2>&);
+template std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<3>&);
+template std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const DynamicsSettings<2>&,
+                                                                                 const DynamicsModel<2>&);
+template std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const DynamicsSettings<3>&,
+                                                                                 const DynamicsModel<3>&);
+template DynamicsOutcome run_dynamics(DynamicsModel<2>&, const DynamicsSettings<2>&, const DynamicsObserver&,
+                                      const Monitor&);
+template DynamicsOutcome run_dynamics(DynamicsModel<3>&, const DynamicsSettings<3>&, const DynamicsObserver&,
+                                      const Monitor&);
+
+}  // namespace efree

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Explicit dynamics as an analysis: its settings, the model they make of a geometry, and a run that checks its energy
+/// balance.
+#pragma once
+
+#include "efree/analysis/prepare.hpp"
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/geometry/mesh/summary.hpp"
+
+#include <array>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace efree {
+
+/// Initial velocities of a region.
+template <int Dim> struct InitialVelocity {
+  std::string region;                                 ///< empty: all of them
+  std::function<Vec<Dim>(const Vec<Dim>&)> velocity;  ///< by position [length/time]
+  std::string where{};
+};
+/// When points of a region break.
+struct RegionFracture {
+  std::string region{};  ///< empty: all that have none of their own
+  FractureCriteria criteria{};
+  std::string where{};
+};
+template <int Dim> struct WallSettings {
+  Wall<Dim> wall;
+  std::string where{};
+};
+template <int Dim> struct RigidBodySettings {
+  RigidBody<Dim> body;
+  std::string where{};
+};
+/// Prescribed velocities of the nodes on a part of the boundary, by initial position. Empty components are free.
+template <int Dim> struct BoundaryVelocity {
+  std::string on;
+  std::array<ScalarField<Dim>, Dim> velocity;
+};
+/// Gas inside a closed part of the boundary, as GasCavity has it.
+struct GasFilling {
+  std::string on;
+  double pressure = 0.0, exponent = 1.4;
+  std::string where{};
+};
+/// A number to report, or the motion of one node.
+template <int Dim> struct DynamicsProbe {
+  enum class Kind {
+    largest,
+    smallest,
+    extent,  ///< the largest less the smallest
+    node,    ///< displacement and velocity of the node nearest to a position at the start
+  };
+  std::string name;
+  Kind kind = Kind::largest;
+  std::string field{};            ///< of material points, as in point_scalars; empty: of nodes, by `coordinate`
+  ScalarField<Dim> coordinate{};  ///< by the positions of nodes
+  Vec<Dim> at = Vec<Dim>::Zero();
+  std::string region{};    ///< empty: all of them
+  BoundingBox<Dim> box{};  ///< only nodes or points in it at the time count; empty: all do
+  std::string where{};
+};
+
+enum class DynamicsMethod {
+  otm,               ///< nodes at the vertices of the mesh, a material point in every cell
+  total_lagrangian,  ///< shape functions of the static solver on the cloud of settings.approximation
+};
+
+/// Settings of explicit dynamics, besides Settings, of which title, materials, densities, model.plane, the parts of the
+/// boundary, the approximation and the places in the case file count.
+template <int Dim> struct DynamicsSettings {
+  DynamicsMethod method = DynamicsMethod::otm;
+  OtmOptions otm{};                                           ///< of that method
+  DynamicsOptions options{};                                  ///< of all methods; not its plane, which the model has
+  double end = 0.0;                                           ///< [time]
+  double max_step = std::numeric_limits<double>::infinity();  ///< [time]
+  double min_step = 0.0;  ///< [time], shorter steps end the run; 0: a thousandth of the first stable one
+  /// Whether points near each other share their mean dilatation (pressure patches), against locking. Empty: all but
+  /// those of fluids with artificial viscosity, which need none.
+  std::optional<bool> pressure_patches{};
+  Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass, as Dynamics::set_gravity takes it [length/time^2]
+  std::vector<InitialVelocity<Dim>> initial_velocities{};
+  std::vector<RegionFracture> fractures{};  ///< at most one of a region
+  std::vector<WallSettings<Dim>> walls{};
+  std::vector<RigidBodySettings<Dim>> rigid_bodies{};
+  std::vector<BoundaryVelocity<Dim>> boundary_velocities{};
+  std::vector<GasFilling> gases{};
+  std::vector<DynamicsProbe<Dim>> probes{};
+  std::string colour{};        ///< field of points in pictures; empty: plastic strain if there is one, else von Mises
+  Index frames = 20;           ///< over the run, besides that of the start
+  Index history_lines = 1000;  ///< likewise, at most
+  double checkpoint_interval = 60.0;  ///< [s]; infinity: no checkpoint but where a run is stopped
+  double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which it is stopped
+};
+
+/// The node of a probe.
+template <int Dim> struct ProbeNode {
+  Index body = 0, number = 0;         ///< its number in its body
+  Vec<Dim> start = Vec<Dim>::Zero();  ///< its position at the start
+};
+
+/// Bodies, boundary conditions and loads of a run.
+template <int Dim> struct DynamicsModel {
+  Dynamics<Dim> dynamics;
+  std::vector<std::string> names;  ///< of the bodies: regions of the mesh
+  BoundingBox<Dim> initial_box;    ///< of the nodes at the start
+  Vector point_sizes;  ///< edges of squares (cubes) with the areas (volumes) of the points at the start [length]
+  std::vector<std::optional<ProbeNode<Dim>>> probe_nodes{};  ///< by probe
+  std::vector<std::string> remarks{}, warnings{};
+};
+
+/// A body for every region of the mesh, with its material, density and velocities; walls, rigid bodies, prescribed
+/// velocities and gases. Nodes on the axis of an axisymmetric section stay there. Throws InputError beginning with the
+/// place in the case file for settings.loads inside the body, a material for small strains, a density that is missing,
+/// unknown names, velocities that are not finite and bodies that overlap walls, rigid bodies or each other at the
+/// start; and NumericalError as Dynamics does. Stages of approximate, bodies.
+template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
+                                                           const DynamicsSettings<Dim>& dynamics,
+                                                           const Monitor& monitor = {});
+
+/// Scalar fields of the material points: von_mises, pressure (both of Cauchy's stress), J, damage (1: eroded) and the
+/// scalars of the materials' histories (0 in bodies without).
+template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<Dim>& dynamics);
+
+/// Values of all probes now, in their order: one number; of nodes the displacement, then the velocity. NaN where no
+/// node or point is in the box.
+template <int Dim>
+std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const DynamicsSettings<Dim>& settings,
+                                                                        const DynamicsModel<Dim>& model);
+
+/// Error of the energy balance from which on there is a warning.
+inline constexpr double warned_imbalance = 0.01;
+/// Energy lost by reconnection, over the largest energy, from which on there is a warning.
+inline constexpr double warned_reconnection = 0.1;
+/// Error of the energy balance at the end of a run that rejects it, or DynamicsOptions::imbalance if that is less.
+inline constexpr double rejected_imbalance = 0.05;
+
+/// Functions that a run calls; empty ones are not called.
+struct DynamicsObserver {
+  std::function<void()> history_line, frame, checkpoint;
+};
+
+struct DynamicsOutcome {
+  std::string stop_reason{};  ///< why it ended before its time, or was rejected; empty: neither
+  bool can_resume = false;    ///< it was stopped by the time limit
+  double seconds = 0.0;       ///< of this run, by the clock
+};
+
+/// Steps until settings.end. Calls the observer's `history_line` and `frame` at the start and after steps that pass
+/// their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before it
+/// throws Cancelled. monitor.detail gets time, step, error of the energy balance and time to go. Throws NumericalError
+/// as Dynamics does. Stage: dynamics.
+template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const DynamicsSettings<Dim>& settings,
+                                                const DynamicsObserver& observer, const Monitor& monitor = {});
+
+}  // namespace efree

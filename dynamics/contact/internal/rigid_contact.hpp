@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Walls and rigid bodies, which nodes and surface points of deformable bodies do not enter.
+#pragma once
+
+#include "efree/dynamics/contact/rigid_body.hpp"
+#include "efree/dynamics/interaction.hpp"
+#include "efree/dynamics/points.hpp"
+
+namespace efree::internal {
+
+/// Contact with walls and rigid bodies by impulses, one of them after the other.
+template <int Dim> class RigidContact : public Interaction<Dim> {
+ public:
+  /// Throws InputError for numbers that make no sense, and for a mass where bodies have surface points.
+  void add(const World<Dim>& world, const RigidBody<Dim>& body, bool is_wall);
+  /// Force of the bodies on each wall in the last step, in the order they were added.
+  Points<Dim> wall_forces() const;
+  /// Of all that are no walls, in the order they were added.
+  std::vector<RigidState<Dim>> rigid_bodies() const;
+
+  void apply_impulses(World<Dim>& world, double kick, double dt) override;
+  void finish_kick(World<Dim>& world, double kick, double dt) override;
+  double longest_step(const World<Dim>& world) const override;
+  void add_velocities(const World<Dim>& world, std::vector<Vec<Dim>>& velocities) const override;
+  void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override;
+  /// Throws InputError for the state of another number of walls and rigid bodies.
+  void pack(Archive& archive) override;
+
+ private:
+  /// A wall or rigid body in the run.
+  struct Rigid {
+    RigidBody<Dim> body;
+    bool is_wall;
+    RigidState<Dim> now, before;                    ///< before: a step ago
+    std::vector<Index> near_points{};               ///< surface points that may come into contact soon, ascending
+    Points<Dim> point_impulses{};                   ///< on these in the last step
+    double travelled = 0.0;                         ///< since these were found [length]
+    Vec<Dim> impulse = Vec<Dim>::Zero();            ///< of the bodies on it in this step
+    Spin<Dim> angular_impulse = Spin<Dim>::Zero();  ///< likewise, about the centre
+
+    bool is_free() const { return body.mass > 0.0 || body.inertia > 0.0; }
+    /// Counts an impulse on a body at a position.
+    void add_reaction(const Vec<Dim>& at, const Vec<Dim>& on_body) {
+      impulse -= on_body;
+      angular_impulse -= moment_about_origin<Dim>(at - now.centre, on_body);
+    }
+    /// Its velocity at a position, the mean of a step ago and now.
+    Vec<Dim> mean_velocity(const Vec<Dim>& at) const {
+      return 0.5 * (velocity_of<Dim>(before, at) + velocity_of<Dim>(now, at));
+    }
+    // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
+    friend auto fields(Rigid& of) { return std::tie(of.now, of.near_points, of.point_impulses, of.travelled); }
+  };
+  /// An impulse on a node.
+  struct NodeImpulse {
+    std::size_t rigid;  ///< that it is of
+    Index node;
+    Vec<Dim> impulse;
+  };
+
+  void find_gaps(const World<Dim>& world, const Rigid& rigid);
+  Vec<Dim> impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, Mat<Dim>* slope) const;
+  void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
+  void apply_to_nodes(World<Dim>& world, std::size_t k, double dt);
+  // Surface points (surface_impulses.cpp).
+  void find_near_points(const World<Dim>& world);
+  bool find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt);
+  void apply_to_surface(World<Dim>& world, Rigid& rigid, double dt);
+
+  std::vector<Rigid> rigids_;
+  Points<Dim> x_searched_;  ///< positions of the nodes when near points were found; empty: not yet
+  // In this step.
+  std::vector<Gap<Dim>> gaps_;  ///< by node, to one rigid body
+  std::vector<NodeImpulse> node_impulses_;
+};
+
+}  // namespace efree::internal

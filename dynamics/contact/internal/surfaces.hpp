@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Surfaces of deformable bodies, and the nodes that are near those of other bodies.
+#pragma once
+
+#include "efree/dynamics/contact/internal/facet.hpp"
+#include "efree/dynamics/scheme.hpp"
+
+namespace efree::internal {
+
+/// How deep a node may be inside a body, over the spacing, before it counts as on its other side.
+inline constexpr double largest_depth = 0.8;
+
+/// Surfaces of all bodies. They are found again after world.surface_changes, and near facets after nodes have moved.
+template <int Dim> class BodySurfaces {
+ public:
+  struct Surface {
+    Facets<Dim> facets;        ///< outwards; none on an axis
+    std::vector<Index> nodes;  ///< of them, ascending
+    friend auto fields(Surface& of) { return std::tie(of.facets, of.nodes); }
+  };
+  /// A node of a surface and the facets of another body that it may reach.
+  struct Near {
+    Index node, body;
+    std::vector<Index> facets;  ///< of that body
+    friend auto fields(Near& of) { return std::tie(of.node, of.body, of.facets); }
+  };
+
+  /// Finds what has changed: surfaces, and near facets where that or the motion of the nodes requires it.
+  void update(const World<Dim>& world, const Scheme<Dim>& scheme);
+  /// Finds the surfaces where the nodes are now.
+  void find(const World<Dim>& world, const Scheme<Dim>& scheme);
+  /// Whether surfaces have been found since they last changed.
+  bool is_current(const World<Dim>& world) const { return surface_changes_ == world.surface_changes; }
+  const std::vector<Surface>& surfaces() const { return surfaces_; }  ///< by body
+  const Vector& area() const { return area_; }                        ///< by node; axisymmetric per full revolution
+  const std::vector<Near>& near() const { return near_; }
+  void pack(Archive& archive) { archive(surfaces_, area_, near_, x_near_, surface_changes_); }
+
+ private:
+  void find_near(const World<Dim>& world);
+
+  std::vector<Surface> surfaces_;
+  Vector area_;
+  std::vector<Near> near_;
+  Points<Dim> x_near_;          ///< positions of the nodes when near_ was found; empty: not yet
+  Index surface_changes_ = -1;  ///< of the world when surfaces_ were found
+};
+
+/// Material points that are inside another body by half a spacing and more, ascending. Bodies with merged nodes or
+/// broken points are left out: their surface does not enclose them.
+template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, const BodySurfaces<Dim>& surfaces);
+
+}  // namespace efree::internal

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Walls and rigid bodies against nodes.
+#include "efree/dynamics/contact/internal/rigid_contact.hpp"
+
+#include "efree/dynamics/points.hpp"
+
+#include <fmt/format.h>
+
+namespace efree::internal {
+namespace {
+
+/// Squared length of the normal along the free axes below which a node is fixed against the rigid body.
+constexpr double least_free = 1e-3;
+
+/// Velocity and spin of a rigid body as one vector, and the matrix from these to its velocity at the end of an arm.
+template <int Dim> constexpr int freedoms = Dim + (Dim == 2 ? 1 : 3);
+template <int Dim> Eigen::Matrix<double, Dim, freedoms<Dim>> velocity_matrix(const Vec<Dim>& arm) {
+  Eigen::Matrix<double, Dim, freedoms<Dim>> result;
+  result.template leftCols<Dim>().setIdentity();
+  if constexpr (Dim == 2)
+    result.col(2) = Vec<2>(-arm[1], arm[0]);
+  else
+    for (int j = 0; j < 3; ++j) result.col(3 + j) = Vec<3>::Unit(j).cross(arm);
+  return result;
+}
+
+template <int Dim> Mat<Dim> rotation(const Spin<Dim>& angle) {
+  if constexpr (Dim == 2)
+    return Eigen::Rotation2Dd(angle[0]).toRotationMatrix();
+  else
+    return angle.norm() > 0.0 ? Eigen::AngleAxisd(angle.norm(), angle.normalized()).toRotationMatrix()
+                              : Mat<3>::Identity();
+}
+
+/// Sets velocity and spin where they are prescribed, to those at that time.
+template <int Dim>
+void prescribe_motion(const World<Dim>& world, const RigidBody<Dim>& body, double time, RigidState<Dim>& now) {
+  if (body.mass == 0.0 && body.velocity) now.velocity = body.velocity(time);
+  if (body.inertia == 0.0 && body.spin) now.spin = body.spin(time);
+  if (!now.velocity.allFinite() || !now.spin.allFinite())
+    throw InputError(fmt::format("a rigid body: its velocity at time {:.6g} is not finite", time));
+  if (world.axisymmetric() && (now.velocity[0] != 0.0 || !now.spin.isZero(0.0)))
+    throw InputError(fmt::format(
+        "a rigid body: at time {:.6g} it leaves the axis of an axisymmetric section, expected a velocity along y alone "
+        "and no spin",
+        time));
+}
+
+}  // namespace
+
+template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const RigidBody<Dim>& body, bool is_wall) {
+  const auto fail = [](const std::string& what) { throw InputError("a rigid body: " + what); };
+  if (!body.shape) fail("expected a shape");
+  if (!(body.friction >= 0.0)) fail(fmt::format("friction {}, expected 0 or more", body.friction));
+  if (!body.centre.allFinite()) fail("expected a centre");
+  if (!(body.mass >= 0.0) || !(body.inertia >= 0.0) || !std::isfinite(body.mass) || !std::isfinite(body.inertia))
+    fail("expected a mass and a moment of inertia of 0 or more");
+  if (world.axisymmetric() && body.inertia > 0.0)
+    fail("in an axisymmetric section it does not rotate: expected no inertia");
+  const Vec<Dim> none = Vec<Dim>::Zero();
+  const RigidState<Dim> at_rest{body.centre, none, Mat<Dim>::Identity(), Spin<Dim>::Zero(), none, none, 0.0};
+  Rigid added{.body = body, .is_wall = is_wall, .now = at_rest, .before = at_rest};
+  if (added.is_free() && std::ranges::any_of(world.surface_points.bodies, [](char has) { return has != 0; }))
+    fail("a mass is for bodies whose nodes are their surface, not for those on a cloud");
+  // The first velocity of one with a mass is prescribed, too.
+  RigidBody<Dim> massless = body;
+  massless.mass = massless.inertia = 0.0;
+  prescribe_motion(world, massless, world.time, added.now);
+  added.before = added.now;
+  rigids_.push_back(std::move(added));
+  x_searched_.resize(Dim, 0);
+}
+
+/// Gaps of nodes, infinite where surface points are in contact instead.
+template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid) {
+  const Nodes<Dim>& nodes = world.nodes;
+  gaps_.resize(static_cast<std::size_t>(nodes.size()));
+  parallel_for(nodes.size(), [&](Index a) {
+    if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0))
+      gaps_[a] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
+    else
+      gaps_[a] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
+  });
+}
+
+/// The impulse that keeps a node out of a rigid body in this step, with Coulomb friction; `slope`: its derivative with
+/// respect to the rigid body's velocity there. Along axes with prescribed velocity there is none.
+template <int Dim> Vec<Dim> RigidContact<Dim>::impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a,
+                                                               double dt, Mat<Dim>* slope) const {
+  const Nodes<Dim>& nodes = world.nodes;
+  const Vec<Dim>& normal = gaps_[a].normal;
+  const double gap = gaps_[a].gap;
+  if (slope) slope->setZero();
+  if (!(gap < std::numeric_limits<double>::infinity())) return Vec<Dim>::Zero();
+  const Vec<Dim> relative = nodes.v.col(a) - velocity_of<Dim>(rigid.now, nodes.x.col(a));
+  // Nodes inside move out within a stable step, not at once where a step is cut short.
+  const double change = -normal.dot(relative) - gap / (gap < 0.0 ? std::max(dt, world.stable_step) : dt);
+  if (!(change > 0.0)) return Vec<Dim>::Zero();
+  const Vec<Dim> direction = nodes.free.col(a).cwiseProduct(normal);
+  const double part = direction.squaredNorm();
+  if (part < least_free) return Vec<Dim>::Zero();
+  const Vec<Dim> slip = nodes.free.col(a).cwiseProduct(Vec<Dim>(relative - normal.dot(relative) * normal));
+  const double sliding = slip.norm(), most = rigid.body.friction * change;
+  const double sticking = sliding > most ? most / sliding : 1.0;
+  if (slope) {
+    *slope = direction * normal.transpose() / part;
+    Mat<Dim> tangential = nodes.free.col(a).asDiagonal() * (Mat<Dim>::Identity() - normal * normal.transpose());
+    if (sticking < 1.0) {
+      const Vec<Dim> unit = slip / sliding;
+      tangential -= unit * (unit.transpose() * tangential).eval();
+      *slope -= rigid.body.friction * unit * normal.transpose();
+    }
+    *slope = nodes.mass[a] * (*slope + sticking * tangential);
+  }
+  return nodes.mass[a] * (change / part * direction - sticking * slip);
+}
+
+/// Velocity and spin of a rigid body with a mass after contact with the nodes, by Newton's method for its momenta,
+/// which are piecewise linear in both without friction.
+template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const {
+  constexpr int n = freedoms<Dim>;
+  using Motions = Vec<n>;
+  Motions inertia, start;
+  inertia << Vec<Dim>::Constant(rigid.body.mass), Spin<Dim>::Constant(rigid.body.inertia);
+  if (world.axisymmetric()) inertia[0] = 0.0;
+  start << rigid.now.velocity, rigid.now.spin;
+  double largest = 0.0;
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    Motions q, residual;
+    q << rigid.now.velocity, rigid.now.spin;
+    residual = inertia.cwiseProduct(q - start);
+    Mat<n> slope = inertia.asDiagonal();
+    for (Index a = 0; a < world.nodes.size(); ++a) {
+      Mat<Dim> of_node;
+      const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, &of_node);
+      if (impulse.isZero(0.0)) continue;
+      const auto at = velocity_matrix<Dim>(world.nodes.x.col(a) - rigid.now.centre);
+      residual += at.transpose() * impulse;
+      slope += at.transpose() * of_node * at;
+    }
+    for (int i = 0; i < n; ++i)
+      if (inertia[i] == 0.0) {
+        slope.row(i).setZero();
+        slope(i, i) = 1.0;
+        residual[i] = 0.0;
+      }
+    const Motions step = slope.partialPivLu().solve(residual);
+    q -= step;
+    rigid.now.velocity = q.template head<Dim>();
+    rigid.now.spin = q.template tail<n - Dim>();
+    largest = std::max(largest, step.norm());
+    if (step.norm() <= 1e-13 * largest) break;
+  }
+}
+
+template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k, double dt) {
+  Rigid& rigid = rigids_[k];
+  Nodes<Dim>& nodes = world.nodes;
+  for (Index a = 0; a < nodes.size(); ++a) {
+    const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, nullptr);
+    if (impulse.isZero(0.0)) continue;
+    rigid.add_reaction(nodes.x.col(a), impulse);
+    node_impulses_.push_back({k, a, impulse});
+  }
+  for (const auto& [of, node, impulse] : node_impulses_)
+    if (of == k) nodes.v.col(node) += impulse / nodes.mass[node];
+}
+
+template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, double kick, double dt) {
+  node_impulses_.clear();
+  for (std::size_t k = 0; k < rigids_.size(); ++k) {
+    Rigid& rigid = rigids_[k];
+    rigid.before = rigid.now;
+    rigid.impulse.setZero();
+    rigid.angular_impulse.setZero();
+    prescribe_motion(world, rigid.body, world.time + 0.5 * dt, rigid.now);
+    if (rigid.body.mass > 0.0) rigid.now.velocity += kick * world.gravity;
+    const Vec<Dim> without_contact = rigid.now.velocity;
+    apply_to_surface(world, rigid, dt);
+    find_gaps(world, rigid);
+    if (rigid.is_free()) solve_motion(world, rigid, dt);
+    apply_to_nodes(world, k, dt);
+    // Its momentum is that of the impulses, to rounding.
+    const double radial = world.axisymmetric() ? 0.0 : 1.0;
+    if (rigid.body.mass > 0.0) {
+      rigid.now.velocity = without_contact + rigid.impulse / rigid.body.mass;
+      rigid.now.velocity[0] *= radial;
+    }
+    if (rigid.body.inertia > 0.0) rigid.now.spin = rigid.before.spin + rigid.angular_impulse / rigid.body.inertia;
+  }
+}
+
+template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double kick, double dt) {
+  if (rigids_.empty()) return;
+  const Nodes<Dim>& nodes = world.nodes;
+  double lost = 0.0, prescribed = 0.0, gravity = 0.0;
+  for (const auto& [k, node, impulse] : node_impulses_) {
+    const Vec<Dim> v = 0.5 * (nodes.v.col(node) + nodes.v_before.col(node));
+    lost -= impulse.dot(v - rigids_[k].mean_velocity(nodes.x.col(node)));
+  }
+  for (Rigid& rigid : rigids_) {
+    auto& [body, is_wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = rigid;
+    const double work = -0.5 * impulse.dot(before.velocity + now.velocity),
+                 angular_work = -0.5 * angular_impulse.dot(before.spin + now.spin);
+    now.work += work + angular_work;
+    if (body.mass == 0.0) prescribed += work;
+    if (body.inertia == 0.0) prescribed += angular_work;
+    gravity += dt * body.mass * world.gravity.dot(now.velocity);
+    now.force = impulse / kick;
+    now.impulse += impulse;
+    now.centre += dt * now.velocity;
+    if (!now.spin.isZero(0.0)) now.rotation = rotation<Dim>(dt * now.spin) * now.rotation;
+    travelled += now.spin.isZero(0.0) ? dt * now.velocity.norm() : world.surface_points.skin;
+  }
+  world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  world.ledger.add_energy("prescribed", EnergyKind::work, prescribed);
+  if (!world.gravity.isZero(0.0)) world.ledger.add_energy("gravity", EnergyKind::work, gravity);
+}
+
+template <int Dim> double RigidContact<Dim>::longest_step(const World<Dim>& world) const {
+  if (rigids_.empty()) return Interaction<Dim>::longest_step(world);
+  std::vector<Vec<Dim>> velocities;
+  add_velocities(world, velocities);
+  return step_of_half_spacing(world, velocities);
+}
+
+template <int Dim> void RigidContact<Dim>::add_velocities(const World<Dim>&, std::vector<Vec<Dim>>& velocities) const {
+  for (const Rigid& rigid : rigids_) velocities.push_back(rigid.now.velocity);
+}
+
+template <int Dim> void RigidContact<Dim>::tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const {
+  // Half a step of free fall later, as for nodes.
+  const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
+  for (const auto& rigid : rigids_) {
+    const auto& [mass, inertia, now] = std::tie(rigid.body.mass, rigid.body.inertia, rigid.now);
+    const Vec<Dim> momentum = mass * now.velocity;
+    const Spin<Dim> angular_momentum = inertia * now.spin;
+    balance.energies.add_energy("kinetic", EnergyKind::kinetic,
+                                0.5 * (mass * (now.velocity + faster).squaredNorm() + angular_momentum.dot(now.spin)));
+    balance.momentum += momentum;
+    balance.angular_momentum += moment_about_origin<Dim>(now.centre, momentum) + angular_momentum;
+  }
+}
+
+template <int Dim> Points<Dim> RigidContact<Dim>::wall_forces() const {
+  Points<Dim> result(Dim, std::ranges::count(rigids_, true, &Rigid::is_wall));
+  Index wall = 0;
+  for (const Rigid& rigid : rigids_)
+    if (rigid.is_wall) result.col(wall++) = rigid.now.force;
+  return result;
+}
+
+template <int Dim> std::vector<RigidState<Dim>> RigidContact<Dim>::rigid_bodies() const {
+  std::vector<RigidState<Dim>> result;
+  for (const Rigid& rigid : rigids_)
+    if (!rigid.is_wall) result.push_back(rigid.now);
+  return result;
+}
+
+template <int Dim> void RigidContact<Dim>::pack(Archive& archive) {
+  std::uint64_t count = rigids_.size();
+  archive(count);
+  require(count == rigids_.size(), "the state is one of other walls and rigid bodies");
+  for (Rigid& rigid : rigids_) archive(rigid);
+  archive(x_searched_);
+}
+
+template class RigidContact<2>;
+template class RigidContact<3>;
+
+}  // namespace efree::internal

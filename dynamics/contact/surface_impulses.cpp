@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Walls and rigid bodies against surface points that are no nodes.
+#include "efree/dynamics/contact/internal/rigid_contact.hpp"
+#include "efree/dynamics/masses.hpp"
+
+#include <optional>
+
+namespace efree::internal {
+namespace {
+
+/// Iterations end when they change no velocity by more than this part of the largest that is to be stopped. Gaps
+/// correct the rest in the next step; modes that need more iterations hardly move the surface.
+constexpr double tolerance = 1e-3;
+constexpr int most_iterations = 15;
+
+/// The nodes near a rigid body: velocities of surface points by impulses on these. Both have R components: one along
+/// the normal, or all along the axes.
+template <int R> class Patch {
+ public:
+  using Values = Eigen::Matrix<double, R, Eigen::Dynamic>;
+  using Value = Eigen::Matrix<double, R, 1>;
+
+  /// `free`: of all nodes, 0 where velocities are prescribed, else 1.
+  template <int Dim> Patch(const World<Dim>& world, const std::vector<Index>& near, const Values& free) {
+    const ConsistentMass<Dim>& consistent = world.consistent_mass;
+    const auto terms_at = [&](Index a) { return consistent.any() ? consistent.terms[world.nodes.body[a]] : 1; };
+    std::vector<Index> number(world.nodes.size(), -1);
+    const auto add = [&](Index a) {
+      if (number[a] < 0) {
+        number[a] = static_cast<Index>(nodes_.size());
+        nodes_.push_back(a);
+      }
+      return number[a];
+    };
+    Index terms = 1;
+    for (const Index s : near) {
+      for (SparseRows::InnerIterator entry(world.surface_points.shape, s); entry; ++entry) {
+        points_.entries.push_back({add(entry.col()), entry.value()});
+        terms = std::max(terms, terms_at(entry.col()));
+      }
+      points_.end_row();
+    }
+    // Nodes that the terms of the series couple with each other.
+    for (Index ring = 0; ring < (terms - 1) / 2; ++ring)
+      for (std::size_t k = 0, known = nodes_.size(); k < known; ++k)
+        for (SparseRows::InnerIterator entry(consistent.coupling, nodes_[k]); entry; ++entry) add(entry.col());
+    const auto n = static_cast<Index>(nodes_.size());
+    free_ = free(Eigen::all, nodes_);
+    mass_ = world.nodes.mass(nodes_);
+    free_sum_.setZero(R, n);
+    for (Index k = 0; k < n; ++k) {
+      terms_.push_back(terms_at(nodes_[k]));
+      if (consistent.any())
+        for (SparseRows::InnerIterator entry(consistent.coupling, nodes_[k]); entry; ++entry) {
+          free_sum_.col(k) += entry.value() * free.col(entry.col());
+          if (number[entry.col()] >= 0) coupling_.entries.push_back({number[entry.col()], entry.value()});
+        }
+      coupling_.end_row();
+    }
+    find_bounds();
+  }
+
+  Index size() const { return static_cast<Index>(points_.offsets.size()) - 1; }
+  /// By point, bounds of the matrix from impulses to velocities (Gershgorin's circles).
+  const Vector& bounds() const { return bounds_; }
+
+  /// Velocities of the points by impulses on them; see velocities_of.
+  Values velocities(const Values& impulses) const {
+    Values on_nodes = Values::Zero(R, mass_.size());
+    for (Index s = 0; s < size(); ++s)
+      for (const auto& [node, value] : points_.row(s)) on_nodes.col(node) += value * impulses.col(s);
+    const Values given = free_.cwiseProduct(on_nodes);
+    Values result = given * mass_.cwiseInverse().asDiagonal();
+    for (Index term = 1; term < std::ranges::max(terms_); ++term) {
+      const Values before = result, free_part = free_.cwiseProduct(before);
+      for (Index k = 0; k < mass_.size(); ++k) {
+        if (terms_[k] <= term) continue;
+        Value rest = free_sum_.col(k).cwiseProduct(before.col(k));
+        for (const auto& [node, value] : coupling_.row(k)) rest -= value * free_part.col(node);
+        result.col(k) = (given.col(k) + free_.col(k).cwiseProduct(rest)) / mass_[k];
+      }
+    }
+    Values at_points = Values::Zero(R, size());
+    for (Index s = 0; s < size(); ++s)
+      for (const auto& [node, value] : points_.row(s)) at_points.col(s) += value * result.col(node);
+    return at_points;
+  }
+
+ private:
+  struct Rows {
+    std::vector<std::size_t> offsets{0};
+    std::vector<std::pair<Index, double>> entries;  ///< nodes and values
+    void end_row() { offsets.push_back(entries.size()); }
+    auto row(Index k) const { return std::span(entries).subspan(offsets[k], offsets[k + 1] - offsets[k]); }
+  };
+  /// The series of the inverse mass is at most D^-1 times the number of its terms.
+  void find_bounds() {
+    Vector sums = Vector::Zero(mass_.size());
+    for (const auto& [node, value] : points_.entries) sums[node] += std::abs(value);
+    bounds_.setZero(size());
+    for (Index s = 0; s < size(); ++s)
+      for (const auto& [node, value] : points_.row(s))
+        bounds_[s] += static_cast<double>(terms_[node]) * std::abs(value) / mass_[node] * sums[node];
+  }
+
+  std::vector<Index> nodes_, terms_;
+  Rows points_, coupling_;
+  Vector mass_, bounds_;
+  Values free_, free_sum_;
+};
+
+/// The impulses with the least kinetic energy afterwards, of those that `project` admits (accelerated projected
+/// gradients with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015). `velocities`:
+/// without impulses; `impulses`: a first guess, and the result.
+template <int R, class Project> void minimise_energy(const Patch<R>& patch, const Points<R>& velocities, double largest,
+                                                     const Project& project, Points<R>& impulses) {
+  Points<R> ahead = impulses;
+  double theta = 1.0;
+  for (int k = 0; k < most_iterations; ++k) {
+    const Points<R> slope = velocities + patch.velocities(ahead);
+    Points<R> next(R, patch.size());
+    double residual = 0.0, uphill = 0.0;
+    for (Index s = 0; s < patch.size(); ++s) {
+      next.col(s) = project(s, Vec<R>(ahead.col(s) - slope.col(s) / patch.bounds()[s]));
+      const Vec<R> step = patch.bounds()[s] * (ahead.col(s) - next.col(s));
+      residual = std::max(residual, step.norm());
+      uphill += step.dot(next.col(s) - impulses.col(s));
+    }
+    const double before = uphill > 0.0 ? 1.0 : theta;
+    theta = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * before * before));
+    ahead = next + (uphill > 0.0 ? 0.0 : (before - 1.0) / theta) * (next - impulses);
+    impulses = next;
+    if (residual <= tolerance * largest) break;
+  }
+}
+
+/// Values at the nodes interpolated to a surface point.
+template <int Dim> Vec<Dim> at_surface_point(const World<Dim>& world, Index s, const Points<Dim>& values) {
+  Vec<Dim> sum = Vec<Dim>::Zero();
+  for (SparseRows::InnerIterator entry(world.surface_points.shape, s); entry; ++entry)
+    sum += entry.value() * values.col(entry.col());
+  return sum;
+}
+
+}  // namespace
+
+/// Surface points within the skin of rigid bodies; found again when nodes or rigid bodies have moved so far that others
+/// may be in contact.
+template <int Dim> void RigidContact<Dim>::find_near_points(const World<Dim>& world) {
+  const Points<Dim>& x = world.nodes.x;
+  const SurfacePoints& surface = world.surface_points;
+  if (x_searched_.cols() != 0) {
+    const double furthest = std::sqrt((x - x_searched_).colwise().squaredNorm().maxCoeff());
+    double travelled = 0.0;
+    for (const Rigid& rigid : rigids_) travelled = std::max(travelled, rigid.travelled);
+    if (2.0 * (surface.reach * furthest + travelled) < surface.skin) return;
+  }
+  x_searched_ = x;
+  const auto n = static_cast<Index>(surface.shape.rows());
+  std::vector<Gap<Dim>> gaps(n);
+  for (Rigid& rigid : rigids_) {
+    parallel_for(n, [&](Index s) { gaps[s] = gap_to<Dim>(rigid.body, rigid.now, at_surface_point(world, s, x)); });
+    std::vector<Index> found;
+    for (Index s = 0; s < n; ++s)
+      if (gaps[s].gap < surface.skin) found.push_back(s);
+    Points<Dim> impulses = Points<Dim>::Zero(Dim, static_cast<Index>(found.size()));
+    for (std::size_t k = 0; k < rigid.near_points.size(); ++k) {
+      const auto place = std::lower_bound(found.begin(), found.end(), rigid.near_points[k]);
+      if (place != found.end() && *place == rigid.near_points[k])
+        impulses.col(place - found.begin()) = rigid.point_impulses.col(static_cast<Index>(k));
+    }
+    rigid.near_points = std::move(found);
+    rigid.point_impulses = std::move(impulses);
+    rigid.travelled = 0.0;
+  }
+}
+
+/// Impulses on near points by which no point enters the rigid body within the step, and those of Coulomb friction.
+/// Normal and tangential ones are independent where the rigid body is flat, as masses are the same along all axes.
+/// False if no point approaches.
+template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt) {
+  const Points<Dim>& free = world.nodes.free;
+  const auto n = static_cast<Index>(rigid.near_points.size());
+  Points<Dim> normals(Dim, n), velocities(Dim, n);
+  Points<1> closing(1, n);
+  for (Index k = 0; k < n; ++k) {
+    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], world.nodes.x);
+    velocities.col(k) = at_surface_point(world, rigid.near_points[k], world.nodes.v) - velocity_of<Dim>(rigid.now, at);
+    const Gap<Dim> gap = gap_to<Dim>(rigid.body, rigid.now, at);
+    normals.col(k) = gap.normal;
+    // Points inside move out within a stable step, not at once where a step is cut short.
+    closing(0, k) = gap.gap / (gap.gap < 0.0 ? std::max(dt, world.stable_step) : dt);
+  }
+  const auto along = [&](const Points<Dim>& values) { return Points<1>(normals.cwiseProduct(values).colwise().sum()); };
+  const Points<1> approach = along(velocities) + closing;
+  const double largest = -approach.minCoeff();
+  if (largest <= 0.0) {
+    rigid.point_impulses.setZero();
+    return false;
+  }
+  Points<1> normal = along(rigid.point_impulses);
+  const Points<Dim> before = rigid.point_impulses - normals * normal.asDiagonal();
+  const Vec<Dim> first = normals.col(0);
+  const bool is_flat = (normals.colwise() - first).isZero(0.0);
+  std::optional<Patch<Dim>> patch;
+  if (!is_flat || rigid.body.friction > 0.0) patch.emplace(world, rigid.near_points, free);
+  if (is_flat) {
+    const Patch<1> flat(world, rigid.near_points, Points<1>(first.cwiseAbs2().transpose() * free));
+    minimise_energy<1>(
+        flat, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+  } else {
+    Points<Dim> impulses = normals * normal.asDiagonal();
+    minimise_energy<Dim>(
+        *patch, normals * approach.asDiagonal(), largest,
+        [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
+        impulses);
+    normal = along(impulses);
+  }
+  rigid.point_impulses = normals * normal.asDiagonal();
+  if (!(rigid.body.friction > 0.0)) return true;
+  Points<Dim> tangential = before;
+  minimise_energy<Dim>(
+      *patch, velocities - normals * along(velocities).asDiagonal(), largest,
+      [&](Index s, const Vec<Dim>& q) {
+        const Vec<Dim> along_surface = q - q.dot(normals.col(s)) * normals.col(s);
+        const double most = normal(0, s) > 0.0 ? rigid.body.friction * normal(0, s) : 0.0, size = along_surface.norm();
+        return Vec<Dim>((size > most ? most / size : 1.0) * along_surface);
+      },
+      tangential);
+  rigid.point_impulses += tangential;
+  return true;
+}
+
+template <int Dim> void RigidContact<Dim>::apply_to_surface(World<Dim>& world, Rigid& rigid, double dt) {
+  if (world.surface_points.shape.rows() == 0) return;
+  find_near_points(world);
+  if (rigid.near_points.empty() || !find_point_impulses(world, rigid, dt)) return;
+  Nodes<Dim>& nodes = world.nodes;
+  double lost = 0.0;
+  Points<Dim> on_nodes = Points<Dim>::Zero(Dim, nodes.size());
+  for (Index k = 0; k < static_cast<Index>(rigid.near_points.size()); ++k) {
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    for (SparseRows::InnerIterator entry(world.surface_points.shape, rigid.near_points[k]); entry; ++entry) {
+      const Vec<Dim> on_node = entry.value() * nodes.free.col(entry.col()).cwiseProduct(rigid.point_impulses.col(k));
+      on_nodes.col(entry.col()) += on_node;
+      sum += on_node;
+    }
+    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], nodes.x);
+    lost += sum.dot(rigid.mean_velocity(at));
+    rigid.add_reaction(at, sum);
+  }
+  nodes.v += velocities_of(world, on_nodes);
+  if (world.consistent_mass.any()) nodes.momentum += on_nodes;
+  lost -= 0.5 * on_nodes.cwiseProduct(nodes.v + nodes.v_before).sum();
+  world.ledger.add_energy("contact", EnergyKind::loss, lost);
+}
+
+template void RigidContact<2>::apply_to_surface(World<2>&, Rigid&, double);
+template void RigidContact<3>::apply_to_surface(World<3>&, Rigid&, double);
+
+}  // namespace efree::internal

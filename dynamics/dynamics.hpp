@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Explicit dynamics: leapfrog in time for deformable bodies, by any scheme.
+#pragma once
+
+#include "efree/dynamics/contact/cavity.hpp"
+#include "efree/dynamics/contact/rigid_body.hpp"
+#include "efree/dynamics/interaction.hpp"
+#include "efree/dynamics/scheme.hpp"
+
+namespace efree {
+
+/// A run of explicit dynamics. Nodes carry positions and velocities, material points deformation gradients, stress and
+/// history. Momenta are conserved; results are bitwise the same on any number of threads.
+template <int Dim> class Dynamics {
+ public:
+  /// scheme: such as otm<Dim>() or total_lagrangian<Dim>(). Throws InputError for bodies or options that make no sense
+  /// and NumericalError for a point that has no shape functions.
+  Dynamics(std::vector<DeformableBody<Dim>> bodies, std::unique_ptr<Scheme<Dim>> scheme,
+           const DynamicsOptions& options = {});
+  Dynamics(Dynamics&&) noexcept;
+  Dynamics& operator=(Dynamics&&) noexcept;
+  ~Dynamics();
+
+  /// The state, such as interactions and schemes have it.
+  const World<Dim>& world() const;
+  /// Nodes are numbered body by body; points too, and both in the order of their body.
+  Index num_nodes() const { return world().nodes.size(); }
+  Index num_points() const { return world().num_points(); }
+  Index num_bodies() const { return world().num_bodies(); }
+  const Material& material(Index body) const { return *world().bodies.at(body).material; }
+  /// body = number of bodies: one past the last of all.
+  Index first_node(Index body) const { return world().first_node.at(body); }
+  Index first_point(Index body) const { return world().first_point.at(body); }
+
+  void add_wall(const Wall<Dim>& wall);
+  /// Throws InputError for numbers that make no sense, and for a mass where bodies have surfaces of their own.
+  void add_rigid_body(const RigidBody<Dim>& body);
+  /// Throws InputError for facets that do not close or enclose nothing.
+  void add_cavity(const GasCavity<Dim>& cavity);
+  /// Acts after all others.
+  void add_interaction(std::unique_ptr<Interaction<Dim>> interaction);
+  /// The node's velocity along an axis is prescribed from now on.
+  void prescribe(Index node, int axis, double velocity);
+  /// Likewise of all nodes whose positions are there, now and whenever the scheme makes new ones.
+  void prescribe(std::function<bool(const Vec<Dim>&)> where, int axis, double velocity);
+  /// Bodies, and rigid bodies that have a mass, get this force per mass from now on [length/time^2], such as gravity,
+  /// in place of the one before. Throws InputError for what is no number, and in an axisymmetric section for one along
+  /// the radius.
+  void set_gravity(const Vec<Dim>& acceleration);
+
+  /// The point bears no stress from now on: its mass stays with its nodes, with their velocities, and the energy stored
+  /// in it is lost ("fracture"). Nothing happens to a point that is eroded.
+  void erode(Index point);
+  bool is_eroded(Index point) const {
+    const auto [chunk, p] = world().place_of_point.at(point);
+    return world().chunks[chunk].is_eroded(p);
+  }
+  /// M, energy release rates of the points now [stress length]; 0 where a body has no toughness and at points that are
+  /// eroded or not under tension.
+  Vector release_rates() const;
+  /// M, 1 where a point is eroded; else the sum of FractureCriteria::strain so far, or 0.
+  Vector damage() const;
+  /// Points that are inside another body by half a spacing and more, ascending, if bodies are in contact: contact does
+  /// not push those out that are there at the start.
+  std::vector<Index> points_in_others() const;
+  /// Points that the last step would have inverted: they are as they were, and get other shape functions in the next.
+  Index num_inverted() const;
+
+  /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
+  /// go on, and where energy is lost or gained (DynamicsOptions::imbalance).
+  double step(double at_most = std::numeric_limits<double>::infinity());
+  /// Steps until this time, the last of which is cut to end there.
+  void run(double until);
+
+  /// All that changes in a run, as bytes: what `restore` goes on from to bitwise the same results.
+  std::string state() const;
+  /// Goes on from there. Throws InputError for bytes that are not of bodies, options and walls such as these.
+  void restore(std::string_view state);
+
+  double time() const { return world().time; }
+  Index steps() const { return world().steps; }
+  double stable_step() const { return world().stable_step; }    ///< the next one's bound
+  std::string scheme() const;                                   ///< its name
+  const Points<Dim>& nodes() const { return world().nodes.x; }  ///< Dim x N, positions
+  Points<Dim> velocities() const { return world().nodes.v; }    ///< Dim x N, half a step ago
+  const Vector& masses() const { return world().nodes.mass; }   ///< N, lumped
+  Points<Dim> points() const;                                   ///< Dim x M, positions
+  Tensors deformation() const;       ///< 9 x M, F; of metals that have flown far up to plastic flow (theory.md)
+  Tensors cauchy_stress() const;     ///< 9 x M
+  Matrix history(Index body) const;  ///< of the material x points of the body
+  EnergyBalance<Dim> balance() const;
+  EnergyWatch energy() const;  ///< now, and at its worst so far; from the first step on
+  /// Counts and times so far, by name.
+  Ledger ledger() const;
+  std::int64_t count(std::string_view name) const { return ledger().count(name); }
+  /// Force of the bodies on each wall in the last step, in the order they were added.
+  Points<Dim> wall_forces() const;
+  /// In the order they were added.
+  std::vector<RigidState<Dim>> rigid_bodies() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace efree

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/internal/loads.hpp"
+
+#include "efree/dynamics/contact/internal/surfaces.hpp"
+
+#include <fmt/format.h>
+
+namespace efree::internal {
+namespace {
+
+/// Area or volume inside closed facets. Calls `derivative` with its derivatives with respect to the positions of nodes,
+/// once for each node of each facet.
+template <int Dim> double enclosed_volume(const Points<Dim>& x, const Facets<Dim>& facets,
+                                          const std::function<void(Index, const Vec<Dim>&)>& derivative) {
+  const Vec<Dim> origin = x.col(facets(0, 0));
+  const double share = Dim == 2 ? 0.5 : 1.0 / 6.0;
+  double volume = 0.0;
+  for (Index f = 0; f < facets.cols(); ++f) {
+    const Mat<Dim> corners = facet_corners(x, facets, f).colwise() - origin;
+    volume += share * corners.determinant();
+    if (!derivative) continue;
+    for (int i = 0; i < Dim; ++i) {
+      Vec<Dim> cofactors;
+      if constexpr (Dim == 2)
+        cofactors = i == 0 ? Vec<2>(corners(1, 1), -corners(0, 1)) : Vec<2>(-corners(1, 0), corners(0, 0));
+      else
+        cofactors = corners.col((i + 1) % 3).cross(corners.col((i + 2) % 3));
+      derivative(facets(i, f), share * cofactors);
+    }
+  }
+  return volume;
+}
+
+/// Facets with both ends of an edge become two, with its middle.
+template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Index middle) {
+  for (Index f = facets.cols() - 1; f >= 0; --f) {
+    const auto has = [&](Index node) { return (facets.col(f).array() == node).any(); };
+    if (!has(a) || !has(b)) continue;
+    facets.conservativeResize(Eigen::NoChange, facets.cols() + 1);
+    facets.rightCols(1) = facets.col(f);
+    for (Index& corner : facets.col(f))
+      if (corner == b) corner = middle;
+    for (Index& corner : facets.rightCols(1).reshaped())
+      if (corner == a) corner = middle;
+  }
+}
+
+template <int Dim> class Gravity final : public Interaction<Dim> {
+ public:
+  void add_forces(World<Dim>& world) override {
+    if (!world.gravity.isZero(0.0)) world.nodes.force += world.gravity * world.nodes.mass.transpose();
+  }
+  void finish_kick(World<Dim>& world, double /*kick*/, double dt) override {
+    if (!world.gravity.isZero(0.0))
+      world.ledger.add_energy("gravity", EnergyKind::work, dt * world.gravity.dot(world.nodes.v * world.nodes.mass));
+  }
+};
+
+template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
+ public:
+  void apply_impulses(World<Dim>& world, double /*kick*/, double /*dt*/) override {
+    if (world.prescribed.empty()) return;
+    Nodes<Dim>& nodes = world.nodes;
+    double work = 0.0;
+    // The work of a force that changes v in the end is its impulse times the mean of the velocities before and after.
+    for (const auto& [node, axis, velocity] : world.prescribed) {
+      work += 0.5 * nodes.mass[node] * (velocity - nodes.v(axis, node)) * (velocity + nodes.v_before(axis, node));
+      nodes.v(axis, node) = velocity;
+      if (world.consistent_mass.any()) nodes.momentum(axis, node) = nodes.mass[node] * velocity;
+    }
+    world.ledger.add_energy("prescribed", EnergyKind::work, work);
+  }
+  /// Zero, as supports are at rest.
+  void add_velocities(const World<Dim>& world, std::vector<Vec<Dim>>& velocities) const override {
+    if (!world.prescribed.empty()) velocities.push_back(Vec<Dim>::Zero());
+  }
+  void edge_split(World<Dim>& world, Index a, Index b, Index middle) override {
+    const std::vector<PrescribedVelocity> prescribed = world.prescribed;
+    for (const auto& [node, axis, velocity] : prescribed)
+      for (const auto& [other, along, as_fast] : prescribed)
+        if (node == a && other == b && axis == along && velocity == as_fast)
+          world.prescribed.push_back({middle, axis, velocity});
+  }
+};
+
+}  // namespace
+
+template <int Dim> std::unique_ptr<Interaction<Dim>> gravity() {
+  return std::make_unique<Gravity<Dim>>();
+}
+template <int Dim> std::unique_ptr<Interaction<Dim>> prescribed_velocities() {
+  return std::make_unique<PrescribedVelocities<Dim>>();
+}
+
+template <int Dim> void Cavities<Dim>::add(World<Dim>& world, const GasCavity<Dim>& cavity) {
+  const Index N = world.nodes.size();
+  if (world.axisymmetric()) throw InputError("a cavity: expected plane strain or space, not an axisymmetric section");
+  if (!std::isfinite(cavity.pressure) || !(cavity.exponent > 0.0) || !std::isfinite(cavity.exponent))
+    throw InputError("a cavity: expected a pressure and a positive exponent");
+  if (cavity.facets.cols() == 0 || cavity.facets.minCoeff() < 0 || cavity.facets.maxCoeff() >= N)
+    throw InputError(fmt::format("a cavity: expected facets of nodes, of which there are {}", N));
+  // A translation changes no volume if the facets are closed.
+  Vec<Dim> sum = Vec<Dim>::Zero();
+  double size = 0.0;
+  const double volume = enclosed_volume<Dim>(world.nodes.x, cavity.facets, [&](Index, const Vec<Dim>& derivative) {
+    sum += derivative;
+    size += derivative.norm();
+  });
+  if (!(sum.norm() < 1e-10 * size)) throw InputError("a cavity: its facets are not closed, or not oriented alike");
+  if (!(std::abs(volume) > 0.0)) throw InputError("a cavity: its facets enclose nothing");
+  cavities_.push_back({cavity, volume, 0.0});
+  add_forces(world);
+}
+
+template <int Dim> void Cavities<Dim>::add_forces(World<Dim>& world) {
+  Nodes<Dim>& nodes = world.nodes;
+  for (auto& [gas, initial_volume, stored] : cavities_) {
+    const double ratio = enclosed_volume<Dim>(nodes.x, gas.facets, {}) / initial_volume, exponent = gas.exponent;
+    if (!(ratio > 0.0))
+      throw NumericalError(
+          fmt::format("at time {:.6g} a cavity has collapsed: its walls cross each other", world.time));
+    const double sign = initial_volume > 0.0 ? 1.0 : -1.0, p = gas.pressure * std::pow(ratio, -exponent);
+    stored = std::abs(initial_volume) * gas.pressure *
+             (exponent == 1.0 ? -std::log(ratio) : (std::pow(ratio, 1.0 - exponent) - 1.0) / (exponent - 1.0));
+    enclosed_volume<Dim>(nodes.x, gas.facets,
+                         [&](Index a, const Vec<Dim>& derivative) { nodes.force.col(a) += sign * p * derivative; });
+  }
+}
+
+template <int Dim> void Cavities<Dim>::tally(const World<Dim>&, EnergyBalance<Dim>& balance) const {
+  for (const Cavity& cavity : cavities_) balance.energies.add_energy("stored", EnergyKind::stored, cavity.stored);
+}
+
+template <int Dim> void Cavities<Dim>::nodes_inserted(const World<Dim>&, Index first, Index count) {
+  for (Cavity& cavity : cavities_)
+    for (Index& corner : cavity.gas.facets.reshaped()) shift_node(corner, first, count);
+}
+
+template <int Dim> void Cavities<Dim>::edge_split(World<Dim>&, Index a, Index b, Index middle) {
+  for (Cavity& cavity : cavities_) split_facets<Dim>(cavity.gas.facets, a, b, middle);
+}
+
+template std::unique_ptr<Interaction<2>> gravity<2>();
+template std::unique_ptr<Interaction<3>> gravity<3>();
+template std::unique_ptr<Interaction<2>> prescribed_velocities<2>();
+template std::unique_ptr<Interaction<3>> prescribed_velocities<3>();
+template class Cavities<2>;
+template class Cavities<3>;
+
+}  // namespace efree::internal

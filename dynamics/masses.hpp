@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Velocities of nodes by impulses, with lumped or consistent masses.
+#pragma once
+
+#include "efree/dynamics/state.hpp"
+
+namespace efree {
+
+/// nodes.mass = sum of N_a times the masses of the points. Cost: once through all tables.
+template <int Dim> void sum_lumped_masses(World<Dim>& world);
+/// Throws NumericalError for nodes without mass.
+template <int Dim> void require_masses(const World<Dim>& world);
+/// Dim x N, velocities by impulses on the nodes: over lumped masses; with consistent ones M by the first terms of
+/// D^-1 + D^-1 (D - M) D^-1 + ..., the series of M^-1 (Guermond & Pasquetti 2013). The result is symmetric in the
+/// impulses, and of common motions of all nodes it is that of D, so momentum is conserved. Nodes with prescribed
+/// velocity along an axis have lumped masses along it.
+template <int Dim> void find_velocities(const World<Dim>& world, const Points<Dim>& impulses, Points<Dim>& velocities);
+template <int Dim> Points<Dim> velocities_of(const World<Dim>& world, const Points<Dim>& impulses);
+/// nodes.momentum such that its velocities are those of the nodes, by conjugate gradients (the series and D^-1 differ
+/// by no more eigenvalues than terms); nothing where all masses are lumped.
+template <int Dim> void find_momenta(World<Dim>& world);
+/// Momentum of a node, half a step ago.
+template <int Dim> Vec<Dim> momentum_of(const World<Dim>& world, Index node) {
+  const bool lumped = !world.consistent_mass.any() || world.consistent_mass.terms[world.nodes.body[node]] == 1;
+  return lumped ? Vec<Dim>(world.nodes.mass[node] * world.nodes.v.col(node)) : Vec<Dim>(world.nodes.momentum.col(node));
+}
+
+}  // namespace efree

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Options of explicit dynamics that every scheme shares.
+#pragma once
+
+#include "efree/materials/material.hpp"
+
+namespace efree {
+
+/// Artificial viscosity against compression, without which shocks ring and invert points: a pressure rho l d (linear c
+/// + quadratic l d) where volume shrinks at the rate d, with l the spacing of nodes along the fastest compression and c
+/// the speed of pressure waves (von Neumann & Richtmyer 1950; Landshoff 1955). Its work heats the point
+/// (Deformation::heat).
+struct ShockViscosity {
+  double linear = 0.0, quadratic = 0.0;
+  bool on() const { return linear > 0.0 || quadratic > 0.0; }
+};
+
+/// Contact between bodies: penalty springs push nodes of a surface that have entered another body back to the nearest
+/// point of its surface, with equal and opposite forces on the nodes of that facet. Momenta are conserved to rounding,
+/// energy as far as the distance to a surface of facets is smooth.
+struct ContactOptions {
+  double stiffness = 1.0;  ///< over that of a layer of nodes; 0: bodies pass through each other
+  double friction = 0.0;   ///< Coulomb's coefficient
+};
+
+struct DynamicsOptions {
+  Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
+  double courant = 0.5;         ///< time step over that stable by the highest frequency that is found
+  /// Error of the energy balance, over the largest energy so far, at which a run ends with an error. It is checked
+  /// every 64 steps, eight times in a row: while there is little energy it may swing.
+  double imbalance = 0.1;
+  ShockViscosity shock{};
+  ContactOptions contact{};
+};
+
+}  // namespace efree

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// From positions of nodes to deformations, stresses and forces of the material points.
+#pragma once
+
+#include "efree/dynamics/scheme.hpp"
+
+namespace efree {
+
+/// Interpolates values at the nodes (Dim x N) to the points of a chunk: their gradients and values are in
+/// chunk.columns(), a row for each component, until the next call of this thread.
+template <int Dim> void interpolate(const World<Dim>& world, Chunk<Dim>& chunk, const Points<Dim>& values);
+/// A gradient by these rows; out of the plane it has `out_of_plane`, or that by hoops of an axisymmetric section.
+template <int Dim> Mat<3> gradient_by_rows(const World<Dim>& world, const double* rows, double out_of_plane);
+/// Position and F_since of a point, right after `interpolate` of the nodes' positions by this thread.
+template <int Dim> void update_position(const World<Dim>& world, Chunk<Dim>& chunk, Index p);
+/// Likewise, after this thread has worked on other chunks.
+template <int Dim> void update_position_again(const World<Dim>& world, Chunk<Dim>& chunk, Index p);
+/// Likewise of all points of a chunk, by where the nodes are now.
+template <int Dim> void update_positions(const World<Dim>& world, Chunk<Dim>& chunk) {
+  interpolate(world, chunk, world.nodes.x);
+  for (Index p = 0; p < chunk.size(); ++p) update_position(world, chunk, p);
+}
+
+/// Kinematics, material response and internal forces of all chunks where the nodes are now, dt after the last time;
+/// nodes.force are these forces. Throws NumericalError where points are inverted or the material has no answer.
+template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, double dt);
+/// The internal forces of the stresses that points have now.
+template <int Dim> void assemble_internal_forces(World<Dim>& world);
+/// Forces in a chunk's table of the stresses in its columns and of zero-energy modes, whose gradients are `moved`.
+/// Points of a pressure patch share the work of its dilatation.
+template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved);
+/// Dim x N, sums of the chunks' forces at every node, or at each with a mark in `of`, in the order of the chunks.
+template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& forces, const std::vector<char>& of = {});
+
+/// Energy of the zero-energy modes of a point's nodes: motions that its shape functions and gradients do not see; by
+/// where the nodes were that time ago.
+template <int Dim>
+double stabilisation_energy(const World<Dim>& world, const Chunk<Dim>& chunk, Index p, double ago = 0.0);
+
+/// Volume of a point over that before a step, below which the step inverts the point, or nearly so.
+inline constexpr double least_volume_left = 0.3;
+
+/// Viscous pressure of a point (ShockViscosity), and the heat it makes; before: F_since a step ago.
+template <int Dim>
+void update_shock_pressure(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before, double dt);
+/// Shock viscosity of the first step, in which whatever has met something is compressed: by the largest velocity of
+/// approach, so that what flies alone is not damped.
+template <int Dim> void estimate_first_damping(World<Dim>& world);
+
+/// From a moment: the width of shape functions along the axis where they are narrowest.
+template <int Dim> double smallest_width(const Mat<Dim>& moment);
+
+/// Angular momentum of a momentum, or moment of a force, about the origin.
+template <int Dim> Spin<Dim> moment_about_origin(const Vec<Dim>& at, const Vec<Dim>& force) {
+  if constexpr (Dim == 2)
+    return Spin<2>(at[0] * force[1] - at[1] * force[0]);
+  else
+    return at.cross(force);
+}
+
+}  // namespace efree

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// A method of explicit dynamics: which nodes there are, and what fills the tables of the material points and when.
+#pragma once
+
+#include "efree/core/packer.hpp"
+#include "efree/dynamics/state.hpp"
+
+#include <optional>
+#include <span>
+#include <string>
+
+namespace efree {
+
+namespace internal {
+template <int Dim> class StableStep;
+}
+
+/// Largest strains of the points of a chunk in a step.
+struct StrainBounds {
+  double since_table = 0.0;  ///< norm of Green's strain since the tables were computed
+  double shrinkage = 1.0;    ///< volume a step ago over that now; of no meaning unless regular
+  bool regular = true;       ///< whether every J is positive, and more than the least is left of every volume
+};
+
+/// Virtual per step or per chunk, never per point.
+template <int Dim> class Scheme {
+ public:
+  virtual ~Scheme() = default;
+  /// Its name in results, such as "otm".
+  virtual std::string name() const = 0;
+
+  /// First tables, node masses and what else it keeps. The world has the nodes, points and velocities of the bodies.
+  virtual void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) = 0;
+  /// After the nodes have moved and before forces: tables that are due, and nodes that come or go.
+  virtual void refresh(World<Dim>&, internal::StableStep<Dim>&) {}
+  /// Points of a chunk after their deformation was updated (columns: as internal::update_deformation leaves them).
+  /// Throws NumericalError for points that are inverted, unless they break; returns the strains of the others.
+  virtual StrainBounds examine(const World<Dim>& world, Chunk<Dim>& chunk, double dt, StrainBounds bounds);
+  /// A point bears no stress from now on.
+  virtual void point_eroded(World<Dim>&, Chunk<Dim>&, Index /*point*/) {}
+  /// Facets of nodes that are the surface of a body for contact, outwards, none on an axis: by default those of one
+  /// cell only.
+  virtual Facets<Dim> surface(const World<Dim>& world, Index body) const;
+  /// The stable time step where the scheme knows it; else it is estimated from the highest frequency.
+  virtual std::optional<double> stable_step(const World<Dim>&) const { return {}; }
+  /// Adds energies that it has now.
+  virtual void tally(const World<Dim>&, EnergyBalance<Dim>&) const {}
+  /// Its state in a checkpoint.
+  virtual void pack(Archive&) {}
+  /// Finds what is not in the checkpoint.
+  virtual void resume(World<Dim>&) {}
+};
+
+}  // namespace efree

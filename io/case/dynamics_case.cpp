@@ -1,0 +1,473 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/dynamics_case.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/geometry/input/surface.hpp"
+#include "efree/io/case/internal/case_parts.hpp"
+#include "efree/io/case/internal/material_reader.hpp"
+#include "efree/io/case/internal/read_geometry.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace efree {
+namespace {
+
+using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
+
+const Section::Keys dynamics_analysis_keys{"kind", "plane", "gravity", "body_force", "rotation"};
+constexpr const char* former_kind = "otm";
+
+std::string analysis_kind(const toml::table& table) {
+  return table["analysis"]["kind"].value_or(std::string());
+}
+
+/// Fails for a key of earlier versions: the message names its place now.
+void reject_former_keys(const toml::table& table, const std::string& file) {
+  struct FormerKey {
+    const char *section, *key, *place;
+  };
+  constexpr FormerKey former_keys[] = {
+      {"analysis", "acceleration", "gravity in [analysis]"},
+      {"otm", "renewal", "reconnection_strain in [otm]"},
+      {"otm", "injection", "insertion in [otm]"},
+      {"otm", "courant", "courant in [dynamics]"},
+      {"otm", "imbalance", "imbalance in [dynamics]"},
+      {"otm", "shock", "shock in [dynamics]"},
+      {"contact", "seizing", "seizing in [otm]"},
+  };
+  const Section root(table, "", file, {});
+  if (analysis_kind(table) == former_kind)
+    root.section("analysis", {})
+        .fail("kind",
+              "kind \"otm\" has a new name: write kind = \"dynamics\". [dynamics] has "
+              "the method, \"otm\" or, with a [cloud], \"total_lagrangian\"");
+  if (root.has("tool")) root.fail("tool", "[[tool]] has a new name: write [[rigid_body]]");
+  for (const auto& [section, key, place] : former_keys)
+    if (root.is_table(section))
+      if (const Section given = root.section(section, {}); given.has(key))
+        given.fail(key, fmt::format("{} in [{}] has a new place: write {}", key, section, place));
+}
+
+template <int Dim> void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
+                                        DynamicsSettings<Dim>& dynamics) {
+  for (const Section& entry : entries) {
+    InitialVelocity<Dim> initial{.region = entry.text("region", ""), .velocity = {}, .where = entry.where("value")};
+    for (const auto& earlier : dynamics.initial_velocities)
+      if (earlier.region == initial.region || earlier.region.empty() || initial.region.empty())
+        entry.fail("region", fmt::format("{} a velocity already, from {}",
+                                         earlier.region.empty() ? "all bodies have"
+                                                                : fmt::format("the region \"{}\" has", earlier.region),
+                                         earlier.where));
+    initial.velocity = expressions.fields(entry.expressions<Dim>("value"), initial.where);
+    dynamics.initial_velocities.push_back(std::move(initial));
+  }
+}
+
+/// Force per mass, the same everywhere.
+template <int Dim> Vec<Dim> read_gravity(const Section& analysis, const Expressions<Dim>& expressions) {
+  if (analysis.has("body_force"))
+    analysis.fail("body_force", "body_force is for static analyses: take gravity, a force per mass");
+  if (analysis.has("rotation"))
+    analysis.fail("rotation",
+                  "rotation is for static analyses: give bodies a velocity by which they rotate, in [[velocity]]");
+  if (!analysis.has("gravity")) return Vec<Dim>::Zero();
+  const auto texts = analysis.expressions<Dim>("gravity");
+  const std::string where = analysis.where("gravity");
+  for (const std::string& text : texts)
+    if (expressions.varies(text, where))
+      analysis.fail("gravity", fmt::format("gravity is \"{}\", expected the same everywhere", text));
+  return expressions.fields(texts, where)(Vec<Dim>::Zero());
+}
+
+template <int Dim> void read_fractures(const std::vector<Section>& entries, DynamicsSettings<Dim>& dynamics) {
+  for (const Section& entry : entries) {
+    RegionFracture fracture{.region = entry.text("region", ""), .where = entry.where("")};
+    for (const auto& earlier : dynamics.fractures)
+      if (earlier.region == fracture.region || earlier.region.empty() || fracture.region.empty())
+        entry.fail("region", fmt::format("there is fracture already, from {}", earlier.where));
+    FractureCriteria& criteria = fracture.criteria;
+    criteria.toughness = entry.number("toughness", not_negative, criteria.toughness);
+    criteria.neighbourhood = entry.number("neighbourhood", {0.0, 10.0, true, true}, criteria.neighbourhood);
+    criteria.stretch = entry.number("stretch", {1.0, 1e3, false, true}, criteria.stretch);
+    if (entry.has("strain")) {
+      const Section law = entry.section("strain", {"D1", "D2", "D3", "D4", "D5", "rate", "melting"});
+      JohnsonCookFailure failure;
+      for (std::size_t i = 0; i < failure.D.size(); ++i)
+        failure.D[i] = law.number(fmt::format("D{}", i + 1), any_number, 0.0);
+      failure.reference = law.number("rate", positive, failure.reference);
+      failure.melting = law.number("melting", not_negative, failure.melting);
+      criteria.strain = failure;
+    }
+    if (!criteria.on()) entry.fail("", "[[fracture]]: expected toughness, stretch or strain");
+    dynamics.fractures.push_back(std::move(fracture));
+  }
+}
+
+double read_friction(const Section& entry) {
+  if (entry.has("friction") && entry.table().get("friction")->is_string())
+    return entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
+  return entry.number("friction", not_negative, 0.0);
+}
+
+template <int Dim> void read_walls(const std::vector<Section>& entries, DynamicsSettings<Dim>& dynamics) {
+  for (const Section& entry : entries) {
+    Wall<Dim> wall{.normal = entry.template direction<Dim>("normal")};
+    wall.level = entry.number("level", any_number, 0.0);
+    wall.friction = read_friction(entry);
+    dynamics.walls.push_back({wall, entry.where("normal")});
+  }
+}
+
+/// A vector whose components depend on the time alone.
+template <int Dim, int Size> std::function<Vec<Size>(double)> read_function_of_time(
+    const std::array<std::string, static_cast<std::size_t>(Size)>& texts, const Section& entry, std::string_view key,
+    const Section& root, const ScalarField<Dim>& grey) {
+  const std::string where = entry.where(key);
+  const Expressions<Dim> now = internal::read_definitions<Dim>(root, grey, {0.0});
+  for (const std::string& text : texts)
+    if (now.varies(text, where))
+      entry.fail(key,
+                 fmt::format("{} of a rigid body is \"{}\", expected an expression of the time t alone", key, text));
+  const auto function = internal::read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
+                            .template fields<static_cast<std::size_t>(Size)>(texts, where);
+  return [function](double t) { return Vec<Size>(function(t * Vec<Dim>::Unit(0))); };
+}
+
+template <int Dim>
+RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& folder, RigidBody<Dim>& body) {
+  const std::string name = entry.text("shape");
+  const auto allow = [&](const Section::Keys& keys) {
+    for (const char* key : {"normal", "level", "radius", "axis", "points", "file"})
+      if (entry.has(key) && std::ranges::find(keys, key) == keys.end())
+        entry.fail(key, fmt::format("{} means nothing for a rigid body of shape \"{}\"", key, name));
+  };
+  if (entry.has("centre")) body.centre = entry.template point<Dim>("centre");
+  if (name == "plane") {
+    allow({"normal", "level"});
+    return rigid_shapes::half_space<Dim>(entry.template direction<Dim>("normal"),
+                                         entry.number("level", any_number, 0.0));
+  }
+  if (name == "ball") {
+    allow({"radius"});
+    return rigid_shapes::ball<Dim>(entry.template point<Dim>("centre"), entry.number("radius", positive));
+  }
+  if constexpr (Dim == 2) {
+    if (name == "polygon") {
+      allow({"points"});
+      const auto corners = entry.pairs("points");
+      if (corners.size() < 3) entry.fail("points", "points: expected three corners and more");
+      Points<2> at(2, static_cast<Index>(corners.size()));
+      for (std::size_t k = 0; k < corners.size(); ++k) at.col(static_cast<Index>(k)) << corners[k][0], corners[k][1];
+      return rigid_shapes::solid<2>(at, rigid_shapes::polygon(static_cast<Index>(corners.size())));
+    }
+  } else {
+    if (name == "cylinder") {
+      allow({"radius", "axis"});
+      return rigid_shapes::cylinder(entry.template point<3>("centre"), entry.template direction<3>("axis"),
+                                    entry.number("radius", positive));
+    }
+    if (name == "surface") {
+      allow({"file"});
+      const SurfaceSoup soup = read_surface((folder / entry.text("file")).string());
+      Facets<3> facets(3, static_cast<Index>(soup.triangles.size()));
+      for (std::size_t f = 0; f < soup.triangles.size(); ++f)
+        for (int i = 0; i < 3; ++i) facets(i, static_cast<Index>(f)) = soup.triangles[f][static_cast<std::size_t>(i)];
+      return rigid_shapes::solid<3>(soup.points, facets);
+    }
+  }
+  entry.fail("shape", fmt::format("shape is \"{}\", expected \"plane\", \"ball\", {}", name,
+                                  Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\""));
+}
+
+template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, const std::filesystem::path& folder,
+                                          const Section& root, const ScalarField<Dim>& grey,
+                                          DynamicsSettings<Dim>& dynamics) {
+  constexpr int spins = Dim == 2 ? 1 : 3;
+  for (const Section& entry : entries) {
+    RigidBody<Dim> body;
+    try {
+      body.shape = read_shape<Dim>(entry, folder, body);
+    } catch (const InputError& error) {
+      if (std::string(error.what()).starts_with("a ")) entry.fail("shape", error.what());
+      throw;
+    }
+    body.friction = read_friction(entry);
+    if (entry.has("velocity"))
+      body.velocity =
+          read_function_of_time<Dim, Dim>(entry.expressions<Dim>("velocity"), entry, "velocity", root, grey);
+    if (entry.has("spin")) {
+      std::array<std::string, spins> spin;
+      if constexpr (Dim == 2)
+        spin[0] = entry.expression("spin");
+      else
+        spin = entry.expressions<3>("spin");
+      body.spin = read_function_of_time<Dim, spins>(spin, entry, "spin", root, grey);
+    }
+    body.mass = entry.number("mass", positive, 0.0);
+    body.inertia = entry.number("inertia", positive, 0.0);
+    if ((body.spin || body.inertia > 0.0) && !entry.has("centre"))
+      entry.fail("spin", "key \"centre\" is missing: the point about which the rigid body rotates");
+    dynamics.rigid_bodies.push_back({body, entry.where("shape")});
+  }
+}
+
+template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries,
+                                                 const Expressions<Dim>& expressions,
+                                                 internal::PlaceReader<Dim>& places, DynamicsSettings<Dim>& dynamics) {
+  constexpr const char* axes[] = {"x", "y", "z"};
+  for (const Section& entry : entries) {
+    BoundaryVelocity<Dim> part{.on = places.name(entry), .velocity = {}};
+    const auto components = entry.expressions<Dim>("velocity");
+    if (std::ranges::count(components, "free") == Dim)
+      entry.fail("velocity", "velocity leaves every component free, expected a value for one of them");
+    for (std::size_t i = 0; i < Dim; ++i) {
+      if (components[i] == "free") continue;
+      for (const auto& earlier : dynamics.boundary_velocities)
+        if (earlier.on == part.on && earlier.velocity[i])
+          entry.fail("velocity",
+                     fmt::format("the velocity along {} on \"{}\" is prescribed already", axes[i], part.on));
+      part.velocity[i] = expressions.field(components[i], entry.where("velocity"));
+    }
+    dynamics.boundary_velocities.push_back(std::move(part));
+  }
+}
+
+template <int Dim>
+DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, const Expressions<Dim>& expressions) {
+  using Kind = typename DynamicsProbe<Dim>::Kind;
+  Section::Keys found;
+  for (const std::string_view key : {"largest", "smallest", "extent", "at"})
+    if (entry.has(key)) found.push_back(key);
+  if (found.size() != 1)
+    entry.fail("name", fmt::format("a probe has exactly one of largest, smallest, extent, at; this one has {}",
+                                   found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
+  const std::string key(found.front());
+  DynamicsProbe<Dim> probe{.name = entry.text("name"), .region = entry.text("region", ""), .where = entry.where(key)};
+  if (key == "at") {
+    if (entry.has("box")) entry.fail("box", "box means nothing for a single node");
+    probe.kind = Kind::node;
+    probe.at = entry.template point<Dim>("at");
+    return probe;
+  }
+  probe.kind = key == "largest" ? Kind::largest : key == "smallest" ? Kind::smallest : Kind::extent;
+  // A name that is neither a coordinate nor one of [definitions] is a field.
+  const std::string text = entry.expression(key);
+  const bool is_name =
+      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string::npos &&
+      text.size() > 1;
+  if (is_name && std::isalpha(static_cast<unsigned char>(text.front())) && !definitions.has(text))
+    probe.field = text;
+  else
+    probe.coordinate = expressions.field(text, entry.where(key));
+  if (entry.has("box")) {
+    const auto [a, b] = entry.template corners<Dim>("box");
+    probe.box = BoundingBox<Dim>(a.cwiseMin(b), a.cwiseMax(b));
+  }
+  return probe;
+}
+
+template <int Dim> void read_probes(const std::vector<Section>& entries, const Section& definitions,
+                                    const Expressions<Dim>& expressions, DynamicsSettings<Dim>& dynamics) {
+  std::set<std::string> names;
+  for (const Section& entry : entries) {
+    dynamics.probes.push_back(read_probe<Dim>(entry, definitions, expressions));
+    const std::string& name = dynamics.probes.back().name;
+    if (!names.insert(name).second) entry.fail("name", fmt::format("there already is a probe named \"{}\"", name));
+  }
+}
+
+/// [dynamics].
+template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  const Section section = root.section("dynamics", {"method", "courant", "imbalance", "shock"});
+  const bool has_cloud = root.has("cloud");
+  dynamics.method = section.choice<DynamicsMethod>(
+      "method", {{"otm", DynamicsMethod::otm}, {"total_lagrangian", DynamicsMethod::total_lagrangian}},
+      has_cloud ? DynamicsMethod::total_lagrangian : DynamicsMethod::otm);
+  if (dynamics.method == DynamicsMethod::otm && has_cloud)
+    section.fail("method",
+                 "method \"otm\" has its nodes at the vertices of the mesh, and there is a [cloud]: leave out [cloud], "
+                 "or take method = \"total_lagrangian\"");
+  if (dynamics.method == DynamicsMethod::total_lagrangian && !has_cloud)
+    section.fail(
+        "method",
+        "method \"total_lagrangian\" has the shape functions of a [cloud], and there is none: add [cloud] with "
+        "a spacing, or take method = \"otm\"");
+  DynamicsOptions& options = dynamics.options;
+  options.courant = section.number("courant", {0.0, 1.0, false, true}, options.courant);
+  options.imbalance = section.number("imbalance", {0.0, 1.0, false, true}, options.imbalance);
+  if (section.has("shock")) {
+    const Section shock = section.section("shock", {"linear", "quadratic"});
+    options.shock.linear = shock.number("linear", not_negative, options.shock.linear);
+    options.shock.quadratic = shock.number("quadratic", not_negative, options.shock.quadratic);
+  }
+}
+
+/// [otm].
+template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  const Section section =
+      root.section("otm", {"gamma", "cutoff", "reconnection_strain", "exact_integration", "anisotropy", "merging",
+                           "insertion", "momentum", "stabilisation", "seizing"});
+  if (root.has("otm") && dynamics.method != DynamicsMethod::otm)
+    root.fail("otm",
+              "[otm] has options of the method \"otm\", and this case with a [cloud] has the method "
+              "\"total_lagrangian\": leave out [otm], or [cloud]");
+  OtmOptions& options = dynamics.otm;
+  options.lme.gamma = section.number("gamma", {0.1, 20.0, true, true}, options.lme.gamma);
+  options.lme.cutoff = section.number("cutoff", {1e-16, 0.1, true, true}, options.lme.cutoff);
+  options.reconnection_strain =
+      section.number("reconnection_strain", {0.0, 0.5, true, true}, options.reconnection_strain);
+  options.exact_integration = section.boolean("exact_integration", options.exact_integration);
+  options.anisotropy = section.number("anisotropy", {1.0, 100.0, true, true}, options.anisotropy);
+  options.merging = section.number("merging", {0.0, 0.9, true, true}, options.merging);
+  options.insertion = section.number("insertion", {0.0, 10.0, true, true}, options.insertion);
+  if (options.insertion > 0.0 && options.insertion < 1.3)
+    section.fail("insertion", fmt::format("insertion is {}, expected 0, or 1.3 to 10", options.insertion));
+  options.momentum = section.choice<MomentumTransfer>(
+      "momentum",
+      {{"affine", MomentumTransfer::affine}, {"nodes", MomentumTransfer::nodes}, {"points", MomentumTransfer::points}},
+      options.momentum);
+  options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
+  options.seizing = section.boolean("seizing", options.seizing);
+}
+
+/// [contact]; after [otm].
+template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  const Section section = root.section("contact", {"stiffness", "friction"});
+  ContactOptions& contact = dynamics.options.contact;
+  for (const char* key : {"stiffness", "friction"})
+    if (dynamics.otm.seizing && section.has(key))
+      section.fail(key, fmt::format("{} means nothing for bodies that seize (otm.seizing): leave it out", key));
+  contact.stiffness = section.number("stiffness", not_negative, dynamics.otm.seizing ? 0.0 : contact.stiffness);
+  contact.friction = section.number("friction", not_negative, contact.friction);
+}
+
+/// [cloud] and [quadrature].
+template <int Dim> void read_cloud(const Section& root, internal::PlaceReader<Dim>& places, DynamicsCase<Dim>& result) {
+  const Section cloud = root.section("cloud", internal::cloud_keys());
+  const Section quadrature = root.section("quadrature", {"basis", "ratio", "dilatation"});
+  if (root.has("cloud") && !cloud.has("spacing"))
+    cloud.fail("",
+               "key \"spacing\" is missing in [cloud]: add it, or leave out [cloud] for nodes at the vertices of the "
+               "mesh");
+  if (!root.has("cloud"))
+    for (const char* key : {"basis", "ratio"})
+      if (quadrature.has(key))
+        quadrature.fail(
+            key, fmt::format("{} is for a [cloud], and there is none: every cell of the mesh has one point", key));
+  internal::read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result);
+  result.approximation.grading = internal::read_grading(cloud, places, result.graded);
+  result.dynamics.pressure_patches = quadrature.switch_or_auto("dilatation");
+}
+
+/// [[gas]].
+template <int Dim> void read_gases(const std::vector<Section>& entries, internal::PlaceReader<Dim>& places,
+                                   DynamicsSettings<Dim>& dynamics) {
+  for (const Section& entry : entries)
+    dynamics.gases.push_back({.on = places.name(entry),
+                              .pressure = entry.number("pressure", any_number),
+                              .exponent = entry.number("exponent", positive, GasFilling{}.exponent),
+                              .where = entry.where("on")});
+}
+
+/// [time] and [output].
+template <int Dim> void read_times(const Section& time, const Section& output, DynamicsSettings<Dim>& dynamics) {
+  dynamics.end = time.number("end", positive);
+  dynamics.max_step = time.number("max_step", positive, dynamics.max_step);
+  dynamics.min_step = time.number("min_step", {0.0, dynamics.max_step, false, true}, dynamics.min_step);
+  dynamics.frames = static_cast<Index>(output.integer("frames", 0, 100000, dynamics.frames));
+  dynamics.history_lines = static_cast<Index>(output.integer("history", 0, 10000000, dynamics.history_lines));
+  dynamics.checkpoint_interval = output.number("checkpoint", positive, dynamics.checkpoint_interval);
+  dynamics.colour = output.text("colour", "");
+}
+
+/// Of all but [time] and [output], and of the files that the case names.
+std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path& folder, const Section& geometry,
+                          const std::vector<Section>& rigid_bodies) {
+  toml::table rest = table;
+  rest.erase("time");
+  rest.erase("output");
+  internal::Fingerprint mark;
+  mark.add(internal::text_of(toml::node_view<const toml::node>(rest)));
+  if (geometry.has("file")) internal::add_file(mark, folder / geometry.text("file"));
+  for (const Section& body : rigid_bodies)
+    if (body.has("file")) internal::add_file(mark, folder / body.text("file"));
+  return mark.value();
+}
+
+template <int Dim> DynamicsCase<Dim> read(const std::filesystem::path& file, const toml::table& table,
+                                          const Section& root, const Section& geometry, const Reading& reading) {
+  const Section analysis = root.required_section("analysis", dynamics_analysis_keys);
+  const Section time = root.required_section("time", {"end", "max_step", "min_step"});
+  const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
+  const auto velocities = root.sections("velocity", {"region", "value"});
+  const auto fractures = root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain"});
+  const auto walls = root.sections("wall", {"normal", "level", "friction"});
+  const auto rigid_bodies =
+      root.sections("rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "friction",
+                                   "velocity", "spin", "mass", "inertia"});
+  const auto boundaries = root.sections("boundary", {"on", "velocity"});
+  const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
+  const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
+
+  DynamicsCase<Dim> result;
+  DynamicsSettings<Dim>& dynamics = result.dynamics;
+  result.where = file.string();
+  result.said = internal::places_in(root);
+  result.title = root.text("title", file.stem().string());
+  result.keeps_free_bodies = true;
+  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
+  if (Dim == 3 && analysis.has("plane"))
+    analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
+  result.model.plane =
+      analysis.choice<Plane>("plane", {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
+                             Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+  const Expressions<Dim> expressions = internal::read_definitions<Dim>(
+      root, result.geometry.grey,
+      {std::nullopt, "initial velocities, prescribed velocities and gravity do not depend on the time"});
+  internal::MaterialReader<Dim>(expressions, "explicit dynamics asks").read(root, result);
+  internal::PlaceReader<Dim> places(result);
+  dynamics.gravity = read_gravity<Dim>(analysis, expressions);
+  read_velocities<Dim>(velocities, expressions, dynamics);
+  read_fractures<Dim>(fractures, dynamics);
+  read_walls<Dim>(walls, dynamics);
+  read_rigid_bodies<Dim>(rigid_bodies, file.parent_path(), root, result.geometry.grey, dynamics);
+  read_boundary_velocities<Dim>(boundaries, expressions, places, dynamics);
+  read_cloud(root, places, result);
+  read_dynamics(root, dynamics);
+  read_otm(root, dynamics);
+  read_contact(root, dynamics);
+  read_gases(gases, places, dynamics);
+  read_times(time, output, dynamics);
+  read_probes<Dim>(probes, root.section("definitions", {}), expressions, dynamics);
+  result.mark = {fingerprint(table, file.parent_path(), geometry, rigid_bodies), 0};
+  return result;
+}
+
+}  // namespace
+
+bool is_dynamics_case(const std::filesystem::path& file) {
+  const std::string kind = analysis_kind(internal::parse_toml(file.string()));
+  return kind == "dynamics" || kind == former_kind;
+}
+
+AnyDynamicsCase read_dynamics_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
+  const toml::table table = internal::parse_toml(file.string());
+  reject_former_keys(table, file.string());
+  const Section root(
+      table, "", file.string(),
+      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity", "fracture",
+       "wall", "rigid_body", "boundary", "gas", "contact", "probe", "time", "dynamics", "otm", "output"});
+  const Section geometry = root.required_section("geometry", internal::geometry_keys());
+  const Section analysis = root.required_section("analysis", dynamics_analysis_keys);
+  if (analysis_kind(table) != "dynamics") analysis.fail("kind", "kind: expected \"dynamics\"");
+  if (internal::geometry_dimension(geometry, file.parent_path(), analysis.has("plane"), reading, monitor) == 2)
+    return read<2>(file, table, root, geometry, reading);
+  return read<3>(file, table, root, geometry, reading);
+}
+
+}  // namespace efree

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/records/dynamics_run.hpp"
+
+#include "efree/analysis/internal/located.hpp"
+#include "efree/core/error.hpp"
+#include "efree/core/packer.hpp"
+#include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/pictures/picture.hpp"
+#include "efree/io/records/internal/unfinished.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+
+namespace efree {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view dynamics_state_kind = "efree dynamics 1\n";
+constexpr const char* dynamics_state_name = "dynamics.state";
+
+/// Values of the probes, by columns.
+template <int Dim> typename DynamicsRecord<Dim>::Numbers probe_columns(const DynamicsSettings<Dim>& settings,
+                                                                       const DynamicsModel<Dim>& model) {
+  constexpr const char* axes[] = {"x", "y", "z"};
+  typename DynamicsRecord<Dim>::Numbers columns;
+  for (const auto& [name, values] : measure_probes(settings, model)) {
+    const std::string column = "probe." + name;
+    if (values.size() == 1) {
+      columns.emplace_back(column, values[0]);
+      continue;
+    }
+    for (int i = 0; i < Dim; ++i) columns.emplace_back(fmt::format("{}.u{}", column, axes[i]), values[i]);
+    for (int i = 0; i < Dim; ++i) columns.emplace_back(fmt::format("{}.v{}", column, axes[i]), values[Dim + i]);
+  }
+  return columns;
+}
+
+/// Whether energies, positions, velocities and all fields are finite.
+template <int Dim> bool is_finite(const Dynamics<Dim>& dynamics) {
+  const auto scalars = point_scalars(dynamics);
+  return std::isfinite(dynamics.balance().total()) && std::isfinite(dynamics.energy().error()) &&
+         dynamics.nodes().allFinite() && dynamics.velocities().allFinite() &&
+         std::ranges::all_of(scalars, [](const auto& entry) { return entry.second.allFinite(); });
+}
+
+/// Files of a run in a folder.
+template <int Dim> std::vector<std::string> files_of_run(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (DynamicsRecord<Dim>::is_part(name) || name == dynamics_state_name) names.push_back(name);
+  }
+  return names;
+}
+
+}  // namespace
+
+template <int Dim>
+DynamicsRun<Dim>::DynamicsRun(fs::path directory, const DynamicsCase<Dim>& dynamics_case, bool pictures)
+    : directory_(std::move(directory)),
+      case_(dynamics_case),
+      pictures_(pictures),
+      unfinished_(std::make_unique<internal::Unfinished>(directory_)) {}
+template <int Dim> DynamicsRun<Dim>::~DynamicsRun() = default;
+
+template <int Dim> bool DynamicsRun<Dim>::is_unfinished() const {
+  return fs::exists(unfinished_->folder() / dynamics_state_name);
+}
+
+template <int Dim> void DynamicsRun<Dim>::begin() {
+  if (record_) return;
+  unfinished_->begin();
+  for (const auto& entry : fs::directory_iterator(unfinished_->folder())) fs::remove_all(entry.path());
+  record_.emplace(unfinished_->folder());
+}
+
+template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
+  const bool was_killed = is_unfinished();
+  const fs::path folder = was_killed ? unfinished_->folder() : directory_, file = folder / dynamics_state_name;
+  if (!fs::exists(file))
+    throw InputError(
+        fmt::format("{}: there are no steps of an earlier run to resume: run without --resume", file.string()));
+  const internal::Sealed sealed = internal::read_sealed(file, dynamics_state_kind, Dim, case_.mark);
+  unfinished_->begin();
+  std::string record;
+  try {
+    Unpacker unpack(sealed.packed());
+    unpack(record);
+    model.dynamics.restore(unpack.rest());
+    if (!is_finite(model.dynamics)) internal::is_damaged(file);
+  } catch (const InputError&) {
+    internal::is_damaged(file);
+  }
+  const double end = case_.dynamics.end;
+  if (const double now = model.dynamics.time(); now > end * (1.0 + 1e-12))
+    throw InputError(internal::said_at(
+        internal::where_said(case_, "time.end"),
+        fmt::format("end is {:.6g}, and the steps of the earlier run are at {:.6g} already", end, now)));
+  if (!was_killed)
+    for (const std::string& name : files_of_run<Dim>(directory_))
+      internal::link(directory_ / name, unfinished_->folder() / name);
+  record_.emplace(unfinished_->folder(), record);
+}
+
+template <int Dim> void DynamicsRun<Dim>::add_history_line(const DynamicsModel<Dim>& model) {
+  begin();
+  record_->add_line(model.dynamics, probe_columns(case_.dynamics, model));
+}
+
+template <int Dim> void DynamicsRun<Dim>::add_frame(const DynamicsModel<Dim>& model) {
+  begin();
+  const std::string picture = fmt::format("frame_{:04}.png", record_->num_frames());
+  record_->add_frame(model.dynamics);
+  if (pictures_) draw(model, unfinished_->folder() / picture);
+}
+
+template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, const fs::path& file) const {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const auto scalars = point_scalars(dynamics);
+  const auto find = [&](const std::string& name) {
+    return std::ranges::find(scalars, name, [](const auto& entry) { return entry.first; });
+  };
+  auto field = find(case_.dynamics.colour.empty() ? "equivalent_plastic_strain" : case_.dynamics.colour);
+  if (field == scalars.end()) field = find("von_mises");
+  const Index num_points = dynamics.num_points();
+  DynamicsPicture<Dim> picture{.points = dynamics.points(),
+                               .F = dynamics.deformation(),
+                               // Where there are other points, they get the mean size of those at the start.
+                               .size = model.point_sizes.size() == num_points
+                                           ? model.point_sizes
+                                           : Vector::Constant(num_points, model.point_sizes.mean()),
+                               .values = field->second,
+                               .title = fmt::format("{}, time {:.4g}", case_.title, dynamics.time()),
+                               .field = field->first,
+                               .view = model.initial_box,
+                               .axisymmetric = case_.model.plane == Plane::axisymmetric};
+  for (Index a = 0; a < dynamics.num_nodes(); ++a) picture.view.extend(Vec<Dim>(dynamics.nodes().col(a)));
+  for (const auto& [wall, where] : case_.dynamics.walls) picture.walls.push_back(wall);
+  const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
+  for (std::size_t k = 0; k < states.size(); ++k)
+    picture.rigid_bodies.emplace_back([&body = case_.dynamics.rigid_bodies[k].body, state = states[k]](
+                                          const Vec<Dim>& at) { return gap_to<Dim>(body, state, at).gap; });
+  draw_dynamics(file, picture);
+}
+
+template <int Dim> void DynamicsRun<Dim>::write_checkpoint(const DynamicsModel<Dim>& model) {
+  begin();
+  std::string record = record_->state();
+  Packer pack;
+  pack(record);
+  internal::write_sealed(unfinished_->folder() / dynamics_state_name, dynamics_state_kind, Dim, case_.mark,
+                         {std::move(pack).bytes(), model.dynamics.state()});
+}
+
+template <int Dim> void DynamicsRun<Dim>::finish(OutputDirectory& out) const {
+  for (const std::string& name : files_of_run<Dim>(directory_)) out.supersede(name);
+  for (const std::string& name : files_of_run<Dim>(unfinished_->folder()))
+    internal::link(unfinished_->folder() / name, out.file(name));
+}
+
+template <int Dim> void DynamicsRun<Dim>::remove_unfinished() {
+  unfinished_->forget();
+}
+
+template class DynamicsRun<2>;
+template class DynamicsRun<3>;
+
+}  // namespace efree

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Files of a run of explicit dynamics, complete also when it is killed.
+#pragma once
+
+#include "efree/io/case/dynamics_case.hpp"
+#include "efree/io/files/output_directory.hpp"
+#include "efree/io/records/dynamics_record.hpp"
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+namespace efree {
+
+namespace internal {
+class Unfinished;
+}
+
+/// Keeps a DynamicsRecord with pictures and `dynamics.state`, the last checkpoint, in the folder `unfinished` of an
+/// output directory. A run that ends adds them to its results. One run at a time.
+template <int Dim> class DynamicsRun {
+ public:
+  /// Refers to the case. Nothing is written yet.
+  DynamicsRun(std::filesystem::path directory, const DynamicsCase<Dim>& dynamics_case, bool pictures);
+  ~DynamicsRun();
+
+  /// Whether a run was killed here.
+  bool is_unfinished() const;
+  /// Restores the model from the last checkpoint: of the run that was killed here, or of one that ended. Throws
+  /// InputError if there is none, it is of another case (but for [time] and [output]), is damaged, or another run goes
+  /// on here.
+  void resume(DynamicsModel<Dim>& model);
+  /// For DynamicsObserver. All throw InputError where files cannot be written.
+  void add_history_line(const DynamicsModel<Dim>& model);
+  void add_frame(const DynamicsModel<Dim>& model);
+  void write_checkpoint(const DynamicsModel<Dim>& model);
+  /// Whether something of this run has been written.
+  bool has_begun() const { return record_.has_value(); }
+  /// Adds all files to the results, in place of older ones. Call `remove_unfinished` once these are in place.
+  void finish(OutputDirectory& out) const;
+  void remove_unfinished();
+
+ private:
+  void begin();
+  void draw(const DynamicsModel<Dim>& model, const std::filesystem::path& file) const;
+
+  std::filesystem::path directory_;
+  const DynamicsCase<Dim>& case_;
+  bool pictures_;
+  std::unique_ptr<internal::Unfinished> unfinished_;
+  std::optional<DynamicsRecord<Dim>> record_;
+};
+
+}  // namespace efree
