@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// The state of a run as bytes, and back.
 #include "efree/core/memory.hpp"
-#include "efree/dynamics/internal/parts.hpp"
+#include "efree/core/packer.hpp"
+#include "efree/dynamics/internal/world.hpp"
 
 namespace efree {
 
@@ -29,13 +30,17 @@ template <int Dim> EFREE_FIELDS(Chunk<Dim>, body, number, table, support, matter
 
 // Without what is given again, found again, or filled by every step.
 template <int Dim> auto fields(Nodes<Dim>& of) {
-  return std::tie(of.x, of.v, of.force, of.x_rest, of.momentum, of.mass, of.spacing, of.body, of.active);
+  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, body, active] = of;
+  return std::tie(x, v, force, x_rest, momentum, mass, spacing, body, active);
 }
 template <int Dim> auto fields(PointTable<Dim>& of) {
-  return std::tie(of.offsets, of.local, of.entries, of.nodes);
+  auto& [offsets, local, entries, nodes, x, force, origin] = of;
+  return std::tie(offsets, local, entries, nodes);
 }
 template <int Dim> auto fields(BodyState<Dim>& of) {
-  return std::tie(of.cells);
+  auto& [material, tangent, compliance, shear, modulus, fracture, plastic_strain, temperature, plastic_metric, release,
+         cells, holds_inverted] = of;
+  return std::tie(cells);
 }
 template <int Dim> auto fields(World<Dim>& of) {
   return std::tie(of.nodes, of.bodies, of.first_node, of.first_point, of.chunks, of.place_of_point, of.prescribed,
@@ -55,64 +60,16 @@ template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
   }
   move_to_large_pages(tables);
 }
-template <int Dim> void Dynamics<Dim>::Parts::pack(Archive& archive) {
+template <int Dim> void internal::pack(World<Dim>& world, EnergyWatch& watch, Archive& archive) {
   archive(world, watch);
-  stable.pack(archive);
-  scheme->pack(archive);
-  for (const auto& interaction : world.interactions) interaction->pack(archive);
+  if (!archive.reads()) return;
+  for (Chunk<Dim>& chunk : world.chunks)
+    for (auto* numbers : {&chunk.table.x, &chunk.table.force}) numbers->assign(4 * chunk.table.nodes.size(), 0.0);
 }
 
-template <int Dim> std::string Dynamics<Dim>::state() const {
-  Packer packer;
-  Archive archive(packer);
-  std::string scheme = parts_->scheme->name();
-  archive(scheme);
-  parts_->pack(archive);
-  return std::move(packer).bytes();
-}
-
-template <int Dim> void Dynamics<Dim>::restore(std::string_view state) {
-  Parts& parts = *parts_;
-  World<Dim>& world = parts.world;
-  const auto bodies = world.bodies;
-  const std::string before = this->state();
-  const auto take = [&](std::string_view bytes) {
-    Unpacker unpacker(bytes);
-    Archive archive(unpacker);
-    std::string scheme;
-    archive(scheme);
-    if (scheme != parts.scheme->name()) return false;
-    parts.pack(archive);
-    return world.bodies.size() == bodies.size() && unpacker.empty();
-  };
-  bool same = false;
-  try {
-    same = take(state);
-  } catch (const InputError&) {
-  }
-  if (!same) {
-    world.bodies = bodies;
-    take(before);
-  }
-  for (auto& chunk : world.chunks) {
-    chunk.table.x.assign(4 * chunk.table.nodes.size(), 0.0);
-    chunk.table.force.assign(4 * chunk.table.nodes.size(), 0.0);
-  }
-  world.find_node_chunks();
-  world.find_free_axes();
-  ++world.point_changes;
-  parts.scheme->resume(world);
-  internal::use_large_pages(world);
-  if (!same) throw InputError("the state is damaged, or not of bodies, walls and a scheme such as these");
-}
-
-#define EFREE_INSTANTIATE(Dim)                                \
-  template std::string Dynamics<Dim>::state() const;          \
-  template void Dynamics<Dim>::restore(std::string_view);     \
-  template void internal::use_large_pages(const World<Dim>&); \
-  template void Dynamics<Dim>::Parts::pack(Archive&);
-EFREE_INSTANTIATE(2)
-EFREE_INSTANTIATE(3)
-#undef EFREE_INSTANTIATE
+template void internal::pack(World<2>&, EnergyWatch&, Archive&);
+template void internal::pack(World<3>&, EnergyWatch&, Archive&);
+template void internal::use_large_pages(const World<2>&);
+template void internal::use_large_pages(const World<3>&);
 
 }  // namespace efree

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Bodies as they are given become nodes and chunks of material points.
 #include "efree/basis/internal/neighbours.hpp"
-#include "efree/dynamics/internal/parts.hpp"
+#include "efree/dynamics/fracture/internal/fracture.hpp"
+#include "efree/dynamics/internal/world.hpp"
 
 #include <fmt/format.h>
 #include <numeric>

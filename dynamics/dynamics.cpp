@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/dynamics.hpp"
 
+#include "efree/dynamics/contact/internal/rigid_contact.hpp"
 #include "efree/dynamics/contact/internal/surfaces.hpp"
-#include "efree/dynamics/internal/parts.hpp"
+#include "efree/dynamics/fracture/internal/fracture.hpp"
+#include "efree/dynamics/internal/loads.hpp"
+#include "efree/dynamics/internal/stable_step.hpp"
+#include "efree/dynamics/internal/world.hpp"
 #include "efree/dynamics/masses.hpp"
 #include "efree/dynamics/points.hpp"
 
@@ -11,9 +15,41 @@
 namespace efree {
 namespace {
 
-/// A column for each of the points [begin, end): value(matter, number in the chunk).
+/// How much smaller (its logarithm) a point may get in a step, at the rate of the last one: what is compressed faster
+/// is inverted before its pressure acts.
+constexpr double most_compressed = 0.2;
+/// Over the stable step, to which that may shorten it: the scheme deals with points that ask for more, or they break.
+constexpr double least_step = 0.05;
+/// Products with the stiffness of the first estimate of the stable step.
+constexpr Index first_products = 40;
+/// Steps between checks of the energy, and of how stiff points are.
+constexpr Index between_checks = 64;
+/// Checks in a row at which the energy is off before a run ends: while there is little of it, it may swing.
+constexpr Index checks_in_a_row = 8;
+
+/// A sum that remembers what rounding keeps from it (Kahan 1965): over many steps, angular momentum would feel it.
+template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Dim>& rest) {
+  for (Eigen::Index k = 0; k < sum.size(); ++k) {
+    const double change = more(k) + rest(k), before = sum(k);
+    sum(k) += change;
+    rest(k) = change - (sum(k) - before);
+  }
+}
+
+template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<Dim>& scheme) {
+  if (world.num_bodies() < 2 || world.options.contact.stiffness == 0.0) return;
+  for (Index b = 0; b < world.num_bodies(); ++b)
+    if (scheme.surface(world, b).cols() == 0)
+      throw InputError(
+          fmt::format("body {}: it has no cells, and so no surface for contact with others: give it "
+                      "cells, or take contact.stiffness = 0",
+                      b));
+}
+
+/// A column for each of the points [begin, end), by default all: value(matter, number in the chunk).
 template <class Result, int Dim, class Value>
-Result by_point(const World<Dim>& world, Index rows, Index begin, Index end, const Value& value) {
+Result by_point(const World<Dim>& world, Index rows, const Value& value, Index begin = 0, Index end = -1) {
+  if (end < 0) end = world.num_points();
   Result result(rows, end - begin);
   for (Index p = begin; p < end; ++p) {
     const auto [chunk, k] = world.locate(p);
@@ -23,6 +59,204 @@ Result by_point(const World<Dim>& world, Index rows, Index begin, Index end, con
 }
 
 }  // namespace
+
+/// The state, the scheme and the interactions, in the order in which they act.
+template <int Dim> struct Dynamics<Dim>::Parts {
+  World<Dim> world;
+  std::unique_ptr<Scheme<Dim>> scheme;
+  internal::StableStep<Dim> stable;
+  internal::Fracture<Dim> fracture;
+  EnergyWatch watch;
+  internal::RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next
+  internal::Cavities<Dim>* cavities = nullptr;
+
+  Parts(const std::vector<DeformableBody<Dim>>& bodies, std::unique_ptr<Scheme<Dim>> given,
+        const DynamicsOptions& options)
+      : scheme(std::move(given)) {
+    require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
+    internal::construct(world, bodies, options);
+    auto rigid_contact = std::make_unique<internal::RigidContact<Dim>>();
+    auto gas = std::make_unique<internal::Cavities<Dim>>();
+    rigid = rigid_contact.get();
+    cavities = gas.get();
+    world.interactions.push_back(internal::gravity<Dim>());
+    world.interactions.push_back(internal::body_contact<Dim>(*scheme));
+    world.interactions.push_back(internal::prescribed_velocities<Dim>());
+    world.interactions.push_back(std::move(rigid_contact));
+    world.interactions.push_back(std::move(gas));
+    using enum EnergyKind;
+    for (const auto& [name, kind] :
+         {std::pair("kinetic", kinetic), std::pair("stored", stored), std::pair("dissipated", dissipated),
+          std::pair("stabilisation", stabilising), std::pair("viscous", loss), std::pair("contact", loss),
+          std::pair("fracture", loss), std::pair("prescribed", work), std::pair("gravity", work)})
+      world.ledger.add_energy(name, kind, 0.0);
+    for (const char* name : {"point updates", "eroded points", "penetrated points"}) world.ledger.add_count(name, 0);
+    scheme->begin(world, bodies);
+    world.find_node_chunks();
+    world.find_free_axes();
+    find_momenta(world);
+    require_surfaces(world, *scheme);
+    compute_internal_forces(world, *scheme, 0.0);
+    // Energies of bodies at rest are rounding: some 1e-17 of moduli times volumes.
+    for (const auto& chunk : world.chunks) watch.scale += 1e-15 * chunk.matter.modulus.dot(chunk.matter.volume);
+    internal::use_large_pages(world);
+    stable.begin(world);
+    stable.update_stiffness_ratios(world);
+    estimate_stable_step(first_products);
+    world.first_stable_step = world.stable_step;
+  }
+
+  double step(double at_most) {
+    begin_supports();
+    if (!watch.begun) watch.look(balance().energies);
+    if (world.steps == 0) estimate_first_damping(world);
+    const double dt = choose_step(at_most);
+    advance_nodes(0.5 * (world.last_step + dt), dt);
+    world.time += dt;
+    world.last_step = dt;
+    scheme->refresh(world, stable);
+    compute_internal_forces(world, *scheme, dt);
+    add_external_forces();
+    break_points();
+    if (++world.steps % between_checks == 0) inspect();
+    if (scheme->stable_step(world) || stable.is_due(world)) estimate_stable_step(1);
+    return dt;
+  }
+
+  /// Velocities were prescribed.
+  void begin_supports() {
+    if (!std::exchange(world.new_supports, false)) return;
+    world.find_free_axes();
+    find_momenta(world);
+    // Supports may have slowed the fastest mode down: the bound would be too long until the next estimates.
+    estimate_stable_step(first_products);
+    if (world.steps == 0) world.first_stable_step = world.stable_step;
+  }
+
+  double choose_step(double at_most) {
+    // Viscous forces lag behind by half a step: the bound of damped vibrations by the fastest.
+    double damping = 0.0, bound = at_most;
+    for (auto& chunk : world.chunks) {
+      damping = std::max(damping, chunk.damping);
+      const BodyState<Dim>& body = world.bodies[chunk.body];
+      const double least = body.holds_inverted || body.fracture.on() ? least_step * world.stable_step : 0.0;
+      if (const double rate = std::exchange(chunk.compression_rate, 0.0); rate > 0.0)
+        bound = std::min(bound, std::max(most_compressed / rate, least));
+    }
+    bound = std::min(bound, world.stable_step * (std::sqrt(1.0 + damping * damping) - damping));
+    for (const auto& interaction : world.interactions) bound = std::min(bound, interaction->longest_step(world));
+    if (!(bound > 0.0) || !std::isfinite(bound))
+      throw NumericalError(
+          fmt::format("at time {:.6g} the stable step is {:.3g}, where nodes move at up to {:.3g} along an axis",
+                      world.time, bound, world.nodes.size() > 0 ? world.nodes.v.cwiseAbs().maxCoeff() : 0.0));
+    return bound;
+  }
+
+  /// Nodes get their impulses, and move.
+  void advance_nodes(double kick, double dt) {
+    auto start = std::chrono::steady_clock::now();
+    Nodes<Dim>& nodes = world.nodes;
+    nodes.v_before = nodes.v;
+    thread_local Points<Dim> impulses, changes;
+    impulses = kick * nodes.force;
+    find_velocities(world, impulses, changes);
+    nodes.v += changes;
+    if (world.consistent_mass.any()) nodes.momentum += impulses;
+    for (const auto& interaction : world.interactions) interaction->apply_impulses(world, kick, dt);
+    for (const auto& interaction : world.interactions) interaction->finish_kick(world, kick, dt);
+    changes = dt * nodes.v;
+    add<Dim>(changes, nodes.x, nodes.x_rest);
+    if (world.axisymmetric())
+      for (Index a = 0; a < nodes.size(); ++a)
+        if (nodes.x(0, a) < 0.0) nodes.x(0, a) = nodes.x_rest(0, a) = 0.0;
+    world.ledger.add_time("nodes", seconds_since(start));
+  }
+
+  void add_external_forces() {
+    for (const auto& interaction : world.interactions) interaction->add_forces(world);
+  }
+
+  void break_points() {
+    if (std::ranges::none_of(world.bodies, [](const auto& body) { return body.fracture.on(); })) return;
+    auto start = std::chrono::steady_clock::now();
+    const std::vector<Index> broken = fracture.find_broken(world);
+    world.ledger.add_time("fracture", seconds_since(start));
+    if (!broken.empty()) erode(broken);
+  }
+
+  void erode(const std::vector<Index>& broken) {
+    internal::erode_points(world, *scheme, broken);
+    const Points<Dim> before = world.nodes.force;
+    assemble_internal_forces(world);
+    add_external_forces();
+    // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.
+    world.ledger.add_energy("fracture", EnergyKind::loss,
+                            -0.5 * world.last_step * world.nodes.v.cwiseProduct(world.nodes.force - before).sum());
+  }
+
+  /// How stiff points are, and whether the energy is what it should be.
+  void inspect() {
+    stable.update_stiffness_ratios(world);
+    for (const auto& interaction : world.interactions) interaction->inspect(world);
+    watch.look(balance().energies);
+    const double error = watch.error(), imbalance = world.options.imbalance;
+    watch.beyond = std::abs(error) <= imbalance ? 0 : watch.beyond + 1;
+    if (!std::isfinite(error))
+      throw NumericalError(fmt::format("at time {:.6g} the energies are not finite", world.time));
+    if (watch.beyond >= checks_in_a_row)
+      throw NumericalError(fmt::format(
+          "at time {:.6g} the energy is off by {:.2g} %, more than the imbalance of {:.2g} %: smaller steps (courant) "
+          "or finer bodies may help",
+          world.time, 100.0 * error, 100.0 * imbalance));
+  }
+
+  EnergyBalance<Dim> balance() const {
+    const Nodes<Dim>& nodes = world.nodes;
+    EnergyBalance<Dim> result{.energies = world.ledger};
+    double kinetic = 0.0;
+    for (Index a = 0; a < nodes.size(); ++a) {
+      if (!(nodes.mass[a] > 0.0)) continue;
+      // Half a step ago; and the energy with that half a step from now.
+      const Vec<Dim> l = momentum_of(world, a);
+      kinetic += 0.5 * nodes.v.col(a).dot(l + world.last_step * nodes.force.col(a));
+      result.momentum += l;
+      result.angular_momentum += moment_about_origin<Dim>(nodes.x.col(a), l);
+    }
+    // What falls freely has the energy of its velocity now, whatever steps there were.
+    const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
+    kinetic += 0.5 * nodes.mass.sum() * faster.squaredNorm();
+    Ledger& energies = result.energies;
+    energies.add_energy("kinetic", EnergyKind::kinetic, kinetic);
+    for (const auto& chunk : world.chunks) {
+      energies.add_energy("stored", EnergyKind::stored, chunk.stored);
+      energies.add_energy("dissipated", EnergyKind::dissipated, chunk.dissipated);
+      energies.add_energy("viscous", EnergyKind::loss, chunk.viscous);
+      double stabilisation = 0.0;
+      for (Index p = 0; p < chunk.size(); ++p) stabilisation += stabilisation_energy(world, chunk, p);
+      energies.add_energy("stabilisation", EnergyKind::stabilising, stabilisation);
+    }
+    for (const auto& interaction : world.interactions) interaction->tally(world, result);
+    scheme->tally(world, result);
+    return result;
+  }
+
+  void estimate_stable_step(Index most_products) {
+    if (const auto known = scheme->stable_step(world))
+      world.stable_step = *known;
+    else
+      stable.estimate(world, most_products);
+  }
+
+  void pack(Archive& archive) {
+    std::string name = scheme->name();
+    archive(name);
+    require(name == scheme->name(), "the state is one of another scheme");
+    internal::pack(world, watch, archive);
+    stable.pack(archive);
+    scheme->pack(archive);
+    for (const auto& interaction : world.interactions) interaction->pack(archive);
+  }
+};
 
 template <int Dim> Dynamics<Dim>::Dynamics(std::vector<DeformableBody<Dim>> bodies, std::unique_ptr<Scheme<Dim>> scheme,
                                            const DynamicsOptions& options)
@@ -39,9 +273,8 @@ template <int Dim> std::string Dynamics<Dim>::scheme() const {
 }
 
 template <int Dim> void Dynamics<Dim>::add_wall(const Wall<Dim>& wall) {
-  parts_->rigid->add(parts_->world,
-                     {.shape = rigid_shapes::half_space<Dim>(wall.normal, wall.level), .friction = wall.friction},
-                     true);
+  const RigidShape<Dim> half_space = rigid_shapes::half_space<Dim>(wall.normal, wall.level);
+  parts_->rigid->add(parts_->world, {.shape = half_space, .friction = wall.friction}, true);
 }
 template <int Dim> void Dynamics<Dim>::add_rigid_body(const RigidBody<Dim>& body) {
   parts_->rigid->add(parts_->world, body, false);
@@ -96,9 +329,8 @@ template <int Dim> Vector Dynamics<Dim>::release_rates() const {
   return parts_->fracture.release_rates(parts_->world);
 }
 template <int Dim> Vector Dynamics<Dim>::damage() const {
-  return by_point<Matrix>(world(), 1, 0, num_points(),
-                          [](const Matter<Dim>& matter, Index p) { return Vec<1>(matter.damage[p]); })
-      .transpose();
+  const auto damage_of = [](const Matter<Dim>& matter, Index p) { return Vec<1>(matter.damage[p]); };
+  return by_point<Points<1>>(world(), 1, damage_of).transpose();
 }
 
 template <int Dim> std::vector<Index> Dynamics<Dim>::points_in_others() const {
@@ -112,62 +344,33 @@ template <int Dim> std::vector<Index> Dynamics<Dim>::points_in_others() const {
 }
 
 template <int Dim> Index Dynamics<Dim>::num_inverted() const {
-  std::size_t count = 0;
-  for (const auto& chunk : parts_->world.chunks) count += chunk.inverted.size();
-  return static_cast<Index>(count);
+  Index count = 0;
+  for (const auto& chunk : world().chunks) count += static_cast<Index>(chunk.inverted.size());
+  return count;
 }
 
 template <int Dim> Points<Dim> Dynamics<Dim>::points() const {
-  return by_point<Points<Dim>>(world(), Dim, 0, num_points(),
-                               [](const Matter<Dim>& matter, Index p) { return matter.x.col(p); });
+  return by_point<Points<Dim>>(world(), Dim, [](const Matter<Dim>& matter, Index p) { return matter.x.col(p); });
 }
 template <int Dim> Tensors Dynamics<Dim>::deformation() const {
-  return by_point<Tensors>(world(), 9, 0, num_points(), [](const Matter<Dim>& matter, Index p) {
+  return by_point<Tensors>(world(), 9, [](const Matter<Dim>& matter, Index p) {
     const Mat<3> F = matter.F_since[p] * Eigen::Map<const Mat<3>>(matter.F_table.col(p).data());
     return Vec<9>(F.reshaped());
   });
 }
 template <int Dim> Tensors Dynamics<Dim>::cauchy_stress() const {
-  return by_point<Tensors>(world(), 9, 0, num_points(), [](const Matter<Dim>& matter, Index p) {
+  return by_point<Tensors>(world(), 9, [](const Matter<Dim>& matter, Index p) {
     const Eigen::Map<const Mat<3>> F(matter.now.F.col(p).data()), P(matter.response.P.col(p).data());
     const Mat<3> sigma = P * F.transpose() / F.determinant();
     return Vec<9>(sigma.reshaped());
   });
 }
 template <int Dim> Matrix Dynamics<Dim>::history(Index body) const {
-  return by_point<Matrix>(world(), material(body).history_size(), first_point(body), first_point(body + 1),
-                          [](const Matter<Dim>& matter, Index p) { return matter.now.history.col(p); });
+  const auto history_of = [](const Matter<Dim>& matter, Index p) { return matter.now.history.col(p); };
+  const Index begin = first_point(body), end = first_point(body + 1);
+  return by_point<Matrix>(world(), material(body).history_size(), history_of, begin, end);
 }
 
-template <int Dim> EnergyBalance<Dim> Dynamics<Dim>::Parts::balance() const {
-  const Nodes<Dim>& nodes = world.nodes;
-  EnergyBalance<Dim> result{.energies = world.ledger};
-  double kinetic = 0.0;
-  for (Index a = 0; a < nodes.size(); ++a) {
-    if (!(nodes.mass[a] > 0.0)) continue;
-    // Half a step ago; and the energy with that half a step from now.
-    const Vec<Dim> l = momentum_of(world, a);
-    kinetic += 0.5 * nodes.v.col(a).dot(l + world.last_step * nodes.force.col(a));
-    result.momentum += l;
-    result.angular_momentum += moment_about_origin<Dim>(nodes.x.col(a), l);
-  }
-  // What falls freely has the energy of its velocity now, whatever steps there were.
-  const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
-  kinetic += 0.5 * nodes.mass.sum() * faster.squaredNorm();
-  Ledger& energies = result.energies;
-  energies.add_energy("kinetic", EnergyKind::kinetic, kinetic);
-  for (const auto& chunk : world.chunks) {
-    energies.add_energy("stored", EnergyKind::stored, chunk.stored);
-    energies.add_energy("dissipated", EnergyKind::dissipated, chunk.dissipated);
-    energies.add_energy("viscous", EnergyKind::loss, chunk.viscous);
-    double stabilisation = 0.0;
-    for (Index p = 0; p < chunk.size(); ++p) stabilisation += stabilisation_energy(world, chunk, p);
-    energies.add_energy("stabilisation", EnergyKind::stabilising, stabilisation);
-  }
-  for (const auto& interaction : world.interactions) interaction->tally(world, result);
-  scheme->tally(world, result);
-  return result;
-}
 template <int Dim> EnergyBalance<Dim> Dynamics<Dim>::balance() const {
   return parts_->balance();
 }
@@ -198,6 +401,42 @@ template <int Dim> Ledger Dynamics<Dim>::ledger() const {
     for (std::size_t k = 0; k < chunk.seconds.size(); ++k) result.add_time(names[k], chunk.seconds[k]);
   return result;
 }
+
+template <int Dim> std::string Dynamics<Dim>::state() const {
+  Packer packer;
+  Archive archive(packer);
+  parts_->pack(archive);
+  return std::move(packer).bytes();
+}
+
+template <int Dim> void Dynamics<Dim>::restore(std::string_view state) {
+  Parts& parts = *parts_;
+  World<Dim>& world = parts.world;
+  const auto bodies = world.bodies;
+  const std::string before = this->state();
+  const auto take = [&](std::string_view bytes) {
+    Unpacker unpacker(bytes);
+    Archive archive(unpacker);
+    parts.pack(archive);
+    return world.bodies.size() == bodies.size() && unpacker.empty();
+  };
+  bool same = false;
+  try {
+    same = take(state);
+  } catch (const InputError&) {
+  }
+  if (!same) {
+    world.bodies = bodies;
+    take(before);
+  }
+  world.find_node_chunks();
+  world.find_free_axes();
+  ++world.point_changes;
+  parts.scheme->resume(world);
+  internal::use_large_pages(world);
+  if (!same) throw InputError("the state is damaged, or not of bodies, walls and a scheme such as these");
+}
+
 template <int Dim> Points<Dim> Dynamics<Dim>::wall_forces() const {
   return parts_->rigid->wall_forces();
 }

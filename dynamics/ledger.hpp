@@ -59,10 +59,22 @@ class Ledger {
   /// integration in time.
   double total() const;
 
-  friend auto fields(Ledger& of) { return std::tie(of.energies_, of.counts_, of.times_); }
-  friend auto fields(Energy& of) { return std::tie(of.name, of.kind, of.value); }
-  friend auto fields(Count& of) { return std::tie(of.name, of.value); }
-  friend auto fields(Time& of) { return std::tie(of.name, of.seconds); }
+  friend auto fields(Ledger& of) {
+    auto& [energies, counts, times] = of;
+    return std::tie(energies, counts, times);
+  }
+  friend auto fields(Energy& of) {
+    auto& [name, kind, value] = of;
+    return std::tie(name, kind, value);
+  }
+  friend auto fields(Count& of) {
+    auto& [name, value] = of;
+    return std::tie(name, value);
+  }
+  friend auto fields(Time& of) {
+    auto& [name, seconds] = of;
+    return std::tie(name, seconds);
+  }
 
  private:
   std::vector<Energy> energies_;

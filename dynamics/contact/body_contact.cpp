@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/dynamics/contact/internal/body_contact.hpp"
-
 #include "efree/dynamics/contact/internal/surfaces.hpp"
 
 #include <iterator>
@@ -107,7 +105,10 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     Index node;
     double weight;   ///< its shape function at the nearest point of the facet
     Vec<Dim> lever;  ///< forces lever . s along the normal, of all nodes, sum up to zero and to the moment s x normal
-    friend auto fields(FacetNode& of) { return std::tie(of.node, of.weight, of.lever); }
+    friend auto fields(FacetNode& of) {
+      auto& [node, weight, lever] = of;
+      return std::tie(node, weight, lever);
+    }
   };
   /// A penalty spring between a node and a facet that it has penetrated. Its depth is limited by the work done on it:
   /// it never releases more.

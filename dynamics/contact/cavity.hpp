@@ -13,7 +13,10 @@ template <int Dim> struct GasCavity {
   Facets<Dim> facets;     ///< of nodes, all oriented outwards or all inwards
   double pressure = 0.0;  ///< at the start, over that outside
   double exponent = 1.4;
-  friend auto fields(GasCavity& of) { return std::tie(of.facets, of.pressure, of.exponent); }
+  friend auto fields(GasCavity& of) {
+    auto& [facets, pressure, exponent] = of;
+    return std::tie(facets, pressure, exponent);
+  }
 };
 
 }  // namespace efree

@@ -33,7 +33,10 @@ template <int Dim> class Cavities : public Interaction<Dim> {
     GasCavity<Dim> gas;
     double volume;        ///< at the start; negative if facets are oriented inwards
     double stored = 0.0;  ///< energy of the gas, less that at the start
-    friend auto fields(Cavity& of) { return std::tie(of.gas, of.volume, of.stored); }
+    friend auto fields(Cavity& of) {
+      auto& [gas, volume, stored] = of;
+      return std::tie(gas, volume, stored);
+    }
   };
   std::vector<Cavity> cavities_;
 };

@@ -49,7 +49,10 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
       return 0.5 * (velocity_of<Dim>(before, at) + velocity_of<Dim>(now, at));
     }
     // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
-    friend auto fields(Rigid& of) { return std::tie(of.now, of.near_points, of.point_impulses, of.travelled); }
+    friend auto fields(Rigid& of) {
+      auto& [body, is_wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = of;
+      return std::tie(now, near_points, point_impulses, travelled);
+    }
   };
   /// An impulse on a node.
   struct NodeImpulse {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Surfaces of deformable bodies, and the nodes that are near those of other bodies.
+/// Contact between deformable bodies: their surfaces, and the nodes that are near those of other bodies.
 #pragma once
 
 #include "efree/dynamics/contact/internal/facet.hpp"
+#include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/scheme.hpp"
 
 namespace efree::internal {
@@ -16,13 +17,19 @@ template <int Dim> class BodySurfaces {
   struct Surface {
     Facets<Dim> facets;        ///< outwards; none on an axis
     std::vector<Index> nodes;  ///< of them, ascending
-    friend auto fields(Surface& of) { return std::tie(of.facets, of.nodes); }
+    friend auto fields(Surface& of) {
+      auto& [facets, nodes] = of;
+      return std::tie(facets, nodes);
+    }
   };
   /// A node of a surface and the facets of another body that it may reach.
   struct Near {
     Index node, body;
     std::vector<Index> facets;  ///< of that body
-    friend auto fields(Near& of) { return std::tie(of.node, of.body, of.facets); }
+    friend auto fields(Near& of) {
+      auto& [node, body, facets] = of;
+      return std::tie(node, body, facets);
+    }
   };
 
   /// Finds what has changed: surfaces, and near facets where that or the motion of the nodes requires it.
@@ -49,5 +56,9 @@ template <int Dim> class BodySurfaces {
 /// Material points that are inside another body by half a spacing and more, ascending. Bodies with merged nodes or
 /// broken points are left out: their surface does not enclose them.
 template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, const BodySurfaces<Dim>& surfaces);
+
+/// Contact by penalty springs, with friction. Acts if ContactOptions::stiffness > 0 and there are several bodies. The
+/// scheme, which knows the surfaces, must outlive it.
+template <int Dim> std::unique_ptr<Interaction<Dim>> body_contact(const Scheme<Dim>& scheme);
 
 }  // namespace efree::internal

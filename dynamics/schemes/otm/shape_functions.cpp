@@ -2,19 +2,18 @@
 /// Local maximum-entropy shape functions of material points.
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
-#include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/otm/internal/otm_state.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/LU>
-#include <algorithm>
-#include <iterator>
 #include <map>
+#include <numeric>
 
 namespace efree::internal {
 namespace {
 
+/// How far nodes move before trees of them are built again, over their least spacing.
+constexpr double tree_skin = 0.1;
 /// Nodes in a point's support over those at first, below which the support is too small.
 constexpr double least_nodes = 0.6;
 /// Width of shape functions, over the first one, below which a point that is next to a crack does not take them.
@@ -45,52 +44,152 @@ template <int Dim> Mat<Dim> limited(const Mat<Dim>& metric, double ratio) {
   return axes * value.asDiagonal() * axes.transpose();
 }
 
-/// Bodies whose nodes may be in a point's support: its own, those of its nodes so far, and those seized by these nodes.
-template <int Dim> void find_partners(const World<Dim>& world, const OtmState<Dim>& state, const Chunk<Dim>& chunk,
-                                      Index p, std::vector<Index>& partners) {
-  partners.assign(1, chunk.body);
-  if (state.seized.empty()) return;
-  const auto add = [&](Index body) {
-    const auto place = std::lower_bound(partners.begin(), partners.end(), body);
-    if (place == partners.end() || *place != body) partners.insert(place, body);
-  };
-  for (Index e = chunk.table.offsets[p]; e < chunk.table.offsets[p + 1]; ++e) {
-    const Index a = chunk.table.nodes[chunk.table.local[e]];
-    add(world.nodes.body[a]);
-    for (auto by = std::lower_bound(state.seized.begin(), state.seized.end(), std::pair(a, Index(0)));
-         by != state.seized.end() && by->first == a; ++by)
-      add(by->second);
+}  // namespace
+
+template <int Dim> void NodeSearch<Dim>::follow(const World<Dim>& world) {
+  trees_.resize(world.num_bodies());
+  moved_.resize(world.num_bodies());
+  for (Index b = 0; b < world.num_bodies(); ++b) {
+    const Index first = world.first_node[b], count = world.first_node[b + 1] - first;
+    const auto x = world.nodes.x.middleCols(first, count);
+    if (const Points<Dim>& then = trees_[b].points(); then.cols() == count) {
+      moved_[b] = std::sqrt((x - then).colwise().squaredNorm().maxCoeff());
+      if (moved_[b] <= tree_skin * world.nodes.spacing.segment(first, count).minCoeff()) continue;
+    }
+    trees_[b].build(x);
+    moved_[b] = 0.0;
   }
 }
 
-template <int Dim> void complete(TableRow& row) {
-  complete_row<Dim>(row.size(), [&](std::size_t k) -> TableEntry& { return row[k].second; });
+template <int Dim> void CrackVisibility<Dim>::update(const World<Dim>& world) {
+  const std::array now{world.num_eroded, world.surface_changes, world.point_changes};
+  if (std::exchange(changes_, now) == now) return;
+  cells_.assign(world.num_eroded > 0 ? world.num_bodies() : 0, {});
+  for (std::size_t b = 0; b < cells_.size(); ++b) {
+    const Cells<Dim>& cells = world.bodies[b].cells;
+    const auto for_each_corner = [&](const auto& visit) {
+      for (Index c = 0; c < cells.cols(); ++c)
+        if (const auto& [chunk, p] = world.locate(world.first_point[b] + c); !chunk.is_eroded(p))
+          for (const Index a : cells.col(c)) visit(a, c);
+    };
+    auto& [offsets, around] = cells_[b];
+    offsets.assign(world.first_node[b + 1] - world.first_node[b] + 1, 0);
+    for_each_corner([&](Index a, Index) { ++offsets[a]; });
+    std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());  // ends of the rows, which are filled backwards
+    around.resize(offsets.back());
+    for_each_corner([&](Index a, Index c) { around[--offsets[a]] = c; });
+  }
+}
+
+template <int Dim> void CrackVisibility<Dim>::keep_connected(const World<Dim>& world, Index body, Index point,
+                                                             std::vector<Index>& nodes) const {
+  const Cells<Dim>& cells = world.bodies[body].cells;
+  const Index first_node = world.first_node[body];
+  thread_local std::vector<char> reached;
+  thread_local std::vector<Index> front;
+  reached.assign(nodes.size(), 0);
+  front.assign(cells.col(point).begin(), cells.col(point).end());
+  while (!front.empty()) {
+    const Index from = front.back();
+    front.pop_back();
+    for (const Index c : cells_[body][from])
+      for (const Index a : cells.col(c)) {
+        const auto place = std::ranges::lower_bound(nodes, first_node + a);
+        if (place == nodes.end() || *place != first_node + a || reached[place - nodes.begin()] != 0) continue;
+        reached[place - nodes.begin()] = 1;
+        front.push_back(a);
+      }
+  }
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < nodes.size(); ++k)
+    if (reached[k] != 0 || world.nodes.body[nodes[k]] != body) nodes[kept++] = nodes[k];
+  nodes.resize(kept);
+}
+
+/// Bodies whose nodes may be in a point's support: its own, those of its nodes so far, and those seized by these nodes.
+template <int Dim> void ShapeFunctions<Dim>::find_partners(const Chunk<Dim>& chunk, Index p) {
+  partners_.assign(1, chunk.body);
+  if (state_.seized.empty()) return;
+  for (const auto& [a, entry] : chunk.table.row(p)) {
+    partners_.push_back(world_.nodes.body[a]);
+    for (const auto& [node, body] : std::ranges::equal_range(state_.seized, a, {}, &NodePair::first))
+      partners_.push_back(body);
+  }
+  std::ranges::sort(partners_);
+  partners_.erase(std::unique(partners_.begin(), partners_.end()), partners_.end());
+}
+
+/// Nodes whose weights are not below the cutoff to the power of `share`.
+template <int Dim> void ShapeFunctions<Dim>::search(const Vec<Dim>& at, const Mat<Dim>& metric, double share) {
+  const double furthest = -std::log(state_.options.lme.cutoff);
+  nodes_.clear();
+  for (const Index body : partners_) {
+    state_.search.within(body, at, std::sqrt(furthest * share / eigenvalues<Dim>(metric)[0]), around_);
+    for (const Index near_by : around_) {
+      const Index a = world_.first_node[body] + near_by;
+      const Vec<Dim> d = world_.nodes.x.col(a) - at;
+      if (!state_.is_merged(a) && d.dot(metric * d) <= furthest * share) nodes_.push_back(a);
+    }
+  }
+}
+
+template <int Dim> bool ShapeFunctions<Dim>::find(Index number, Index p, Mat<Dim>& metric, Vec<Dim>& lambda) {
+  const Chunk<Dim>& chunk = world_.chunks[number];
+  const OtmPoints<Dim>& points = state_.points[number];
+  const CrackVisibility<Dim>& cracks = state_.cracks;
+  const Vec<Dim> at = chunk.matter.x.col(p);
+  const bool is_first = points.count[p] == 0.0;
+  find_partners(chunk, p);
+  if (!is_first) {
+    const Mat<Dim> inverse = deformation_since_table(chunk, p).inverse();
+    metric = limited<Dim>(inverse.transpose() * metric * inverse, state_.options.anisotropy);
+    lambda = inverse.transpose() * lambda;
+    // Where nodes have moved apart more than F at the point says, supports follow the nodes.
+    for (int wider = 0; wider < 20; ++wider) {
+      search(at, metric, 1.0);
+      if (static_cast<double>(nodes_.size()) >= least_nodes * points.count[p]) break;
+      metric /= 1.2;
+    }
+  }
+  for (double share = 1.0; share < (is_first ? 10.0 : 4.0); share *= 3.0) {
+    search(at, metric, share);
+    if (cracks.any() && world_.bodies[chunk.body].cells.cols() != 0)
+      cracks.keep_connected(world_, chunk.body, chunk.number[p], nodes_);
+    if (share > 2.0 && !is_first) {
+      // The nodes it had: it is a mean of them.
+      for (const auto& [a, entry] : chunk.table.row(p))
+        if (!state_.is_merged(a) && std::ranges::count(nodes_, a) == 0) nodes_.push_back(a);
+      ++change_.enlarged;
+    }
+    functions_.clear();
+    for (const Index a : nodes_) functions_.add(world_.nodes.x.col(a) - at);
+    const LmeStatus status = functions_.find(metric, lambda);
+    change_.iterations += functions_.iterations();
+    // Past a crack a point may be at the very edge of the nodes that are left to it.
+    const bool is_edge = cracks.any() && smallest_width<Dim>(moment()) < least_width * points.width[p];
+    if (status == LmeStatus::found && !is_edge) return true;
+    lambda.setZero();
+  }
+  return false;
 }
 
 /// The shape functions that a point has, as they are where it and the nodes are now. Those of nodes that have been
 /// merged with another are the other's: the point moves to the mean of its nodes, and gradients are those of maximum
-/// entropy to these weights, N_a J^-1 (x_a - x); else the point is one of `kept`. False if the nodes that are left do
-/// not span space.
-template <int Dim> bool keep_shape_functions(const World<Dim>& world, const OtmState<Dim>& state, Chunk<Dim>& chunk,
-                                             Index p, TableRow& row, std::vector<Index>& kept) {
-  const PointTable<Dim>& table = chunk.table;
-  const Points<Dim>& x = world.nodes.x;
-  const std::vector<Index>& merged = state.merged;
-  const Mat<Dim> since = chunk.matter.F_since[p].template topLeftCorner<Dim, Dim>(), inverse = since.inverse();
-  update_position_again(world, chunk, p);
-  row.clear();
-  bool is_lost = false;
-  for (Index e = table.offsets[p]; e < table.offsets[p + 1]; ++e) {
-    const TableEntry& entry = table.entries[e];
-    const Index a = table.nodes[table.local[e]];
-    is_lost = is_lost || merged[a] >= 0;
+/// entropy to these weights, N_a J^-1 (x_a - x). False if the nodes that are left do not span space.
+template <int Dim> bool ShapeFunctions<Dim>::keep(Chunk<Dim>& chunk, Index p, TableRow& row) {
+  const Points<Dim>& x = world_.nodes.x;
+  const Mat<Dim> inverse = deformation_since_table(chunk, p).inverse();
+  Mat<Dim> moment = current_moment(chunk, p);
+  update_position_again(world_, chunk, p);
+  bool has_merged = false;
+  for (const auto& [a, entry] : chunk.table.row(p)) {
+    has_merged = has_merged || state_.is_merged(a);
     const Vec<Dim> dN = inverse.transpose() * Eigen::Map<const Vec<Dim>>(entry.dN);
-    row.push_back({a, table_entry<Dim>(entry.N, dN, world.axisymmetric() ? entry.N / chunk.matter.x(0, p) : 0.0)});
+    row.push_back({a, make_entry(entry.N, dN, chunk.matter.x(0, p))});
   }
-  Mat<Dim> moment = since * chunk.support.moment[p] * since.transpose();
-  if (is_lost) {
+  if (has_merged) {
     std::map<Index, double> weights;
-    for (const auto& [a, entry] : row) weights[merged[a] >= 0 ? merged[a] : a] += entry.N;
+    for (const auto& [a, entry] : row) weights[state_.is_merged(a) ? state_.merged[a] : a] += entry.N;
     Vec<Dim> at = Vec<Dim>::Zero();
     for (const auto& [a, N] : weights) at += N * x.col(a);
     Mat<Dim> spread = Mat<Dim>::Zero();
@@ -98,173 +197,117 @@ template <int Dim> bool keep_shape_functions(const World<Dim>& world, const OtmS
     if (!(eigenvalues<Dim>(spread)[0] > 1e-3 * eigenvalues<Dim>(moment)[0])) return false;
     const Mat<Dim> slopes = spread.inverse();
     row.clear();
-    for (const auto& [a, N] : weights)
-      row.push_back({a, table_entry<Dim>(N, N * slopes * (x.col(a) - at), world.axisymmetric() ? N / at[0] : 0.0)});
+    for (const auto& [a, N] : weights) row.push_back({a, make_entry(N, N * slopes * (x.col(a) - at), at[0])});
     chunk.matter.x.col(p) = at;
     moment = spread;
-  } else {
-    kept.push_back(p);
   }
+  change_.same = !has_merged;
+  change_.kept = 1;
   chunk.support.stabilisation[p] *= moment.inverse().trace() / chunk.support.moment[p].inverse().trace();
   chunk.support.moment[p] = moment;
   return true;
 }
 
-/// Stiffness against zero-energy modes of a point with new shape functions on these nodes.
-template <int Dim> double stabilisation_of(const World<Dim>& world, const OtmOptions& options, Chunk<Dim>& chunk,
-                                           Index p, bool first, const std::vector<Index>& used, double inverse_trace) {
-  const double shear = world.bodies[chunk.body].shear, shock = chunk.matter.shock[p];
+/// Stiffness against zero-energy modes of a point with the shape functions found.
+template <int Dim> double ShapeFunctions<Dim>::stabilisation(Chunk<Dim>& chunk, Index p, bool is_first) const {
+  const double share = state_.options.stabilisation;
+  const double shear = world_.bodies[chunk.body].shear, shock = chunk.matter.shock[p];
   // Stresses drive zero-energy modes, as they drive springs under load.
-  const Mat<3> tau =
-      first ? Mat<3>::Zero() : Mat<3>(chunk.matter.response.stress(p) * chunk.matter.now.gradient(p).transpose());
+  Mat<3> tau = Mat<3>::Zero();
+  if (!is_first) tau = chunk.matter.response.stress(p) * chunk.matter.now.gradient(p).transpose();
   // Stiffness is enough for pressures as large as the stabilisation that it makes.
-  const double pressure = std::max(0.0, shock - tau.trace() / 3.0 - options.stabilisation * shear);
-  const bool is_shared =
-      std::any_of(used.begin(), used.end(), [&](Index a) { return world.nodes.body[a] != chunk.body; });
-  const double share = is_shared ? std::max(shared_stabilisation, options.stabilisation) : options.stabilisation;
-  const double stiffness = share * (shear + tau.norm() + shock) + options.stabilisation * by_pressure * pressure;
-  return stiffness * chunk.matter.volume[p] * inverse_trace / Dim;
+  const double pressure = std::max(0.0, shock - tau.trace() / 3.0 - share * shear);
+  const bool is_shared = std::ranges::any_of(nodes_, [&](Index a) { return world_.nodes.body[a] != chunk.body; });
+  const double shared = is_shared ? std::max(shared_stabilisation, share) : share;
+  const double stiffness = shared * (shear + tau.norm() + shock) + share * by_pressure * pressure;
+  return stiffness * chunk.matter.volume[p] * functions_.inverse_moment().trace() / Dim;
 }
 
-}  // namespace
-
-template <int Dim> bool find_shape_functions(const World<Dim>& world, const OtmState<Dim>& state, Index number, Index p,
-                                             bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
-                                             LmeFunctions<Dim>& functions, std::vector<Index>& used,
-                                             Reconnection<Dim>& counted) {
-  const Chunk<Dim>& chunk = world.chunks[number];
-  const OtmPoints<Dim>& points = state.points[number];
-  const Points<Dim>& x = world.nodes.x;
-  const double furthest = -std::log(state.options.lme.cutoff);
-  const Vec<Dim> at = chunk.matter.x.col(p);
-  thread_local std::vector<Index> around, partners;
-  find_partners(world, state, chunk, p, partners);
-  const auto search = [&](double share) {
-    used.clear();
-    for (const Index b : partners) {
-      state.search.within(b, at, std::sqrt(furthest * share / eigenvalues<Dim>(metric)[0]), around);
-      for (const Index near_by : around) {
-        const Index a = world.first_node[b] + near_by;
-        const Vec<Dim> d = x.col(a) - at;
-        if (state.merged[a] < 0 && d.dot(metric * d) <= furthest * share) used.push_back(a);
-      }
-    }
-  };
-  if (!first) {
-    const Mat<Dim> inverse = chunk.matter.F_since[p].template topLeftCorner<Dim, Dim>().inverse();
-    metric = limited<Dim>(inverse.transpose() * metric * inverse, state.options.anisotropy);
-    lambda = inverse.transpose() * lambda;
-    // Where nodes have moved apart more than F at the point says, supports follow the nodes.
-    for (int wider = 0; wider < 20; ++wider) {
-      search(1.0);
-      if (static_cast<double>(used.size()) >= least_nodes * points.count[p]) break;
-      metric /= 1.2;
-    }
-  }
-  for (double share = 1.0; share < (first ? 10.0 : 4.0); share *= 3.0) {
-    search(share);
-    if (state.cracks.any() && world.bodies[chunk.body].cells.cols() != 0)
-      state.cracks.keep_connected(world, chunk.body, chunk.number[p], used);
-    if (share > 2.0 && !first) {
-      // The nodes it had: it is a mean of them.
-      const std::size_t found = used.size();
-      for (Index e = chunk.table.offsets[p]; e < chunk.table.offsets[p + 1]; ++e) {
-        const Index a = chunk.table.nodes[chunk.table.local[e]];
-        if (state.merged[a] < 0 &&
-            !std::binary_search(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(found), a))
-          used.push_back(a);
-      }
-      ++counted.enlarged;
-    }
-    functions.clear();
-    for (const Index a : used) functions.add(x.col(a) - at);
-    const LmeStatus status = functions.find(metric, lambda);
-    counted.iterations += functions.iterations();
-    // Past a crack a point may be at the very edge of the nodes that are left to it.
-    const bool is_edge = state.cracks.any() && smallest_width<Dim>(functions.moment()) < least_width * points.width[p];
-    if (status == LmeStatus::found && !is_edge) return true;
-    lambda.setZero();
-  }
-  return false;
-}
-
-template <int Dim> Reconnection<Dim> compute_shape_functions(World<Dim>& world, OtmState<Dim>& state, Index number,
-                                                             std::span<const Index> which, bool first) {
-  Chunk<Dim>& chunk = world.chunks[number];
-  OtmPoints<Dim>& points = state.points[number];
+template <int Dim> PointChange ShapeFunctions<Dim>::compute(Index number, Index p, TableRow& row) {
+  Chunk<Dim>& chunk = world_.chunks[number];
+  OtmPoints<Dim>& points = state_.points[number];
   Support<Dim>& support = chunk.support;
-  Reconnection<Dim> result;
-  result.rows.resize(which.size());
-  LmeFunctions<Dim> functions(state.options.lme);
-  std::vector<Index> used;
-  for (std::size_t k = 0; k < which.size(); ++k) {
-    const Index p = which[k];
-    TableRow& row = result.rows[k];
-    const Vec<Dim> at = chunk.matter.x.col(p);
-    if (chunk.is_inverted(p)) {
-      result.lost.push_back(p);
-      continue;
-    }
-    if (!find_shape_functions(world, state, number, p, first, support.metric[p], points.lambda[p], functions, used,
-                              result)) {
-      if (first || !keep_shape_functions(world, state, chunk, p, row, result.kept)) {
-        row.clear();
-        result.lost.push_back(p);
-        continue;
-      }
-      complete<Dim>(row);
-      ++result.num_kept;
-      continue;
-    }
-    for (std::size_t k_used = 0; k_used < used.size(); ++k_used) {
-      const auto a = static_cast<Index>(k_used);
-      const double N = functions.N(a);
-      row.push_back({used[k_used], table_entry<Dim>(N, functions.dN(a), world.axisymmetric() ? N / at[0] : 0.0)});
-    }
-    complete<Dim>(row);
-    if (first) {
+  const bool is_first = points.count[p] == 0.0;
+  change_ = {};
+  if (!chunk.is_inverted(p) && find(number, p, support.metric[p], points.lambda[p])) {
+    for (Index k = 0; k < functions_.size(); ++k)
+      row.push_back({nodes_[k], make_entry(functions_.N(k), functions_.dN(k), chunk.matter.x(0, p))});
+    if (is_first) {
       points.count[p] = static_cast<double>(row.size());
-      points.width[p] = smallest_width<Dim>(functions.moment());
+      points.width[p] = smallest_width<Dim>(moment());
     }
     // Of the shape functions it had, where the nodes have gone.
-    const Mat<Dim> since = chunk.matter.F_since[p].template topLeftCorner<Dim, Dim>();
-    const double squared_width = eigenvalues<Dim>(since * support.moment[p] * since.transpose())[0];
-    const double stabilisation = support.stabilisation[p];
-    support.moment[p] = functions.moment();
-    support.stabilisation[p] =
-        stabilisation_of(world, state.options, chunk, p, first, used, functions.inverse_moment().trace());
+    const double squared_width = eigenvalues<Dim>(current_moment(chunk, p))[0], before = support.stabilisation[p];
+    support.moment[p] = moment();
+    support.stabilisation[p] = stabilisation(chunk, p, is_first);
     const bool is_narrower = eigenvalues<Dim>(support.moment[p])[0] < 0.8 * squared_width;
-    if (!first && (is_narrower || support.stabilisation[p] > 2.0 * stabilisation)) result.stiffened.push_back(p);
+    change_.stiffened = !is_first && (is_narrower || support.stabilisation[p] > 2.0 * before);
+  } else if (is_first || chunk.is_inverted(p) || !keep(chunk, p, row)) {
+    row.clear();
+    change_.lost = true;
   }
-  return result;
+  complete_row<Dim>(row.size(), [&](std::size_t k) -> TableEntry& { return row[k].second; });
+  return change_;
 }
 
-template <int Dim> std::string no_shape_functions(const World<Dim>& world, const Chunk<Dim>& chunk, Index p) {
-  return fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around it", world.time,
-                     fmt::join(chunk.matter.x.col(p), ", "));
+template <int Dim> void ShapeFunctions<Dim>::share(Reconnection& change) {
+  Chunk<Dim>& chunk = world_.chunks[change.chunk];
+  OtmPoints<Dim>& points = state_.points[change.chunk];
+  Support<Dim>& support = chunk.support;
+  Points<Dim>& x = chunk.matter.x;
+  const auto is_second = [&](Index q) {
+    return std::ranges::any_of(points.pairs, [&](const auto& pair) { return pair.merges && pair.second == q; });
+  };
+  std::vector<Index> lost;
+  const auto list = [&](Index p, const PointChange& point) {
+    if (point.lost) lost.push_back(p);
+    if (point.same) change.kept.push_back(p);
+    if (point.stiffened) points.stiffened.push_back(p);
+  };
+  for (std::size_t k = 0; k < points.due.size(); ++k) list(points.due[k], change.points[k]);
+  const auto has_some = [&](Index q) {
+    return !chunk.is_eroded(q) && std::ranges::count(lost, q) == 0 && !is_second(q);
+  };
+  for (std::size_t k = 0; k < lost.size(); ++k) {
+    const Index p = lost[k];
+    if (is_second(p)) continue;  // the first of its pair has them
+    const auto distance = [&](Index q) { return (x.col(q) - x.col(p)).squaredNorm(); };
+    Index with = -1;
+    while (with < 0) {
+      with = find_nearest(std::views::iota(0, chunk.size()), distance, has_some);
+      if (with < 0) fail_at(chunk, p);
+      if (points.is_due(with)) continue;
+      // It is reconnected with them.
+      update_position_again(world_, chunk, with);
+      if (!OtmState<Dim>::hold_if_inverted(world_, chunk, with))
+        change.stabilisation += stabilisation_energy(world_, chunk, with, 0.5 * world_.last_step);
+      points.mark(with);
+      const auto at = static_cast<std::ptrdiff_t>(points.place(with));
+      TableRow& row = *change.rows.emplace(change.rows.begin() + at);
+      list(with, *change.points.insert(change.points.begin() + at, compute(change.chunk, with, row)));
+      if (change.points[at].lost) with = -1;
+    }
+    x.col(p) = x.col(with);
+    support.metric[p] = support.metric[with];
+    points.lambda[p] = points.lambda[with];
+    support.moment[p] = support.moment[with];
+    support.stabilisation[p] = support.stabilisation[with] * chunk.matter.volume[p] / chunk.matter.volume[with];
+    change.rows[points.place(p)] = change.rows[points.place(with)];
+    change.points[points.place(p)].shared = 1;
+    points.pairs.push_back({.first = with, .second = p});
+  }
 }
 
-template <int Dim> void Reconnection<Dim>::add(Reconnection&& more) {
-  std::ranges::move(more.rows, std::back_inserter(rows));
-  lost.insert(lost.end(), more.lost.begin(), more.lost.end());
-  kept.insert(kept.end(), more.kept.begin(), more.kept.end());
-  stiffened.insert(stiffened.end(), more.stiffened.begin(), more.stiffened.end());
-  iterations += more.iterations;
-  enlarged += more.enlarged;
-  num_kept += more.num_kept;
-  shared += more.shared;
-  stabilisation += more.stabilisation;
+template <int Dim> void ShapeFunctions<Dim>::fail_at(const Chunk<Dim>& chunk, Index p) const {
+  throw NumericalError(fmt::format("at time {:.6g} the material point at ({:.6g}) is outside of the nodes around it",
+                                   world_.time, fmt::join(chunk.matter.x.col(p), ", ")));
 }
 
-#define EFREE_INSTANTIATE(Dim)                                                                                   \
-  template bool find_shape_functions(const World<Dim>&, const OtmState<Dim>&, Index, Index, bool, Mat<Dim>&,     \
-                                     Vec<Dim>&, LmeFunctions<Dim>&, std::vector<Index>&, Reconnection<Dim>&);    \
-  template Reconnection<Dim> compute_shape_functions(World<Dim>&, OtmState<Dim>&, Index, std::span<const Index>, \
-                                                     bool);                                                      \
-  template std::string no_shape_functions(const World<Dim>&, const Chunk<Dim>&, Index);                          \
-  template struct Reconnection<Dim>;
-EFREE_INSTANTIATE(2)
-EFREE_INSTANTIATE(3)
-#undef EFREE_INSTANTIATE
+template class NodeSearch<2>;
+template class NodeSearch<3>;
+template class CrackVisibility<2>;
+template class CrackVisibility<3>;
+template class ShapeFunctions<2>;
+template class ShapeFunctions<3>;
 
 }  // namespace efree::internal

@@ -1,56 +1,46 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What the OTM scheme keeps besides the world: supports of points, merged nodes, searches.
+/// What the OTM scheme keeps besides the world, and its parts.
 #pragma once
 
 #include "efree/basis/internal/neighbours.hpp"
+#include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 
-#include <span>
-#include <utility>
-#include <vector>
+#include <Eigen/LU>
+#include <ranges>
 
 namespace efree::internal {
 
-/// What two points do in the next reconnection.
-enum class Pairing {
-  move,   ///< come apart, as they were one, or nearer to each other; their centre of mass stays
-  merge,  ///< both go to their centre of mass, and the first has the mass of both
-  share,  ///< the second goes to the first and shares its shape functions; it keeps its mass and its history
-};
+using NodePair = std::pair<Index, Index>;
 
-}  // namespace efree::internal
-
-template <> inline constexpr bool efree::is_plain<efree::internal::Pairing> = true;
-
-namespace efree::internal {
-
-/// Two points of a chunk whose momentum and angular momentum are transferred together.
+/// Two points of a chunk whose momentum and angular momentum are transferred together in the next reconnection.
 template <int Dim> struct PointPair {
   Index first, second;
-  Vec<Dim> displacement = Vec<Dim>::Zero();  ///< of the first where they move
-  Pairing pairing = Pairing::move;
-  bool merges() const { return pairing == Pairing::merge; }
+  Vec<Dim> displacement = Vec<Dim>::Zero();  ///< of the first; their centre of mass stays
+  bool merges = false;  ///< both go to their centre of mass instead, and the first has the mass of both
 
   friend auto fields(PointPair& of) {
-    auto& [first, second, displacement, pairing] = of;
-    return std::tie(first, second, displacement, pairing);
+    auto& [first, second, displacement, merges] = of;
+    return std::tie(first, second, displacement, merges);
   }
 };
 
 /// Points of a chunk, in its order.
 template <int Dim> struct OtmPoints {
   std::vector<Vec<Dim>> lambda;       ///< Lagrange multipliers of their shape functions
-  Vector count;                       ///< nodes in each one's support at first
+  Vector count;                       ///< nodes in each one's support at first; 0: not yet known
   Vector width;                       ///< of the shape functions at first, where they were narrowest
   std::vector<Index> due;             ///< points to be reconnected, ascending
   std::vector<Index> stiffened;       ///< those of them whose new shape functions are stiffer
   std::vector<PointPair<Dim>> pairs;  ///< of points that are due; none that moves or merges is in two
 
   /// The point is to be reconnected.
-  void mark(Index p);
+  void mark(Index p) {
+    if (!is_due(p)) due.insert(std::ranges::lower_bound(due, p), p);
+  }
+  bool is_due(Index p) const { return std::ranges::binary_search(due, p); }
   /// Where it is in `due`.
-  std::size_t place(Index p) const;
-  bool is_due(Index p) const;
+  std::size_t place(Index p) const { return static_cast<std::size_t>(std::ranges::lower_bound(due, p) - due.begin()); }
   /// As Chunk::take; first: what it returned.
   void take(const std::vector<Index>& from, const std::vector<Index>& first);
 
@@ -63,104 +53,151 @@ template <int Dim> struct OtmPoints {
 /// Nodes near a place, body by body, though they have moved a little since the trees were built.
 template <int Dim> class NodeSearch {
  public:
-  void build(const World<Dim>& world, Index body);
-  /// Builds the tree again when nodes have moved so far that a search would find many that are too far away.
-  void follow(const World<Dim>& world, Index body);
+  /// Builds trees, again when nodes have moved so far that a search would find many that are too far away.
+  void follow(const World<Dim>& world);
   /// Nodes of the body, numbered by it, that may be within r: among them all that are.
   void within(Index body, const Vec<Dim>& x, double r, std::vector<Index>& found) const {
     trees_[body].within(x, r + moved_[body], found);
   }
-  const Neighbours<Dim>& tree(Index body) const { return trees_[body]; }
+  /// The nearest of the body when the tree was built.
+  Index nearest(Index body, const Vec<Dim>& x) const { return trees_[body].nearest(x); }
 
  private:
   std::vector<Neighbours<Dim>> trees_;
   std::vector<double> moved_;  ///< largest displacement of a node since then
 };
 
-/// Which nodes a point may have in its support: those that cells join to its own, once something is eroded.
+/// Nodes that a point may have in its support once something is eroded: shape functions do not reach across cracks.
 template <int Dim> class CrackVisibility {
  public:
   /// Finds the cells around every node that are not eroded.
   void update(const World<Dim>& world);
   bool any() const { return !cells_.empty(); }
-  /// Of these nodes, ascending, those that cells which are not eroded join to the point's own, by nodes among these:
-  /// shape functions do not reach across cracks.
+  /// Of these nodes, ascending, those that cells which are not eroded join to the point's own, by nodes among these.
   void keep_connected(const World<Dim>& world, Index body, Index point, std::vector<Index>& nodes) const;
 
  private:
-  std::vector<std::vector<Index>> offsets_, cells_;  ///< by body and node
+  std::vector<Ragged<Index>> cells_;  ///< by body and node
+  std::array<Index, 3> changes_{};    ///< of the world until then
 };
 
 template <int Dim> struct OtmState {
   OtmOptions options;
-  std::vector<OtmPoints<Dim>> points;  ///< by chunk
-  std::vector<Index> merged;           ///< by node: the node it has been merged with, itself not merged; -1: none
-  bool nodes_changed = false;          ///< nodes have been merged or inserted since the last reconnection
-  std::vector<std::vector<std::pair<Index, Index>>> outer;  ///< by body: outer edges of its cells; empty: not known
+  std::vector<OtmPoints<Dim>> points;        ///< by chunk
+  std::vector<Index> merged;                 ///< by node: the node it has been merged with, itself not merged; -1: none
+  bool nodes_changed = false;                ///< nodes have been merged or inserted since the last reconnection
+  std::vector<std::vector<NodePair>> outer;  ///< by body: outer edges of its cells; empty: not known
   NodeSearch<Dim> search;
   CrackVisibility<Dim> cracks;
   /// Nodes, and bodies whose nodes their points have in their supports too; ascending.
-  std::vector<std::pair<Index, Index>> seized;
+  std::vector<NodePair> seized;
 
+  bool is_merged(Index node) const { return merged[node] >= 0; }
   /// Edges of facets of which a body has one cell only, as the body numbers its nodes, ascending.
-  const std::vector<std::pair<Index, Index>>& outer_edges(const World<Dim>& world, Index body);
+  const std::vector<NodePair>& outer_edges(const World<Dim>& world, Index body);
+  /// Whether nodes are ends of these edges, of all bodies.
+  std::vector<char> surface_nodes(const World<Dim>& world);
   /// Marks all points that have this node in their table, unless eroded.
   void mark_points_of(const World<Dim>& world, Index node);
+  /// Node a moves with the other from now on. Its mass goes with the points that have it in their table: they are due.
+  void merge_node(World<Dim>& world, Index a, Index with);
+  /// The step is none for a point that it would invert or nearly so: the point stays as it was, by its F_since before,
+  /// until it is reconnected, and exerts no force, since the moments of forces are right only where F is that of the
+  /// nodes. The work of its stress in half of the step, and the energy of its zero-energy modes, are lost.
+  static void hold(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before);
+  /// Holds a point whose position was just updated, if the step would invert it. Whether it does.
+  static bool hold_if_inverted(const World<Dim>& world, Chunk<Dim>& chunk, Index p);
 };
 
-/// Shape functions that points of a chunk get.
-template <int Dim> struct Reconnection {
+/// Calls visit(c, p) for all chunks and points that have a node in their table.
+template <int Dim, class Visit> void for_each_point_of(const World<Dim>& world, Index node, const Visit& visit) {
+  const auto& [offsets, places, forces] = world.node_chunks;
+  for (Index k = offsets[node]; k < offsets[node + 1]; ++k) {
+    const auto [c, l] = places[k];
+    for (Index p = 0; p < world.chunks[c].size(); ++p)
+      if (world.chunks[c].table.has(p, l)) visit(c, p);
+  }
+}
+
+/// Of these numbers of nodes or points the first at the least distance that is allowed; -1: none is.
+template <class Numbers, class Distance, class Allowed>
+Index find_nearest(Numbers&& numbers, const Distance& distance, const Allowed& is_allowed) {
+  Index nearest = -1;
+  decltype(distance(0)) least{};
+  for (const Index k : numbers)
+    if (const auto d = distance(k); (nearest < 0 || d < least) && is_allowed(k)) nearest = k, least = d;
+  return nearest;
+}
+
+/// Deformation gradient since the table of a chunk was computed, along the axes of the nodes.
+template <int Dim> Mat<Dim> deformation_since_table(const Chunk<Dim>& chunk, Index p) {
+  return chunk.matter.F_since[p].template topLeftCorner<Dim, Dim>();
+}
+/// Second moments of a point's shape functions, where its nodes are now.
+template <int Dim> Mat<Dim> current_moment(const Chunk<Dim>& chunk, Index p) {
+  const Mat<Dim> since = deformation_since_table(chunk, p);
+  return since * chunk.support.moment[p] * since.transpose();
+}
+/// F when the table was computed.
+template <int Dim> Mat<3> table_gradient(const Matter<Dim>& matter, Index p) {
+  return Eigen::Map<const Mat<3>>(matter.F_table.col(p).data());
+}
+
+/// What becomes of the shape functions of a point that is due.
+struct PointChange {
+  bool lost = false;       ///< it has none, nor any to keep, or is inverted: its row is empty
+  bool same = false;       ///< they are those it had, of the same nodes
+  bool stiffened = false;  ///< they are stiffer than before
+  /// Numbers of Newton's iterations, of larger supports, and of points with the shape functions they had or another's.
+  std::int64_t iterations = 0, enlarged = 0, kept = 0, shared = 0;
+};
+
+/// New rows of the points of a chunk that are due, in their order.
+struct Reconnection {
+  Index chunk;
   std::vector<TableRow> rows;
-  std::vector<Index> lost;       ///< points that have none, nor any to keep, or are inverted: rows are empty
-  std::vector<Index> kept;       ///< points that keep the shape functions they had
-  std::vector<Index> stiffened;  ///< points whose shape functions are stiffer than before
-  std::int64_t iterations = 0;   ///< of Newton's method
-  std::int64_t enlarged = 0;     ///< supports
-  std::int64_t shared = 0, num_kept = 0;
+  std::vector<PointChange> points;
+  std::vector<Index> kept{};   ///< points with the shape functions they had
   double stabilisation = 0.0;  ///< energy of zero-energy modes before
-  void add(Reconnection&& more);
 };
 
-// Shape functions (shape_functions.cpp).
+/// Finds local maximum-entropy shape functions of material points, where they and the nodes are.
+template <int Dim> class ShapeFunctions {
+ public:
+  ShapeFunctions(World<Dim>& world, OtmState<Dim>& state)
+      : world_(world), state_(state), functions_(state.options.lme) {}
 
-/// Shape functions of these points of a chunk, ascending, where they and the nodes are; first: at the start.
-template <int Dim> Reconnection<Dim> compute_shape_functions(World<Dim>& world, OtmState<Dim>& state, Index chunk,
-                                                             std::span<const Index> points, bool first);
-/// The shape functions at a point of a chunk, and their nodes; metric and lambda are those of before, and of now on
-/// return. False if there are none. Counts in `counted`.
-template <int Dim> bool find_shape_functions(const World<Dim>& world, const OtmState<Dim>& state, Index chunk, Index p,
-                                             bool first, Mat<Dim>& metric, Vec<Dim>& lambda,
-                                             LmeFunctions<Dim>& functions, std::vector<Index>& used,
-                                             Reconnection<Dim>& counted);
-/// "the material point at ... is outside of the nodes around it".
-template <int Dim> std::string no_shape_functions(const World<Dim>& world, const Chunk<Dim>& chunk, Index p);
+  /// Those at a point of a chunk; metric and lambda are those of before, and of now on return. False if there are none.
+  bool find(Index chunk, Index p, Mat<Dim>& metric, Vec<Dim>& lambda);
+  /// The nodes found.
+  const std::vector<Index>& nodes() const { return nodes_; }
+  const Mat<Dim>& moment() const { return functions_.moment(); }
 
-// Reconnection (reconnection.cpp, shared_supports.cpp, momentum.cpp).
+  /// Puts those of a point, or else those it has, into an empty row.
+  PointChange compute(Index chunk, Index p, TableRow& row);
+  /// Points that have none share those of the nearest of the chunk that has some. Lists those kept and stiffened.
+  void share(Reconnection& change);
+  /// Throws NumericalError: the material point is outside of the nodes around it.
+  [[noreturn]] void fail_at(const Chunk<Dim>& chunk, Index p) const;
 
-/// Holds a point whose position was just updated, if the step would invert it: until it is reconnected it stays as it
-/// was before. Whether it does.
-template <int Dim> bool hold_if_inverted(const World<Dim>& world, Chunk<Dim>& chunk, Index p);
-/// The step is none for a point that it would invert or nearly so: the point stays as it was, by its F_since before,
-/// and exerts no force, since the moments of forces are right only where F is that of the nodes. The work of its stress
-/// in half of the step, and the energy of its zero-energy modes, are lost.
-template <int Dim> void hold(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before);
-/// Points without shape functions share those of the nearest point of the chunk that has some.
-template <int Dim> void share_supports(World<Dim>& world, OtmState<Dim>& state, Index chunk, Reconnection<Dim>& change);
-/// A point and its new row.
-struct PointRow {
-  Index point;
-  const TableRow* row;
+ private:
+  void find_partners(const Chunk<Dim>& chunk, Index p);
+  void search(const Vec<Dim>& at, const Mat<Dim>& metric, double share);
+  bool keep(Chunk<Dim>& chunk, Index p, TableRow& row);
+  double stabilisation(Chunk<Dim>& chunk, Index p, bool is_first) const;
+  TableEntry make_entry(double N, const Vec<Dim>& dN, double radius) const {
+    return table_entry<Dim>(N, dN, world_.axisymmetric() ? N / radius : 0.0);
+  }
+
+  World<Dim>& world_;
+  OtmState<Dim>& state_;
+  LmeFunctions<Dim> functions_;
+  std::vector<Index> nodes_, partners_, around_;
+  PointChange change_;
 };
-/// Changes of the masses and momenta of the nodes as shape functions of these points change together.
-template <int Dim> void transfer_momentum(const World<Dim>& world, MomentumTransfer how, const Chunk<Dim>& chunk,
-                                          const std::vector<PointRow>& rows, Vector& masses, Points<Dim>& momenta);
+
 /// Computes shape functions of all points that are due, where nodes and points are now.
 template <int Dim> void reconnect(World<Dim>& world, OtmState<Dim>& state, StableStep<Dim>& stable);
-
-// Nodes and points that come and go.
-
-/// Node a moves with the other from now on; its mass goes with the points that have it in their support.
-template <int Dim> void merge_node(World<Dim>& world, OtmState<Dim>& state, Index a, Index with);
 /// Nodes that have left the points behind are merged with the nearest node of the same support.
 template <int Dim> void merge_detached_nodes(World<Dim>& world, OtmState<Dim>& state);
 /// Nodes that make shape functions too narrow are merged with the next.
@@ -171,11 +208,7 @@ template <int Dim> void insert_nodes(World<Dim>& world, OtmState<Dim>& state, St
 template <int Dim> void pair_points_to_merge(World<Dim>& world, OtmState<Dim>& state);
 /// Merges these pairs.
 template <int Dim> void merge_points(World<Dim>& world, OtmState<Dim>& state);
-
 /// Changes the first shape functions until gradients integrate exactly.
 template <int Dim> void integrate_exactly(World<Dim>& world, OtmState<Dim>& state);
-
-/// Bodies that move as one once they meet: an interaction without forces, which marks points near other bodies.
-template <int Dim> std::unique_ptr<Interaction<Dim>> seizing(const Scheme<Dim>& scheme, OtmState<Dim>& state);
 
 }  // namespace efree::internal

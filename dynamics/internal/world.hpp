@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The world at the start of a run, in memory and in a checkpoint.
+#pragma once
+
+#include "efree/core/packer.hpp"
+#include "efree/dynamics/state.hpp"
+
+namespace efree::internal {
+
+/// The world at the start: nodes, and chunks of the points of all bodies without tables. Throws InputError for bodies
+/// and options that make no sense.
+template <int Dim>
+void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies, const DynamicsOptions& options);
+/// Moves the tables of all points to large pages, as every step goes through all of them.
+template <int Dim> void use_large_pages(const World<Dim>& world);
+/// What of the world changes in a run.
+template <int Dim> void pack(World<Dim>& world, EnergyWatch& watch, Archive& archive);
+
+}  // namespace efree::internal
