@@ -3,11 +3,11 @@
 
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/LU>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 
@@ -147,9 +147,7 @@ template <int Dim> std::string check_energy(const Dynamics<Dim>& dynamics, const
 
 template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const DynamicsSettings<Dim>& settings,
                                                 const DynamicsObserver& observer, const Monitor& monitor) {
-  using Clock = std::chrono::steady_clock;
-  const auto began = Clock::now();
-  const auto seconds = [&] { return std::chrono::duration<double>(Clock::now() - began).count(); };
+  const internal::Stopwatch seconds;
   Dynamics<Dim>& dynamics = model.dynamics;
   DynamicsOutcome outcome;
   const Stage stage("dynamics", monitor);
@@ -179,11 +177,10 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
       if (dynamics.steps() > 0) call(observer.checkpoint);
       throw Cancelled("dynamics");
     }
-    const double before = dynamics.time(), left = settings.end - before, stable = dynamics.stable_step();
-    outcome.stop_reason = guard.check_stable_step(stable, left);
+    const double before = dynamics.time(), left = settings.end - before;
+    outcome.stop_reason = guard.check_stable_step(dynamics.stable_step(), left);
     if (!outcome.stop_reason.empty()) break;
-    // The last two share what is left, so that no step is tiny.
-    const double limit = std::min(settings.max_step, left > stable && left < 2.0 * stable ? 0.5 * left : left);
+    const double limit = std::min(settings.max_step, dynamics.step_towards(left));
     outcome.stop_reason = guard.check_step(dynamics.step(limit), limit);
     if (!outcome.stop_reason.empty()) break;
     const bool last = is_over();

@@ -72,8 +72,8 @@ enum class DynamicsMethod {
   total_lagrangian,  ///< shape functions of the static solver on the cloud of settings.approximation
 };
 
-/// Settings of explicit dynamics, besides Settings, of which title, materials, densities, model.plane, the parts of the
-/// boundary, the approximation and the places in the case file count.
+/// Settings of explicit dynamics. Of the static Settings a run also takes title, materials, densities, model.plane, the
+/// parts of the boundary, the approximation and the places in the case file.
 template <int Dim> struct DynamicsSettings {
   DynamicsMethod method = DynamicsMethod::otm;
   OtmOptions otm{};                                           ///< of that method

@@ -94,7 +94,7 @@ struct ShockTube {
   static DynamicsOptions dynamics_options() { return {.shock = {.linear = 0.5, .quadratic = 2.0}}; }
 
   /// With `elements` shape functions are bilinear on the cells and stay: a Lagrangian finite element (or difference)
-  /// method, of which `scheme` means nothing.
+  /// method, which takes no options from `scheme`.
   ShockTube(const RiemannProblem& riemann, Index num_cells, bool elements = false,
             const OtmOptions& scheme = scheme_options(), const DynamicsOptions& options = dynamics_options())
       : problem(riemann),

@@ -18,7 +18,7 @@ template <class T> struct AlignedAllocator {
   bool operator==(const AlignedAllocator&) const { return true; }
 };
 
-/// For kernels that read or write four numbers at a time, none of which lie in two lines of the cache.
+/// For kernels that read or write four numbers at a time: no four of them lie in two lines of the cache.
 template <class T> using AlignedVector = std::vector<T, AlignedAllocator<T>>;
 
 }  // namespace efree

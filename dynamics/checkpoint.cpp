@@ -17,7 +17,7 @@ template <> inline constexpr bool is_plain<EnergyKind> = true;
     return std::tie(__VA_ARGS__); \
   }                               \
   static_assert(true)
-EFREE_FIELDS(EnergyWatch, start, scale, off, furthest, beyond, begun);
+EFREE_FIELDS(EnergyWatch, start, scale, residual, largest_residual, beyond, begun);
 EFREE_FIELDS(Deformation, X, F, history, dt, heat);
 EFREE_FIELDS(MaterialResponse, P, history, energy, A, tangent, dissipated);
 EFREE_FIELDS(PrescribedVelocity, node, axis, velocity);

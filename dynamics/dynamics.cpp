@@ -39,7 +39,7 @@ template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Di
 template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<Dim>& scheme) {
   if (world.num_bodies() < 2 || world.options.contact.stiffness == 0.0) return;
   for (Index b = 0; b < world.num_bodies(); ++b)
-    if (scheme.surface(world, b).cols() == 0)
+    if (world.bodies[b].cells.cols() == 0 && scheme.surface(world, b).cols() == 0)
       throw InputError(
           fmt::format("body {}: it has no cells, and so no surface for contact with others: give it "
                       "cells, or take contact.stiffness = 0",
@@ -119,7 +119,7 @@ template <int Dim> struct Dynamics<Dim>::Parts {
     add_external_forces();
     break_points();
     if (++world.steps % between_checks == 0) inspect();
-    if (scheme->stable_step(world) || stable.is_due(world)) estimate_stable_step(1);
+    estimate_stable_step(1, stable.is_due(world));
     return dt;
   }
 
@@ -240,10 +240,10 @@ template <int Dim> struct Dynamics<Dim>::Parts {
     return result;
   }
 
-  void estimate_stable_step(Index most_products) {
+  void estimate_stable_step(Index most_products, bool is_due = true) {
     if (const auto known = scheme->stable_step(world))
       world.stable_step = *known;
-    else
+    else if (is_due)
       stable.estimate(world, most_products);
   }
 
@@ -381,9 +381,7 @@ template <int Dim> double Dynamics<Dim>::step(double at_most) {
 
 template <int Dim> void Dynamics<Dim>::run(double until) {
   while (time() < until) {
-    const double left = until - time();
-    // The last two share what is left, so that no step is tiny.
-    step(left > stable_step() && left < 2.0 * stable_step() ? 0.5 * left : left);
+    step(step_towards(until - time()));
     if (until - time() < 1e-12 * until) break;
   }
 }

@@ -69,7 +69,11 @@ template <int Dim> class Dynamics {
   /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
   /// go on, and where energy is lost or gained (DynamicsOptions::imbalance).
   double step(double at_most = std::numeric_limits<double>::infinity());
-  /// Steps until this time, the last of which is cut to end there.
+  /// The most that a step may be where so much time is left: the last two steps share the rest, so that none is tiny.
+  double step_towards(double left) const {
+    return left > stable_step() && left < 2.0 * stable_step() ? 0.5 * left : left;
+  }
+  /// Steps until this time. The last step is cut to end there.
   void run(double until);
 
   /// All that changes in a run, as bytes: what `restore` goes on from to bitwise the same results.

@@ -61,17 +61,17 @@ double Ledger::total() const {
 }
 
 void EnergyWatch::look(const Ledger& now) {
-  // Energy gained where shape functions changed enters the balance as a loss below zero; nobody has brought it.
+  // Energy gained where shape functions changed enters the balance as a loss below zero, and is an error.
   const double gained = std::max(0.0, -now.sum(EnergyKind::transfer)), total = now.total() + gained;
   // Loads and velocities that are prescribed between steps may bring energy: none of it is an error.
-  if (!begun) start = total - off;
+  if (!begun) start = total - residual;
   begun = true;
   scale = std::max(scale, now.sum(EnergyKind::kinetic) + std::abs(now.sum(EnergyKind::stored)) +
                               now.sum(EnergyKind::dissipated) - gained);
   for (const auto& entry : now.energies())
     if (entry.kind == EnergyKind::work) scale = std::max(scale, std::abs(entry.value));
-  off = total - start;
-  if (!(std::abs(off) <= std::abs(furthest))) furthest = off;
+  residual = total - start;
+  if (!(std::abs(residual) <= std::abs(largest_residual))) largest_residual = residual;
 }
 
 }  // namespace efree

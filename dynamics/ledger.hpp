@@ -97,15 +97,16 @@ template <int Dim> struct EnergyBalance {
 
 /// Error of the energy balance over a run.
 struct EnergyWatch {
-  double start = 0.0;     ///< total at the start
-  double scale = 0.0;     ///< largest energy so far, at least what rounding makes of the moduli
-  double off = 0.0;       ///< total now less that at the start; energy gained where shape functions changed is an error
-  double furthest = 0.0;  ///< the largest of these so far
-  Index beyond = 0;       ///< looks in a row at which it exceeded DynamicsOptions::imbalance
+  double start = 0.0;  ///< total at the start
+  double scale = 0.0;  ///< largest energy so far, at least what rounding makes of the moduli
+  /// Total now less that at the start; energy gained where shape functions changed is an error.
+  double residual = 0.0;
+  double largest_residual = 0.0;  ///< so far
+  Index beyond = 0;               ///< checks in a row at which it exceeded DynamicsOptions::imbalance
   bool begun = false;
 
-  double error() const { return scale > 0.0 ? off / scale : 0.0; }
-  double largest_error() const { return scale > 0.0 ? furthest / scale : 0.0; }
+  double error() const { return scale > 0.0 ? residual / scale : 0.0; }
+  double largest_error() const { return scale > 0.0 ? largest_residual / scale : 0.0; }
   /// Compares with the energies now.
   void look(const Ledger& now);
 };

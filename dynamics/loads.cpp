@@ -98,7 +98,7 @@ template <int Dim> void Cavities<Dim>::add(World<Dim>& world, const GasCavity<Di
   if (!std::isfinite(cavity.pressure) || !(cavity.exponent > 0.0) || !std::isfinite(cavity.exponent))
     throw InputError("a cavity: expected a pressure and a positive exponent");
   if (cavity.facets.cols() == 0 || cavity.facets.minCoeff() < 0 || cavity.facets.maxCoeff() >= N)
-    throw InputError(fmt::format("a cavity: expected facets of nodes, of which there are {}", N));
+    throw InputError(fmt::format("a cavity: expected facets of the {} nodes", N));
   // A translation changes no volume if the facets are closed.
   Vec<Dim> sum = Vec<Dim>::Zero();
   double size = 0.0;

@@ -143,24 +143,24 @@ template <int Dim> double StableStep<Dim>::lanczos(World<Dim>& world, const Regi
   constexpr double converged = 1e-3;    // residual of the eigenvalue equation over the eigenvalue
   std::vector<Points<Dim>>& modes = krylov_modes_;
   modes.resize(std::max(modes.size(), static_cast<std::size_t>(most_products)));
-  Vector diagonal(most_products - 1), beside(most_products - 1);
+  Vector diagonal(most_products - 1), off_diagonal(most_products - 1);
   Eigen::SelfAdjointEigenSolver<Matrix> tridiagonal;
   Points<Dim>&last = krylov_impulses_[0], &before = krylov_impulses_[1];
   for (Index k = 0; k < most_products - 1; ++k) {
-    if (k > 0) norm = beside[k - 1];
+    if (k > 0) norm = off_diagonal[k - 1];
     modes[k] = velocity_ / norm;
     before.swap(last);
     last = impulse_ / norm;
     multiply_stiffness(world, region, modes[k]);
     diagonal[k] = impulse_.cwiseProduct(modes[k]).sum();
     impulse_ -= diagonal[k] * last;
-    if (k > 0) impulse_ -= beside[k - 1] * before;
+    if (k > 0) impulse_ -= off_diagonal[k - 1] * before;
     find_velocities(world, impulse_, velocity_);
-    beside[k] = std::sqrt(std::max(0.0, impulse_.cwiseProduct(velocity_).sum()));
-    const bool is_all = beside[k] < 1e-10 * diagonal[k];  // no other mode has a part in this one
+    off_diagonal[k] = std::sqrt(std::max(0.0, impulse_.cwiseProduct(velocity_).sum()));
+    const bool is_all = off_diagonal[k] < 1e-10 * diagonal[k];  // no other mode has a part in this one
     if (!is_all && k + 2 < most_products && k % 8 != 7) continue;
-    tridiagonal.computeFromTridiagonal(diagonal.head(k + 1), beside.head(k));
-    const double residual = beside[k] * std::abs(tridiagonal.eigenvectors()(k, k));
+    tridiagonal.computeFromTridiagonal(diagonal.head(k + 1), off_diagonal.head(k));
+    const double residual = off_diagonal[k] * std::abs(tridiagonal.eigenvectors()(k, k));
     omega2 = std::max(omega2, std::hypot(tridiagonal.eigenvalues()[k], residual));
     if (is_all || residual < converged * omega2) break;
   }

@@ -65,10 +65,7 @@ template <int Dim> std::vector<Index> Chunk<Dim>::take(const std::vector<Index>&
   gather(matter, from);
   for (Index& begin : patches) begin = first[begin];
   patches.erase(std::unique(patches.begin(), patches.end()), patches.end());
-  std::vector<Index> still;
-  for (const Index p : inverted)
-    for (Index q = first[p]; q < first[p + 1]; ++q) still.push_back(q);
-  inverted = std::move(still);
+  inverted = renumbered(inverted, first);
   return first;
 }
 

@@ -168,7 +168,7 @@ template <int Dim> struct Chunk {
   double* columns() const;
 };
 
-/// What the material of a body says for all its points.
+/// Properties that all points of a body share.
 template <int Dim> struct BodyState {
   SharedMaterial material;
   std::array<double, 108> tangent;     ///< at rest, as internal::apply_tangent takes it
@@ -291,6 +291,14 @@ template <int Dim> void insert_columns(Points<Dim>& columns, Index before, const
   Points<Dim> result(Dim, columns.cols() + more.cols());
   result << columns.leftCols(before), more, columns.rightCols(columns.cols() - before);
   columns = std::move(result);
+}
+
+/// Where these points, ascending, are after Chunk::take, which returned `first`.
+inline std::vector<Index> renumbered(const std::vector<Index>& points, const std::vector<Index>& first) {
+  std::vector<Index> result;
+  for (const Index p : points)
+    for (Index q = first[p]; q < first[p + 1]; ++q) result.push_back(q);
+  return result;
 }
 
 /// Renumbers a node after `count` new ones got the numbers from `first` on.

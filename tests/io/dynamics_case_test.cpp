@@ -513,18 +513,23 @@ TEST(DynamicsRun, BodiesThatOverlapAtTheStartAreRefused) {
   EXPECT_EQ(run(workspace, two).status, 0);
 }
 
+/// The second of two squares moves towards the first; `more`: tables besides.
+std::string approaching_squares(const std::string& material_one, const std::string& material_two,
+                                const std::string& more) {
+  return "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"dynamics\"\nplane = \"strain\"\n"
+         "[[material]]\nregion = \"one\"\n" +
+         material_one + "[[material]]\nregion = \"two\"\n" + material_two +
+         "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n" + more +
+         "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
+         "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n";
+}
+
 TEST(DynamicsRun, BodiesThatMeetPushEachOtherAndMassVariesAsTheCaseSays) {
   const Workspace workspace;
   write_two_squares(workspace, 1.1);
   const std::string material = "model = \"neo_hookean\"\nE = 1\nnu = 0.3\n";
-  const auto done =
-      run(workspace,
-          "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"dynamics\"\n"
-          "plane = \"strain\"\n[[material]]\nregion = \"one\"\ndensity = \"1 + y\"\n" +
-              material + "[[material]]\nregion = \"two\"\ndensity = 1.5\n" + material +
-              "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n[contact]\nfriction = 0.1\n[time]\nend = 8\n"
-              "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
-              "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n");
+  const auto done = run(workspace, approaching_squares("density = \"1 + y\"\n" + material, "density = 1.5\n" + material,
+                                                       "[contact]\nfriction = 0.1\n[time]\nend = 8\n"));
   ASSERT_EQ(done.status, 0) << done.output;
   const auto result = json(workspace / "out/result.json");
   EXPECT_NEAR(result["momentum"][0].get<double>(), -0.15, 1e-12);  // both bodies have a mass of 1.5
@@ -537,13 +542,7 @@ TEST(DynamicsRun, BodiesThatSeizeMoveOnAsOne) {
   write_two_squares(workspace, 1.1);
   const std::string material = "density = 1\nmodel = \"j2\"\nE = 1\nnu = 0.3\nyield = 0.02\n";
   const auto done =
-      run(workspace,
-          "[geometry]\nfile = \"two.geo\"\nmesh_size = 0.2\n[analysis]\nkind = \"dynamics\"\n"
-          "plane = \"strain\"\n[[material]]\nregion = \"one\"\n" +
-              material + "[[material]]\nregion = \"two\"\n" + material +
-              "[[velocity]]\nregion = \"two\"\nvalue = [-0.1, 0]\n[otm]\nseizing = true\n[time]\nend = 20\n"
-              "[[probe]]\nname = \"gap\"\nsmallest = \"x\"\nregion = \"two\"\n"
-              "[[probe]]\nname = \"one\"\nlargest = \"x\"\nregion = \"one\"\n");
+      run(workspace, approaching_squares(material, material, "[otm]\nseizing = true\n[time]\nend = 20\n"));
   ASSERT_EQ(done.status, 0) << done.output;
   const auto result = json(workspace / "out/result.json");
   EXPECT_NEAR(result["momentum"][0].get<double>(), -0.1, 1e-12);

@@ -21,12 +21,8 @@ template <int Dim> void OtmPoints<Dim>::take(const std::vector<Index>& from, con
   lambda = std::move(lambdas);
   count = count(from).eval();
   width = width(from).eval();
-  for (std::vector<Index>* points : {&due, &stiffened}) {
-    std::vector<Index> result;
-    for (const Index p : *points)
-      for (Index q = first[p]; q < first[p + 1]; ++q) result.push_back(q);
-    *points = std::move(result);
-  }
+  due = renumbered(due, first);
+  stiffened = renumbered(stiffened, first);
 }
 
 template <int Dim> const std::vector<NodePair>& OtmState<Dim>::outer_edges(const World<Dim>& world, Index body) {

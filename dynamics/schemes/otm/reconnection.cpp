@@ -306,10 +306,17 @@ template <int Dim> class Reconnecting {
   /// Stiffer shape functions may be stiffer than any before, and nodes that lost others around them, or got them,
   /// light: the stable step is estimated again there.
   void estimate_near_changes(StableStep<Dim>& stable) {
-    const auto has_pairs = [&](const Reconnection& change) { return !state_.points[change.chunk].pairs.empty(); };
-    const bool changed = std::exchange(state_.nodes_changed, false) || std::ranges::any_of(changes_, has_pairs);
-    Points<Dim> mode = stable.mode();
-    std::vector<char> where(world_.nodes.size(), 0);
+    bool changed = std::exchange(state_.nodes_changed, false), stiffened = false;
+    for (const Reconnection& change : changes_) {
+      changed = changed || !state_.points[change.chunk].pairs.empty();
+      stiffened = stiffened || !state_.points[change.chunk].stiffened.empty();
+    }
+    Points<Dim> mode;
+    std::vector<char> where;
+    if (changed || stiffened) {
+      mode = stable.mode();
+      where.assign(world_.nodes.size(), 0);
+    }
     const double size = 0.1 / std::sqrt(world_.nodes.mass.sum());
     for (const Reconnection& change : changes_) {
       const PointTable<Dim>& table = world_.chunks[change.chunk].table;
@@ -327,8 +334,7 @@ template <int Dim> class Reconnecting {
       points.due.clear();
       points.pairs.clear();
     }
-    if (changed || std::ranges::count(where, 1) > 0)
-      stable.estimate_near(world_, where, std::move(mode), changed ? 8 : 5);
+    if (changed || stiffened) stable.estimate_near(world_, where, std::move(mode), changed ? 8 : 5);
   }
 
   World<Dim>& world_;

@@ -131,7 +131,6 @@ template <int Dim> void TotalLagrangian<Dim>::begin(World<Dim>& world, std::span
     consistent = consistent || bodies[b].mass_terms > 1;
   }
   for (Chunk<Dim>& chunk : world.chunks) put_table(world, chunk, *bodies[chunk.body].shape);
-  world.find_node_chunks();
   sum_lumped_masses(world);
   if (has_surfaces) find_surface_points(world, bodies);
   if (consistent || has_surfaces) {

@@ -93,7 +93,7 @@ template <int Dim> struct OtmState {
   std::vector<NodePair> seized;
 
   bool is_merged(Index node) const { return merged[node] >= 0; }
-  /// Edges of facets of which a body has one cell only, as the body numbers its nodes, ascending.
+  /// Edges of facets that belong to one cell only, as the body numbers its nodes, ascending.
   const std::vector<NodePair>& outer_edges(const World<Dim>& world, Index body);
   /// Whether nodes are ends of these edges, of all bodies.
   std::vector<char> surface_nodes(const World<Dim>& world);
