@@ -194,7 +194,7 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
     }
     if (!result.estimates) {
       why = result.warnings.front();
-      if (!best) throw InputError(said_at(where_said(settings, "accuracy"), why));
+      if (!best) throw InputError(said_at(where_said(settings.common, "accuracy"), why));
       break;
     }
     const Estimates errors = *result.estimates;

@@ -164,8 +164,8 @@ template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Sett
                              : fmt::format("model: linear elasticity is not enough, {}; the full model is taken",
                                            text_of(check)));
   const bool same_cloud =
-      full.approximation.spacing > 0.0 || spacing_of_path(*result.mesh, true) == default_spacing(*result.mesh);
-  if (!check.enough && !(same_cloud && linear.approximation.dilatation == full.approximation.dilatation))
+      full.common.approximation.spacing > 0.0 || spacing_of_path(*result.mesh, true) == default_spacing(*result.mesh);
+  if (!check.enough && !(same_cloud && linear.common.approximation.dilatation == full.common.approximation.dilatation))
     result.approximation = {};
   return check.enough;
 }
@@ -192,13 +192,14 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
     linear.loads = at_rest(std::move(linear.loads));
     linear.cells = OnCells::never;
     linear = with_defaults(linear, mesh);
-    if (located(settings, settings.where, [&] { return linear_is_enough(linear, settings, result, monitor); })) {
-      replaced = std::exchange(settings, linear).model;
+    if (located(settings.common, settings.common.where,
+                [&] { return linear_is_enough(linear, settings, result, monitor); })) {
+      replaced = std::exchange(settings, linear).common.model;
     } else {
       settings.regime = Regime::finite;
     }
   }
-  result.model = settings.model;
+  result.model = settings.common.model;
   result.regime = *settings.regime == Regime::automatic ? Regime::finite : *settings.regime;
   const bool in_steps = needs_steps(settings, *mesh.mesh);
   if (in_steps && is_path) {
@@ -206,14 +207,14 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
     return result;
   }
   if (!in_steps)
-    located(settings, settings.where, [&] {
+    located(settings.common, settings.common.where, [&] {
       for (const auto& loads : loads_by_case(settings))
         for (const auto& load : loads.followers) refuse_follower(load.on);
     });
   const bool on_cells = !in_steps && is_on_cells(settings, mesh);
   const bool without_cloud = !in_steps && !on_cells && settings.asks_for_accuracy() && may_do_without_cloud(settings) &&
                              has_memory_for_quadratic_elements(*mesh.mesh);
-  located(settings, settings.where, [&] {
+  located(settings.common, settings.common.where, [&] {
     if (in_steps) return answer_by_steps(settings, coarsest, result, monitor);
     if constexpr (Dim == 3)
       if (on_cells) return answer_on_cells(settings, mesh, result, monitor);
@@ -254,7 +255,7 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
     if (by_strains) check_strains(materials, basis.space, most, answer, of, result);
   }
   if (settings.has_exact())
-    located(settings, settings.where,
+    located(settings.common, settings.common.where,
             [&] { result.errors = errors_against(basis, result.fields, materials, settings.exact); });
   if (in_steps && result.errors) result.errors->energy_norm.reset();  // that of linear materials
   if constexpr (Dim == 3)

@@ -36,7 +36,7 @@ template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, c
     there.head<Dim>() = mesh.mesh->centroid(c);
     if (!is_isotropic(mesh.materials[region], there)) return "a material is not isotropic";
   }
-  ElasticModel model = settings.model;
+  ElasticModel model = settings.common.model;
   model.regions = mesh.materials;
   if (incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::mls))
     return "a material is nearly incompressible";
@@ -57,12 +57,12 @@ void answer_on_cells(const Settings<3>& settings, const PreparedMesh<3>& mesh, R
     const auto& names = mesh.mesh->region_names();
     const auto found = std::ranges::find(names, name);
     if (found != names.end()) region_of_label[label] = static_cast<Index>(found - names.begin());
-    const auto material = std::ranges::find(settings.materials, name, &RegionMaterial::region);
-    if (settings.materials.empty())
-      of_label[label] = settings.model.material;
-    else if (material == settings.materials.end())
+    const auto material = std::ranges::find(settings.common.materials, name, &RegionMaterial::region);
+    if (settings.common.materials.empty())
+      of_label[label] = settings.common.model.material;
+    else if (material == settings.common.materials.end())
       throw InputError(
-          said_at(settings.materials.back().where, fmt::format("no [[material]] for the region \"{}\"", name)));
+          said_at(settings.common.materials.back().where, fmt::format("no [[material]] for the region \"{}\"", name)));
     else
       of_label[label] = material->material;
   }
@@ -124,8 +124,8 @@ template <int Dim> bool is_on_cells(const Settings<Dim>& settings, const Prepare
   if (Dim == 2 || settings.cells == OnCells::never) return false;
   const std::string why = why_not_on_cells(settings, mesh);
   if (settings.cells == OnCells::always && !why.empty())
-    throw InputError(
-        said_at(where_said(settings, "basis.kind"), fmt::format("basis.kind = \"cells\" does not do here: {}", why)));
+    throw InputError(said_at(where_said(settings.common, "basis.kind"),
+                             fmt::format("basis.kind = \"cells\" does not do here: {}", why)));
   return why.empty();
 }
 

@@ -153,13 +153,13 @@ template <int Dim> class Levels {
 /// The settings of a level, compared with the one before.
 template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elements, const PreparedMesh<Dim>& mesh,
                                              double spacing, std::shared_ptr<const Result<Dim>> coarser) {
-  if (settings.approximation.kind != BasisKind::mls) {  // all is said
+  if (settings.common.approximation.kind != BasisKind::mls) {  // all is said
   } else if (elements) {
-    const ElasticModel model = with_defaults(settings, mesh).model;
-    settings.approximation.kind = BasisKind::p2;
+    const ElasticModel model = with_defaults(settings, mesh).common.model;
+    settings.common.approximation.kind = BasisKind::p2;
     // They do not lock where material flows: of plane strain they have enough freedom (Sloan & Randolph 1982).
-    if (settings.approximation.dilatation == Dilatation::automatic)
-      settings.approximation.dilatation =
+    if (settings.common.approximation.dilatation == Dilatation::automatic)
+      settings.common.approximation.dilatation =
           averaged_if(incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::p2));
     if (is_elastic(model)) {  // a cloud follows where they take ever smaller steps
       if (!settings.time) settings.time.emplace();
@@ -167,7 +167,7 @@ template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elemen
       path.max_steps = std::min(path.max_steps, 200 + static_cast<int>(std::min(1e6, 3.0 * path.end / path.step)));
     }
   } else {
-    settings.approximation.spacing = spacing;
+    settings.common.approximation.spacing = spacing;
   }
   if (coarser) {
     if (!settings.time) settings.time.emplace();
@@ -209,7 +209,7 @@ template <int Dim> class Search {
   /// The path of the first level whose errors are small, or of the last one. Its warnings say if a finer one failed.
   /// Throws NumericalError if the first level has no path.
   std::shared_ptr<Result<Dim>> refine(bool elements) {
-    const Levels<Dim> levels(source_, natural_, elements, settings_.approximation.kind != BasisKind::mls);
+    const Levels<Dim> levels(source_, natural_, elements, settings_.common.approximation.kind != BasisKind::mls);
     std::shared_ptr<Result<Dim>> best;
     std::shared_ptr<const Result<Dim>> coarser;  // than the best
     int beyond = 0;  // levels beyond a good one, to look for the one that is to be gone on with
@@ -300,7 +300,7 @@ template <int Dim> double internal::spacing_of_path(const FineMesh<Dim>& mesh, b
 }
 
 template <int Dim> bool internal::chooses_path(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
-  const ApproximationOptions& basis = settings.approximation;
+  const ApproximationOptions& basis = settings.common.approximation;
   if (!settings.estimated || !settings.cases.empty()) return false;
   return basis.kind != BasisKind::mls || (basis.spacing == 0.0 && source.ratio == 0.0 && !basis.grading.has_places());
 }
@@ -321,16 +321,16 @@ template <int Dim> Result<Dim> internal::analyse_chosen_path(const MeshSource<Di
     if (!first.linear_checks.empty()) result.linear_checks = std::move(first.linear_checks);
     return result;
   };
-  if (settings.approximation.kind != BasisKind::mls) return end(search.refine(true));
-  if (!takes_elements(settings, full.model, *natural.mesh)) return end(search.refine(false));
+  if (settings.common.approximation.kind != BasisKind::mls) return end(search.refine(true));
+  if (!takes_elements(settings, full.common.model, *natural.mesh)) return end(search.refine(false));
   std::shared_ptr<Result<Dim>> elements;
   try {
     elements = search.refine(true);
   } catch (const NumericalError&) {
-    if (!is_elastic(full.model)) throw;
+    if (!is_elastic(full.common.model)) throw;
   }
   // Rubber may be deformed farther than its elements bear; where material flows, a path that stops has met its limit.
-  if (elements && (elements->stopped.empty() || !is_elastic(full.model))) return end(elements);
+  if (elements && (elements->stopped.empty() || !is_elastic(full.common.model))) return end(elements);
   std::shared_ptr<Result<Dim>> cloud;
   try {
     cloud = search.refine(false);

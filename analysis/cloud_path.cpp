@@ -139,7 +139,7 @@ template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& resu
     correct_rest(settings, best, done, options, result, stage->within());
     done = 1 + result.more.size();
   };
-  const bool free = settings.approximation.interpolation == 0 && options.iterations < 0;
+  const bool free = settings.common.approximation.interpolation == 0 && options.iterations < 0;
   const bool may_be_finer = free && functions.space.degree() == 1 && memory;
   bool finer = may_be_finer;
   if (finer && result.estimates->total() <= bearable) {
@@ -184,7 +184,7 @@ template <int Dim> void estimate_elements(Result<Dim>& result) {
 
 template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
   if (result.approximation.nodes.cols() > 0) return;
-  ApproximationOptions options = settings.approximation;
+  ApproximationOptions options = settings.common.approximation;
   if (options.kind == BasisKind::mls && options.spacing == 0.0)
     options.spacing =
         needs_steps(settings, *result.mesh) ? spacing_of_path(*result.mesh, true) : default_spacing(*result.mesh);
@@ -195,7 +195,7 @@ template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<D
 }
 
 template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor) {
-  const ApproximationOptions& options = settings.approximation;
+  const ApproximationOptions& options = settings.common.approximation;
   approximate_once(settings, result, monitor);
   std::optional<ElasticSolver<Dim>> solver(std::in_place, result.approximation, result.model, settings.supports,
                                            monitor);
@@ -234,7 +234,7 @@ template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Di
     result.warnings.push_back(
         "linear elements lock under nearly incompressible materials (nu > 0.4): the body is far stiffer than it should "
         "be; take moving least squares, or quadratic elements");
-  const auto doubtful = doubts(settings.approximation, result.approximation);
+  const auto doubtful = doubts(settings.common.approximation, result.approximation);
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
 }
 

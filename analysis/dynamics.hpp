@@ -72,12 +72,12 @@ enum class DynamicsMethod {
   total_lagrangian,  ///< shape functions of the static solver on the cloud of settings.approximation
 };
 
-/// Settings of explicit dynamics. Of the static Settings a run also takes title, materials, densities, model.plane, the
-/// parts of the boundary, the approximation and the places in the case file.
+/// An analysis by explicit dynamics. Of common.model the material and the plane count.
 template <int Dim> struct DynamicsSettings {
+  CommonSettings<Dim> common{};
   DynamicsMethod method = DynamicsMethod::otm;
   OtmOptions otm{};                                           ///< of that method
-  DynamicsOptions options{};                                  ///< of all methods; not its plane, which the model has
+  DynamicsOptions options{};                                  ///< of all methods; the plane is that of common.model
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
   double min_step = 0.0;  ///< [time], shorter steps end the run; 0: a thousandth of the first stable one
@@ -117,11 +117,11 @@ template <int Dim> struct DynamicsModel {
 
 /// A body for every region of the mesh, with its material, density and velocities; walls, rigid bodies, prescribed
 /// velocities and gases. Nodes on the axis of an axisymmetric section stay there. Throws InputError beginning with the
-/// place in the case file for settings.loads inside the body, a material for small strains, a density that is missing,
+/// place in the case file for a material for small strains, a density that is missing,
 /// unknown names, velocities that are not finite and bodies that overlap walls, rigid bodies or each other at the
 /// start; and NumericalError as Dynamics does. Stages of approximate, bodies.
-template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
-                                                           const DynamicsSettings<Dim>& dynamics,
+template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh,
+                                                           const DynamicsSettings<Dim>& settings,
                                                            const Monitor& monitor = {});
 
 /// Scalar fields of the material points: von_mises, pressure (both of Cauchy's stress), J, damage (1: eroded) and the

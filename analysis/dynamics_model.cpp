@@ -24,16 +24,16 @@ namespace {
 
 using internal::located, internal::said_at, internal::where_said;
 
-template <int Dim> bool is_axisymmetric(const Settings<Dim>& settings) {
-  return Dim == 2 && settings.model.plane == Plane::axisymmetric;
+template <int Dim> bool is_axisymmetric(const DynamicsSettings<Dim>& settings) {
+  return Dim == 2 && settings.common.model.plane == Plane::axisymmetric;
 }
 
 /// Place of a region's material in the case file, and its density.
 template <int Dim>
-std::pair<std::string, Parameter> density_of(const Settings<Dim>& settings, const std::string& region) {
-  std::string where = where_said(settings, "material");
-  Parameter density = settings.density;
-  for (const auto& material : settings.materials)
+std::pair<std::string, Parameter> density_of(const DynamicsSettings<Dim>& settings, const std::string& region) {
+  std::string where = where_said(settings.common, "material");
+  Parameter density = settings.common.density;
+  for (const auto& material : settings.common.materials)
     if (material.region == region) {
       where = material.where;
       density = material.density;
@@ -68,18 +68,18 @@ template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh
   return group == mesh.groups().end() ? nullptr : &group->facets;
 }
 
-template <int Dim> bool has_pressure_patches(const DynamicsSettings<Dim>& dynamics, const Material& material) {
-  const bool is_shocked_fluid = dynamics.options.shock.on() && dynamic_cast<const Fluid*>(&material) != nullptr;
-  return dynamics.pressure_patches.value_or(!is_shocked_fluid);
+template <int Dim> bool has_pressure_patches(const DynamicsSettings<Dim>& settings, const Material& material) {
+  const bool is_shocked_fluid = settings.options.shock.on() && dynamic_cast<const Fluid*>(&material) != nullptr;
+  return settings.pressure_patches.value_or(!is_shocked_fluid);
 }
 
 template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material,
-                                                    bool axisymmetric, const DynamicsSettings<Dim>& dynamics) {
+                                                    bool axisymmetric, const DynamicsSettings<Dim>& settings) {
   RegionBody<Dim> result{deformable_body(mesh, material, 0.0, axisymmetric)};
-  for (const auto& gas : dynamics.gases)
+  for (const auto& gas : settings.gases)
     if (const auto* facets = facets_of(mesh, gas.on)) result.gas_facets[gas.on] = mesh.facets()(Eigen::all, *facets);
-  if (!has_pressure_patches(dynamics, *material)) result.body.patches.clear();
-  for (const auto& part : dynamics.boundary_velocities)
+  if (!has_pressure_patches(settings, *material)) result.body.patches.clear();
+  for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
       std::set<Index> nodes;
       for (const Index f : *facets)
@@ -96,20 +96,19 @@ bool locks(const Material& material) {
 }
 
 template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material,
-                                                 const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics,
-                                                 const Monitor& monitor) {
-  ApproximationOptions options = settings.approximation;
+                                                 const DynamicsSettings<Dim>& settings, const Monitor& monitor) {
+  ApproximationOptions options = settings.common.approximation;
   if (options.support == 0.0) options.support = dynamics_support;
   options.axisymmetric = is_axisymmetric(settings);
-  options.dilatation = averaged_if(has_pressure_patches(dynamics, *material) && locks(*material));
+  options.dilatation = averaged_if(has_pressure_patches(settings, *material) && locks(*material));
   options.pressures = PressureKind::constant;
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
   // Shape functions of other nodes vanish where velocities are prescribed: there they are those of the nodes.
-  for (const auto& part : dynamics.boundary_velocities)
+  for (const auto& part : settings.boundary_velocities)
     if (facets_of(mesh, part.on)) options.vanish_on.push_back(part.on);
   const Approximation<Dim> cloud = approximate(mesh, options, monitor);
   RegionBody<Dim> result{deformable_body(cloud, material, 0.0)};
-  for (const auto& part : dynamics.boundary_velocities)
+  for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
       std::set<Index> dofs;
       for (const Index f : *facets)
@@ -120,13 +119,13 @@ template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, cons
   return result;
 }
 
-template <int Dim> void set_initial_velocity(const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics,
-                                             const std::string& region, DeformableBody<Dim>& body) {
+template <int Dim>
+void set_initial_velocity(const DynamicsSettings<Dim>& settings, const std::string& region, DeformableBody<Dim>& body) {
   body.velocity.setZero(Dim, body.nodes.cols());
-  for (const auto& initial : dynamics.initial_velocities) {
+  for (const auto& initial : settings.initial_velocities) {
     if (!initial.region.empty() && initial.region != region) continue;
     for (Index a = 0; a < body.nodes.cols(); ++a) {
-      const Vec<Dim> v = located(settings, initial.where, [&] { return initial.velocity(body.nodes.col(a)); });
+      const Vec<Dim> v = located(settings.common, initial.where, [&] { return initial.velocity(body.nodes.col(a)); });
       if (!v.allFinite())
         throw InputError(said_at(
             initial.where, fmt::format("the velocity at ({:.6g}) is not finite", fmt::join(body.nodes.col(a), ", "))));
@@ -136,38 +135,36 @@ template <int Dim> void set_initial_velocity(const Settings<Dim>& settings, cons
 }
 
 template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const std::string& region,
-                                              const SharedMaterial& material, const Settings<Dim>& settings,
-                                              const DynamicsSettings<Dim>& dynamics, const Monitor& monitor) {
+                                              const SharedMaterial& material, const DynamicsSettings<Dim>& settings,
+                                              const Monitor& monitor) {
   const auto [where, density] = density_of(settings, region);
   if (!material->finite_strain())
     throw InputError(said_at(where,
                              "the material is for small strains, and bodies in explicit dynamics rotate: take hencky, "
                              "neo_hookean, st_venant_kirchhoff, j2 or another one for finite strains"));
-  RegionBody<Dim> result = located(settings, settings.where, [&] {
-    return dynamics.method == DynamicsMethod::total_lagrangian
-               ? body_on_cloud(part, material, settings, dynamics, monitor)
-               : body_at_vertices(part, material, is_axisymmetric(settings), dynamics);
+  RegionBody<Dim> result = located(settings.common, settings.common.where, [&] {
+    return settings.method == DynamicsMethod::total_lagrangian
+               ? body_on_cloud(part, material, settings, monitor)
+               : body_at_vertices(part, material, is_axisymmetric(settings), settings);
   });
   set_density(density, result.body);
-  set_initial_velocity(settings, dynamics, region, result.body);
-  for (const auto& fracture : dynamics.fractures)
+  set_initial_velocity(settings, region, result.body);
+  for (const auto& fracture : settings.fractures)
     if (fracture.region.empty() || fracture.region == region) result.body.fracture = fracture.criteria;
   return result;
 }
 
-/// Names of regions, and the sign of the radius.
-template <int Dim>
-void check_regions(const FineMesh<Dim>& mesh, const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics) {
-  if (settings.loads.inside())
-    throw InputError(
-        said_at(settings.where, "loads inside bodies are for static analyses: set DynamicsSettings::gravity instead"));
+/// Names of regions and parts of the boundary, and the sign of the radius.
+template <int Dim> void check_regions(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
   const auto check = [&](const std::string& region, const std::string& where) {
-    if (!region.empty()) located(settings, where, [&] { return mesh.region(region); });
+    if (!region.empty()) located(settings.common, where, [&] { return mesh.region(region); });
   };
-  for (const auto& initial : dynamics.initial_velocities) check(initial.region, initial.where);
-  for (const auto& fracture : dynamics.fractures) check(fracture.region, fracture.where);
+  for (const auto& initial : settings.initial_velocities) check(initial.region, initial.where);
+  for (const auto& fracture : settings.fractures) check(fracture.region, fracture.where);
+  for (const auto& part : settings.boundary_velocities) located(settings.common, "", [&] { mesh.group(part.on); });
+  for (const auto& gas : settings.gases) located(settings.common, gas.where, [&] { mesh.group(gas.on); });
   if (is_axisymmetric(settings) && mesh.vertices().row(0).minCoeff() < 0.0)
-    throw InputError(said_at(where_said(settings, "analysis.plane"),
+    throw InputError(said_at(where_said(settings.common, "analysis.plane"),
                              fmt::format("axisymmetric: x is the radius, and the body reaches to x = {:.6g}",
                                          mesh.vertices().row(0).minCoeff())));
 }
@@ -180,8 +177,8 @@ template <int Dim> struct MeshBodies {
   std::vector<double> point_sizes{};
 };
 
-template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
-                                                const DynamicsSettings<Dim>& dynamics, const Monitor& monitor) {
+template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
+                                                const Monitor& monitor) {
   const FineMesh<Dim>& all = *mesh.mesh;
   MeshBodies<Dim> result;
   for (Index r = 0; r < all.num_regions(); ++r) {
@@ -190,10 +187,10 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
     if (std::ranges::count(kept, 1) == 0) continue;
     result.names.push_back(all.region_names()[r]);
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
-    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, dynamics, monitor));
+    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
-    if (dynamics.method == DynamicsMethod::otm &&
+    if (settings.method == DynamicsMethod::otm &&
         std::ranges::all_of(vertices, [&](Index v) { return part.on_boundary(v); }))
       result.without_inner_nodes.push_back(result.names.back());
     for (Index p = 0; p < body.points.cols(); ++p) {
@@ -205,7 +202,7 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
 }
 
 /// That bodies do not reach into walls and rigid bodies at the start.
-template <int Dim> void check_gaps(const DynamicsSettings<Dim>& dynamics, const Points<Dim>& vertices) {
+template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const Points<Dim>& vertices) {
   const double size = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
   const auto check = [&](const RigidShape<Dim>& shape, const char* name, const std::string& where) {
     Index deepest = 0;
@@ -219,20 +216,20 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& dynamics, const 
       throw InputError(said_at(where, fmt::format("bodies reach {} by {:.4g} at the start, at ({:.6g})", name,
                                                   -smallest, fmt::join(vertices.col(deepest), ", "))));
   };
-  for (const auto& [wall, where] : dynamics.walls)
+  for (const auto& [wall, where] : settings.walls)
     check(rigid_shapes::half_space<Dim>(wall.normal, wall.level), "through the wall", where);
-  for (const auto& [body, where] : dynamics.rigid_bodies) check(body.shape, "into the rigid body", where);
+  for (const auto& [body, where] : settings.rigid_bodies) check(body.shape, "into the rigid body", where);
 }
 
 /// That bodies are not inside each other at the start: contact would not push them out.
-template <int Dim> void check_overlaps(const Settings<Dim>& settings, const DynamicsModel<Dim>& model) {
+template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const std::vector<Index> inside = dynamics.points_in_others();
   if (inside.empty()) return;
   Index body = 0;
   while (dynamics.first_point(body + 1) <= inside.front()) ++body;
   throw InputError(said_at(
-      where_said(settings, "geometry"),
+      where_said(settings.common, "geometry"),
       fmt::format("bodies overlap at the start: region \"{}\" is inside another one at ({:.6g}). Move them apart, or "
                   "let bodies pass through each other by contact.stiffness = 0",
                   model.names[body], fmt::join(dynamics.points().col(inside.front()), ", "))));
@@ -264,10 +261,9 @@ std::pair<ProbeNode<Dim>, double> nearest_node(const DynamicsProbe<Dim>& probe, 
 }
 
 /// Checks the probes, and finds their nodes.
-template <int Dim>
-void set_up_probes(const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics, DynamicsModel<Dim>& model) {
-  check_field(model, dynamics.colour, where_said(settings, "output.colour"));
-  for (const auto& probe : dynamics.probes) {
+template <int Dim> void set_up_probes(const DynamicsSettings<Dim>& settings, DynamicsModel<Dim>& model) {
+  check_field(model, settings.colour, where_said(settings.common, "output.colour"));
+  for (const auto& probe : settings.probes) {
     check_field(model, probe.field, probe.where);
     if (!probe.region.empty() && std::ranges::find(model.names, probe.region) == model.names.end())
       throw InputError(said_at(probe.where, fmt::format("there is no region \"{}\"; the mesh has \"{}\"", probe.region,
@@ -279,18 +275,18 @@ void set_up_probes(const Settings<Dim>& settings, const DynamicsSettings<Dim>& d
       model.remarks.push_back(fmt::format("probe \"{}\": the node at ({:.6g}), {:.3g} from its position", probe.name,
                                           fmt::join(node.start, ", "), distance));
     } else if (probe.field.empty()) {
-      located(settings, probe.where, [&] { return probe.coordinate(model.dynamics.nodes().col(0)); });
+      located(settings.common, probe.where, [&] { return probe.coordinate(model.dynamics.nodes().col(0)); });
     }
   }
 }
 
-template <int Dim> void add_cavities(const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics,
-                                     const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
-  for (const auto& gas : dynamics.gases) {
-    if (dynamics.method != DynamicsMethod::otm)
+template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
+                                     DynamicsModel<Dim>& model) {
+  for (const auto& gas : settings.gases) {
+    if (settings.method != DynamicsMethod::otm)
       throw InputError(said_at(gas.where,
                                "a gas needs nodes at the vertices of the mesh: leave out [cloud], and take "
-                               "dynamics.method = \"otm\""));
+                               "settings.method = \"otm\""));
     GasCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
     for (std::size_t b = 0; b < regions.size(); ++b)
       if (const auto found = regions[b].gas_facets.find(gas.on); found != regions[b].gas_facets.end()) {
@@ -298,16 +294,16 @@ template <int Dim> void add_cavities(const Settings<Dim>& settings, const Dynami
         cavity.facets.conservativeResize(Eigen::NoChange, before + more);
         cavity.facets.rightCols(more) = found->second.array() + model.dynamics.first_node(static_cast<Index>(b));
       }
-    located(settings, gas.where, [&] { model.dynamics.add_cavity(cavity); });
+    located(settings.common, gas.where, [&] { model.dynamics.add_cavity(cavity); });
   }
 }
 
 /// Velocities on parts of the boundary; nodes on the axis of a section stay there.
-template <int Dim> void prescribe_velocities(const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics,
+template <int Dim> void prescribe_velocities(const DynamicsSettings<Dim>& settings,
                                              const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
   const Points<Dim> start = model.dynamics.nodes();
   std::map<std::pair<Index, int>, double> velocities;
-  for (const auto& part : dynamics.boundary_velocities)
+  for (const auto& part : settings.boundary_velocities)
     for (std::size_t b = 0; b < regions.size(); ++b) {
       const auto nodes = regions[b].nodes_on.find(part.on);
       if (nodes == regions[b].nodes_on.end()) continue;
@@ -324,29 +320,29 @@ template <int Dim> void prescribe_velocities(const Settings<Dim>& settings, cons
 }
 
 /// Forces are momenta over a step, which has to be large enough to divide by.
-template <int Dim>
-void check_times(const DynamicsSettings<Dim>& dynamics, const Settings<Dim>& settings, double stable) {
+template <int Dim> void check_times(const DynamicsSettings<Dim>& settings, double stable) {
   constexpr double least = 1e-12;
-  for (const auto& [name, time] : {std::pair("end", dynamics.end), std::pair("max_step", dynamics.max_step)})
+  for (const auto& [name, time] : {std::pair("end", settings.end), std::pair("max_step", settings.max_step)})
     if (time < least * stable)
       throw InputError(said_at(
-          where_said(settings, std::string("time.") + name),
+          where_said(settings.common, std::string("time.") + name),
           fmt::format("{} is {:.3g}, next to nothing compared with a stable step, {:.3g}", name, time, stable)));
 }
 
 /// Walls, rigid bodies, gravity, gases and prescribed velocities.
-template <int Dim> void add_loads(const Settings<Dim>& settings, const DynamicsSettings<Dim>& dynamics,
-                                  const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
-  for (const auto& [wall, where] : dynamics.walls)
-    located(settings, where, [&, &added = wall] { model.dynamics.add_wall(added); });
-  for (const auto& [body, where] : dynamics.rigid_bodies)
-    located(settings, where, [&, &added = body] { model.dynamics.add_rigid_body(added); });
-  located(settings, where_said(settings, "analysis.gravity"), [&] { model.dynamics.set_gravity(dynamics.gravity); });
-  add_cavities(settings, dynamics, regions, model);
-  prescribe_velocities(settings, dynamics, regions, model);
+template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
+                                  DynamicsModel<Dim>& model) {
+  for (const auto& [wall, where] : settings.walls)
+    located(settings.common, where, [&, &added = wall] { model.dynamics.add_wall(added); });
+  for (const auto& [body, where] : settings.rigid_bodies)
+    located(settings.common, where, [&, &added = body] { model.dynamics.add_rigid_body(added); });
+  located(settings.common, where_said(settings.common, "analysis.gravity"),
+          [&] { model.dynamics.set_gravity(settings.gravity); });
+  add_cavities(settings, regions, model);
+  prescribe_velocities(settings, regions, model);
 }
 
-template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& dynamics,
+template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                      const std::vector<std::string>& without_inner_nodes, DynamicsModel<Dim>& model) {
   model.warnings = mesh.warnings;
   if (const auto ties = tied_facets(*mesh.mesh); !ties.empty())
@@ -358,27 +354,27 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
     model.warnings.push_back(fmt::format(
         "Bending and squeezing of {} are not resolved: no node lies inside. Try a smaller mesh_size",
         mesh.mesh->num_regions() == 1 ? "the body" : fmt::format("\"{}\"", fmt::join(without_inner_nodes, "\", \""))));
-  if (dynamics.method == DynamicsMethod::total_lagrangian && model.dynamics.num_bodies() > 1)
+  if (settings.method == DynamicsMethod::total_lagrangian && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
         "Bodies pass through each other: on a [cloud] there is contact with walls and rigid bodies only. Leave out "
         "[cloud] if bodies meet");
 }
 
-template <int Dim> std::unique_ptr<Scheme<Dim>> make_scheme(const DynamicsSettings<Dim>& dynamics) {
-  return dynamics.method == DynamicsMethod::otm ? otm<Dim>(dynamics.otm) : total_lagrangian<Dim>();
+template <int Dim> std::unique_ptr<Scheme<Dim>> make_scheme(const DynamicsSettings<Dim>& settings) {
+  return settings.method == DynamicsMethod::otm ? otm<Dim>(settings.otm) : total_lagrangian<Dim>();
 }
 
 }  // namespace
 
-template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh, const Settings<Dim>& settings,
-                                                           const DynamicsSettings<Dim>& dynamics,
+template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh,
+                                                           const DynamicsSettings<Dim>& settings,
                                                            const Monitor& monitor) {
-  check_regions(*mesh.mesh, settings, dynamics);
-  MeshBodies<Dim> built = build_bodies(mesh, settings, dynamics, monitor);
+  check_regions(*mesh.mesh, settings);
+  MeshBodies<Dim> built = build_bodies(mesh, settings, monitor);
   const Stage stage("bodies", monitor);
-  DynamicsOptions options = dynamics.options;
-  options.plane = settings.model.plane.value_or(Plane::strain);
-  if (dynamics.method == DynamicsMethod::total_lagrangian) options.contact.stiffness = 0.0;  // there are no surfaces
+  DynamicsOptions options = settings.options;
+  options.plane = settings.common.model.plane.value_or(Plane::strain);
+  if (settings.method == DynamicsMethod::total_lagrangian) options.contact.stiffness = 0.0;  // there are no surfaces
   const auto num_points = static_cast<Index>(built.point_sizes.size());
   constexpr double bytes_per_point = 4e3;  // measured, with a checkpoint
   require_memory(bytes_per_point * num_points, fmt::format("explicit dynamics of {} material points", num_points),
@@ -386,25 +382,23 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   std::vector<DeformableBody<Dim>> bodies;
   for (auto& region : built.regions) bodies.push_back(std::move(region.body));
   DynamicsModel<Dim> model{
-      .dynamics = located(settings, settings.where,
-                          [&] { return Dynamics<Dim>(std::move(bodies), make_scheme(dynamics), options); }),
+      .dynamics = located(settings.common, settings.common.where,
+                          [&] { return Dynamics<Dim>(std::move(bodies), make_scheme(settings), options); }),
       .names = std::move(built.names),
       .initial_box = {},
       .point_sizes = Eigen::Map<const Vector>(built.point_sizes.data(), num_points)};
   const Points<Dim>& nodes = model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
-  check_gaps(dynamics, mesh.mesh->vertices());
+  check_gaps(settings, mesh.mesh->vertices());
   check_overlaps(settings, model);
-  add_loads(settings, dynamics, built.regions, model);
-  add_warnings(mesh, dynamics, built.without_inner_nodes, model);
-  set_up_probes(settings, dynamics, model);
-  check_times(dynamics, settings, model.dynamics.stable_step());
+  add_loads(settings, built.regions, model);
+  add_warnings(mesh, settings, built.without_inner_nodes, model);
+  set_up_probes(settings, model);
+  check_times(settings, model.dynamics.stable_step());
   return model;
 }
 
-template DynamicsModel<2> build_dynamics_model(const PreparedMesh<2>&, const Settings<2>&, const DynamicsSettings<2>&,
-                                               const Monitor&);
-template DynamicsModel<3> build_dynamics_model(const PreparedMesh<3>&, const Settings<3>&, const DynamicsSettings<3>&,
-                                               const Monitor&);
+template DynamicsModel<2> build_dynamics_model(const PreparedMesh<2>&, const DynamicsSettings<2>&, const Monitor&);
+template DynamicsModel<3> build_dynamics_model(const PreparedMesh<3>&, const DynamicsSettings<3>&, const Monitor&);
 
 }  // namespace efree

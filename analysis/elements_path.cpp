@@ -10,9 +10,9 @@
 namespace efree::internal {
 
 template <int Dim> bool may_do_without_cloud(const Settings<Dim>& settings) {
-  const ApproximationOptions& basis = settings.approximation;
-  const bool says_nothing_of_points =
-                 basis.secondary == SecondaryKind::cells && basis.ratio == 0.0 && settings.model.stabilisation == 0.0,
+  const ApproximationOptions& basis = settings.common.approximation;
+  const bool says_nothing_of_points = basis.secondary == SecondaryKind::cells && basis.ratio == 0.0 &&
+                                      settings.common.model.stabilisation == 0.0,
              says_nothing_of_nodes = basis.spacing == 0.0 && !basis.grading.features && !basis.grading.has_places(),
              says_nothing_of_functions = basis.order == 1 && basis.interpolation != 1 && basis.support == 0.0 &&
                                          basis.weight == Weight::automatic && basis.vanish_on.empty();
@@ -25,7 +25,7 @@ template <int Dim> void answer_by_elements(const Settings<Dim>& settings, Result
   std::optional<Stage> stage;
   stage.emplace("correction", monitor);
   Approximation<Dim> quadratic;
-  quadratic.space = FineSpace<Dim>(result.mesh, 2, settings.approximation.axisymmetric);
+  quadratic.space = FineSpace<Dim>(result.mesh, 2, settings.common.approximation.axisymmetric);
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, quadratic.space.size());
   const double tolerance = tolerance_of(settings);
   Corrected<Dim> best = corrected(settings, result, quadratic, {nothing}, {.tolerance = tolerance}, stage->within());

@@ -67,8 +67,8 @@ template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim
 /// What else helps where elements are linear.
 template <int Dim> const char* or_quadratic(const Settings<Dim>& settings, const Result<Dim>& result) {
   if (result.basis().space.degree() == 2) return "";
-  return settings.approximation.kind == BasisKind::p1 ? ", or quadratic elements (basis.kind = \"p2\")"
-                                                      : ", or quadratic cells (basis.interpolation = 2)";
+  return settings.common.approximation.kind == BasisKind::p1 ? ", or quadratic elements (basis.kind = \"p2\")"
+                                                             : ", or quadratic cells (basis.interpolation = 2)";
 }
 
 /// Of the load cases after the first: they have its mesh and its matrix, but not its error.
@@ -91,8 +91,8 @@ template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& r
 template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& result) {
   if (!result.path_errors) return;
   const PathErrors& errors = *result.path_errors;
-  const char* advice =
-      settings.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud" : "use a smaller mesh_size";
+  const char* advice = settings.common.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud"
+                                                                            : "use a smaller mesh_size";
   const auto [most, of] = errors.largest();
   const auto judge_one = [&](const std::string& what, double error, double bearable) {
     if (error < std::min(bearable, settings.largest_error)) return;

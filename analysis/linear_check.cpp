@@ -123,7 +123,7 @@ template <int Dim> LinearCheck LinearBeside<Dim>::operator()(const State& at) {
 template <int Dim>
 LinearCheck check_linear(const Settings<Dim>& full, const Result<Dim>& result, const Monitor& monitor) {
   const Stage stage("model", monitor);
-  const NonlinearEquilibrium<Dim> equations(result.approximation, full.model,
+  const NonlinearEquilibrium<Dim> equations(result.approximation, full.common.model,
                                             Program<Dim>::grows(full.supports, full.loads));
   LinearBeside<Dim> beside(equations, full.regime_tolerance);
   Cholesky factor;

@@ -42,10 +42,10 @@ template <int Dim> Settings<Dim> coarser(const Settings<Dim>& settings, const Re
   Settings<Dim> other = settings;
   other.estimated = other.corrected = false;
   other.regime = result.regime;
-  other.model = result.model;
+  other.common.model = result.model;
   other.steps = {};
-  other.approximation.interpolation = result.approximation.space.degree();
-  other.approximation.grading.scale *= coarsening;
+  other.common.approximation.interpolation = result.approximation.space.degree();
+  other.common.approximation.grading.scale *= coarsening;
   if (!other.time) other.time.emplace();
   if (result.regime == Regime::linear) {
     other.loads = at_rest(std::move(other.loads));

@@ -29,7 +29,7 @@ template <int Dim>
 void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std::vector<std::string>& remarks) {
   const Locator<Dim> locate_probe(mesh, settings.probes.size());
   for (const auto& p : settings.probes) {
-    const Location<Dim> there = located(settings, p.where, [&] { return locate_probe(p.at); });
+    const Location<Dim> there = located(settings.common, p.where, [&] { return locate_probe(p.at); });
     Vec<Dim> found = Vec<Dim>::Zero();
     for (int i = 0; i <= Dim; ++i) found += there.at[i] * mesh.vertex(mesh.cells()(i, there.cell));
     if (const double away = (found - p.at).norm(); away > 1e-6 * mesh.size())
@@ -38,12 +38,11 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
   }
 }
 
-/// The material of each region.
-template <int Dim>
-std::vector<SharedMaterial> region_materials(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+/// The material of each region. Bodies in motion, not `at_rest`, may be fluids.
+template <int Dim> std::vector<SharedMaterial> region_materials(const CommonSettings<Dim>& settings, bool at_rest,
+                                                                const FineMesh<Dim>& mesh) {
   const auto check = [&](const SharedMaterial& material) {  // others are known at their points only
-    // At rest: bodies in motion may be fluids.
-    if (!settings.keeps_free_bodies && material && material->homogeneous())
+    if (at_rest && material && material->homogeneous())
       Materials<Dim>({material}, settings.model.plane.value_or(Plane::strain));
   };
   if (settings.materials.empty()) {
@@ -75,9 +74,9 @@ template <int Dim> std::vector<Parameter> region_densities(const Settings<Dim>& 
   const auto cases = loads_by_case(settings);
   const auto asking = std::ranges::find_if(cases, [](const auto& loads) { return !loads.mass_forces.empty(); });
   if (asking == cases.end()) return {};
-  std::vector<Parameter> densities(mesh.num_regions(), settings.density);
-  std::vector<std::string> where(mesh.num_regions(), settings.where);
-  for (const auto& material : settings.materials) {
+  std::vector<Parameter> densities(mesh.num_regions(), settings.common.density);
+  std::vector<std::string> where(mesh.num_regions(), settings.common.where);
+  for (const auto& material : settings.common.materials) {
     densities[mesh.region(material.region)] = material.density;
     where[mesh.region(material.region)] = material.where;
   }
@@ -109,7 +108,7 @@ template <int Dim> std::vector<Index> united(const FineMesh<Dim>& mesh,
 
 /// The parts of the boundary that have names and do not tie regions to each other, those that the settings select, and
 /// one of all slits if there is more than one region.
-template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const Settings<Dim>& settings,
+template <int Dim> FineMesh<Dim> with_parts(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings,
                                             FineMesh<Dim> mesh, std::string& open_interface) {
   using Group = typename FineMesh<Dim>::Group;
   std::vector<Group> groups = mesh.groups();
@@ -165,12 +164,12 @@ template <int Dim> FineMesh<Dim> without_hinges(FineMesh<Dim> mesh, PreparedMesh
 /// one with more than half of the volume, or loaded ones, they stay: the solver refuses them by name.
 template <int Dim>
 FineMesh<Dim> without_free_bodies(const Settings<Dim>& settings, FineMesh<Dim> mesh, PreparedMesh<Dim>& result) {
-  for (const auto& group : boundaries(settings)) located(settings, group.where, [&] { mesh.group(group.name); });
+  for (const auto& group : boundaries(settings)) located(settings.common, group.where, [&] { mesh.group(group.name); });
   if (mesh.num_components() == 1) return mesh;
   const auto cases = loads_by_case(settings);
   if (std::ranges::any_of(cases, [](const auto& loads) { return loads.inside(); })) return mesh;
   const auto ties = tied_facets(mesh, result.open_interface);
-  const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.model.plane == Plane::axisymmetric),
+  const Bodies<Dim> bodies = find_bodies(FineSpace<Dim>(mesh, 1, settings.common.model.plane == Plane::axisymmetric),
                                          restraints(settings.supports), ties);
   const auto body_of = [&](Index cell) { return bodies.of_component[mesh.component()[mesh.cells()(0, cell)]]; };
   std::vector<char> out(bodies.size());
@@ -223,14 +222,9 @@ SharedMaterial modelled(const SharedMaterial& material, Regime regime) {
   return linear ? SharedMaterial(GreenElastic(material)) : material;
 }
 
-}  // namespace
-
-template <int Dim> double mesh_size(const MeshSource<Dim>& source, const Settings<Dim>& settings) {
-  return source.ratio > 0.0 ? settings.approximation.spacing / source.ratio : source.size;
-}
-
-template <int Dim>
-PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor) {
+/// A mesh for a static analysis, else in motion, where bodies need not be held.
+template <int Dim> PreparedMesh<Dim> prepare_mesh(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings,
+                                                  const Settings<Dim>* at_rest, const Monitor& monitor) {
   StageTimes times;
   PreparedMesh<Dim> result;
   const double cpu_start = process_cpu_seconds();
@@ -254,7 +248,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
     });
     mesh = without_hinges(std::move(mesh), result);
     mesh = with_parts(source, settings, std::move(mesh), result.open_interface);
-    if (!settings.keeps_free_bodies) mesh = without_free_bodies(settings, std::move(mesh), result);
+    if (at_rest) mesh = without_free_bodies(*at_rest, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.size_is_said = source.says_its_size();
     result.surface_is_known = boundary.has_value() && !smooth;
@@ -265,7 +259,7 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   if (monitor.times) monitor.times->add(times);
   result.seconds = times.total();
   result.cpu_seconds = process_cpu_seconds() - cpu_start;
-  for (const auto& group : boundaries(settings)) {
+  for (const auto& group : at_rest ? boundaries(*at_rest) : boundaries(settings)) {
     const auto& facets = located(settings, group.where, [&] { return result.mesh->group(group.name); });
     BoundaryPart part{group.name, static_cast<Index>(facets.size()), 0.0};
     for (const Index f : facets) part.measure += result.mesh->facet_measure(f);
@@ -275,7 +269,24 @@ PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& se
   }
   for (const auto& region : graded_regions(settings))
     located(settings, region.where, [&] { return result.mesh->region(region.name); });
-  result.materials = region_materials(settings, *result.mesh);
+  result.materials = region_materials(settings, at_rest != nullptr, *result.mesh);
+  return result;
+}
+
+}  // namespace
+
+template <int Dim> double mesh_size(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings) {
+  return source.ratio > 0.0 ? settings.approximation.spacing / source.ratio : source.size;
+}
+
+template <int Dim>
+PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings, const Monitor& monitor) {
+  return prepare_mesh<Dim>(source, settings, nullptr, monitor);
+}
+
+template <int Dim>
+PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor) {
+  PreparedMesh<Dim> result = prepare_mesh(source, settings.common, &settings, monitor);
   result.densities = region_densities(settings, *result.mesh);
   check_probes(settings, *result.mesh, result.remarks);
   return result;
@@ -290,8 +301,8 @@ template <int Dim> bool can_hold_strongly(const Settings<Dim>& settings, const P
 }
 
 template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const PreparedMesh<Dim>& mesh) {
-  ElasticModel& model = settings.model;
-  ApproximationOptions& basis = settings.approximation;
+  ElasticModel& model = settings.common.model;
+  ApproximationOptions& basis = settings.common.approximation;
   require(settings.regime_tolerance > 0.0, "regime_tolerance: a number > 0 expected");
   if (!settings.regime) {
     const bool linear = std::ranges::all_of(mesh.materials, [](const auto& of) { return of->linear(); });
@@ -324,9 +335,11 @@ template <int Dim> Settings<Dim> with_defaults(Settings<Dim> settings, const Pre
 
 template Settings<2> with_defaults<2>(Settings<2>, const PreparedMesh<2>&);
 template Settings<3> with_defaults<3>(Settings<3>, const PreparedMesh<3>&);
-template double mesh_size<2>(const MeshSource<2>&, const Settings<2>&);
-template double mesh_size<3>(const MeshSource<3>&, const Settings<3>&);
+template double mesh_size<2>(const MeshSource<2>&, const CommonSettings<2>&);
+template double mesh_size<3>(const MeshSource<3>&, const CommonSettings<3>&);
+template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const CommonSettings<2>&, const Monitor&);
 template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const Settings<2>&, const Monitor&);
+template PreparedMesh<3> prepare<3>(const MeshSource<3>&, const CommonSettings<3>&, const Monitor&);
 template PreparedMesh<3> prepare<3>(const MeshSource<3>&, const Settings<3>&, const Monitor&);
 
 }  // namespace efree

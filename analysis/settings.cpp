@@ -36,12 +36,12 @@ template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& se
 
 template <int Dim> void require_estimates(const Settings<Dim>& settings) {
   if (!settings.cases.empty())
-    throw InputError(internal::said_at(internal::where_said(settings, "accuracy"),
+    throw InputError(internal::said_at(internal::where_said(settings.common, "accuracy"),
                                        "an accuracy cannot be asked for several load cases: ask for it "
                                        "in one of them, and give the others its mesh_size"));
-  if (settings.approximation.kind == BasisKind::mls && settings.corrected) return;
+  if (settings.common.approximation.kind == BasisKind::mls && settings.corrected) return;
   throw InputError(internal::said_at(
-      internal::where_said(settings, "accuracy"),
+      internal::where_said(settings.common, "accuracy"),
       "an accuracy can be asked for where the error is estimated and the answer corrected: with basis.kind = "
       "\"mls\" or \"cells\" and analysis.correction = \"auto\""));
 }

@@ -92,16 +92,26 @@ enum class Regime {
   finite,     ///< all that materials say; those that are linear at finite strains (GreenElastic)
 };
 
-/// A static analysis in the plane or in space; all but the material and, in 2D, model.plane may be left as it is.
-/// `where`, here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is
-/// empty.
+/// What analyses of all kinds are told; all but the material and, in 2D, model.plane may be left as it is. `where`,
+/// here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is empty.
+template <int Dim> struct CommonSettings {
+  std::string title{};                            ///< for people
+  std::string where{};                            ///< all of it: the case file
+  ElasticModel model{};                           ///< but for `regions` and `open_interface`, which the mesh tells
+  std::vector<RegionMaterial> materials{};        ///< one for each region; empty: model.material everywhere
+  Parameter density = 0.0;                        ///< of model.material [mass / volume]; 0: not said
+  std::vector<NamedSelection<Dim>> selections{};  ///< parts of the boundary besides those the mesh has
+  ApproximationOptions approximation{};           ///< functions and quadrature
+  /// Where boundaries that settings name were said, in the order to report them, and where regions with a spacing of
+  /// their own were. What is missing here is nowhere in particular.
+  std::vector<Mention> groups{}, graded{};
+  /// Where single settings were said, by what a case file calls them: "cloud.spacing", "accuracy", ...
+  std::map<std::string, std::string> said{};
+};
+
+/// A static analysis in the plane or in space.
 template <int Dim> struct Settings {
-  std::string title{};                                 ///< for people
-  std::string where{};                                 ///< all of it: the case file
-  ElasticModel model{};                                ///< but for `regions` and `open_interface`, which the mesh tells
-  std::vector<RegionMaterial> materials{};             ///< one for each region; empty: model.material everywhere
-  Parameter density = 0.0;                             ///< of model.material [mass / volume]; 0: not said
-  std::vector<NamedSelection<Dim>> selections{};       ///< parts of the boundary besides those the mesh has
+  CommonSettings<Dim> common{};
   std::vector<DisplacementCondition<Dim>> supports{};  ///< displacements that are prescribed
   Loads<Dim> loads{};                                  ///< forces; but for their density, which the materials tell
   /// Load cases, each besides `loads`: solved with one matrix, each by itself. Empty: `loads` alone.
@@ -110,11 +120,6 @@ template <int Dim> struct Settings {
   std::vector<Probe<Dim>> probes{};                           ///< points to report
   std::vector<Reaction> reactions{};                          ///< parts whose forces to report
   bool largest_displacement = false, largest_stress = false;  ///< extremes whose errors to report
-  /// Where boundaries that supports, loads, reactions and spacings name were said, in the order to report them, and
-  /// where regions with a spacing of their own were. What is missing here is nowhere in particular.
-  std::vector<Mention> groups{}, graded{};
-  /// Where single settings were said, by what a case file calls them: "cloud.spacing", "accuracy", ...
-  std::map<std::string, std::string> said{};
 
   /// Steps to take; empty: one step if what is modelled is linear, else those of TimeSettings.
   std::optional<TimeSettings<Dim>> time{};
@@ -124,7 +129,6 @@ template <int Dim> struct Settings {
   double regime_tolerance = 0.01;
   Steps<Dim> steps{};  ///< where these begin, and who hears of them
 
-  ApproximationOptions approximation{};  ///< functions and quadrature
   OnCells cells = OnCells::automatic;
   bool estimated = true;           ///< say how far the answer is from the finite elements of the fine mesh
   bool corrected = true;           ///< hand out the corrected answer, not that of the cloud
@@ -132,8 +136,7 @@ template <int Dim> struct Settings {
   double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
   std::vector<Goal> goals{};       ///< wanted errors of probes and reactions
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
-  bool keeps_free_bodies = false;  ///< bodies that nothing holds or loads stay: those in motion need not be held
-  double largest_error = 0.5;      ///< relative, in the energy norm, beyond which the answer is no answer
+  double largest_error = 0.5;  ///< relative, in the energy norm, beyond which the answer is no answer
 
   bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
   bool has_exact() const { return exact.displacement || exact.stress; }

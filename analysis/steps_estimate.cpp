@@ -38,7 +38,7 @@ template <int Dim> bool is_deformed(const Result<Dim>& result) {
 template <int Dim> std::string reason_not_to(const Settings<Dim>& settings, const Result<Dim>& result) {
   const Approximation<Dim>& cloud = result.approximation;
   const FineMesh<Dim>& mesh = *result.mesh;
-  if (settings.approximation.kind != BasisKind::mls) return "there is no cloud beside the finite elements";
+  if (settings.common.approximation.kind != BasisKind::mls) return "there is no cloud beside the finite elements";
   if (!settings.estimated) return "nobody asked for it";
   if (!is_elastic(result.model)) return "materials flow, and what they remember depends on the whole path";
   if (result.instability.size() > 0) return "the body was not stable on its way";

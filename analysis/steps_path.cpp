@@ -425,7 +425,7 @@ template <int Dim> class Walk {
 /// nothing does.
 template <int Dim> void estimate_path_errors(const Settings<Dim>& settings, const std::string& unknown,
                                              const Result<Dim>* coarsest, Result<Dim>& result, const Monitor& monitor) {
-  const bool cloud = settings.approximation.kind == BasisKind::mls;
+  const bool cloud = settings.common.approximation.kind == BasisKind::mls;
   const bool possible = settings.estimated && (cloud || settings.steps.coarser);
   const std::string also = possible                       ? estimate_path(settings, coarsest, result, monitor)
                            : settings.estimated && !cloud ? "there is no coarser mesh to compare with"
@@ -457,7 +457,7 @@ template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approxima
 }
 
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  return settings.time.has_value() || !materials_of(settings.model, mesh).linear();
+  return settings.time.has_value() || !materials_of(settings.common.model, mesh).linear();
 }
 
 template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Result<Dim>* coarsest, Result<Dim>& result,
@@ -472,7 +472,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
         "case",
         "load cases share one matrix: materials have to be linear (analysis.model = \"linear\" takes them so), and "
         "nothing may change with time");
-  const ApproximationOptions& options = settings.approximation;
+  const ApproximationOptions& options = settings.common.approximation;
   approximate_once(settings, result, monitor);
   const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program_of(settings));
   Walk<Dim> walk(settings, full, result, monitor);
@@ -493,7 +493,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
     result.warnings.push_back(
         "linear elements lock where materials flow or are nearly incompressible (nu > 0.4): the body is far stiffer "
         "than it should be; take moving least squares, or quadratic elements");
-  const auto doubtful = doubts(settings.approximation, result.approximation);
+  const auto doubtful = doubts(settings.common.approximation, result.approximation);
   result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
   if (equations.finite_strain())
     for (const auto& load : result.balance.loads)
@@ -502,7 +502,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
             fmt::format("pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the "
                         "body, as it would with follower = true",
                         load.on));
-  if (settings.model.plane == Plane::stress)
+  if (settings.common.model.plane == Plane::stress)
     for (const auto& load : result.balance.loads)
       if (load.kind == "follower_pressure")
         result.warnings.push_back(fmt::format(

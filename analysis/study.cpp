@@ -34,7 +34,8 @@ Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
 
 template <int Dim> std::vector<Method> methods_for(const Settings<Dim>& settings, bool compare) {
   if (!compare)
-    return {method_of(settings.approximation.kind, settings.approximation.secondary, settings.approximation.ratio)};
+    return {method_of(settings.common.approximation.kind, settings.common.approximation.secondary,
+                      settings.common.approximation.ratio)};
   std::vector<Method> methods;
   for (const double ratio : {1.0, 2.0, 4.0}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::cells, ratio));
   for (const double ratio : {1.5, 2.5}) methods.push_back(method_of(BasisKind::mls, SecondaryKind::linear, ratio));
@@ -55,7 +56,7 @@ template <int Dim> struct Variant {
   /// H/h; 0 if the source's own mesh holds.
   double mesh_ratio() const {
     if (source.ratio > 0.0) return source.ratio;
-    return source.size > 0.0 ? settings.approximation.spacing / source.size : 0.0;
+    return source.size > 0.0 ? settings.common.approximation.spacing / source.size : 0.0;
   }
 };
 
@@ -84,7 +85,7 @@ Grading scaled(Grading grading, double factor) {
 
 template <int Dim> Variant<Dim> configured(Variant<Dim> variant, const Method& method, double size) {
   auto& [source, settings] = variant;
-  ApproximationOptions& options = settings.approximation;
+  ApproximationOptions& options = settings.common.approximation;
   if (method.kind != BasisKind::mls) {
     source.ratio = 0.0;
     source.size = size;
@@ -102,7 +103,7 @@ template <int Dim> Variant<Dim> configured(Variant<Dim> variant, const Method& m
   options.secondary = method.secondary;
   options.ratio = method.ratio;
   options.spacing = size;
-  if (!same_kind) settings.model.essential.reset();
+  if (!same_kind) settings.common.model.essential.reset();
   return variant;
 }
 
@@ -189,7 +190,7 @@ template <int Dim> Study run_study(const MeshSource<Dim>& source, const Settings
                                  fmt::join(options.spacings, ", ")));
   if (settings.cells == OnCells::always)
     throw InputError(internal::said_at(
-        internal::where_said(settings, "basis.kind"),
+        internal::where_said(settings.common, "basis.kind"),
         "a convergence study is of clouds and finite elements; on cells (basis.kind = \"cells\") every answer has its "
         "study, the grids in result.json"));
   const Variant<Dim> given{source, settings};
@@ -209,14 +210,14 @@ template <int Dim> Study run_study(const MeshSource<Dim>& source, const Settings
     const Method& method = study.methods[m];
     Variant<Dim> variant = configured(given, method, size);
     for (int repetition = 0; repetition < options.seeds; ++repetition) {
-      const std::uint64_t seed = settings.approximation.seed + static_cast<std::uint64_t>(repetition);
+      const std::uint64_t seed = settings.common.approximation.seed + static_cast<std::uint64_t>(repetition);
       const std::string run = fmt::format("{}, spacing {:.4g}, seed {}", method.name, size, seed);
       Monitor::Progress still;  // the run goes on: its stages are none of the study
       if (monitor.progress) {
         still = [&](const std::string&, double) { monitor.progress(run, done / work); };
         monitor.progress(run, done / work);
       }
-      variant.settings.approximation.seed = seed;
+      variant.settings.common.approximation.seed = seed;
       try {
         study.rows.push_back(
             row_of(m, size, seed,

@@ -99,12 +99,12 @@ template <int Dim>
 Case<Dim> fixed_case(const Trial<Dim>& trial, const Setting& setting, double size, double tolerance) {
   Case<Dim> analysis = trial.analysis;
   analysis.geometry.size = size;
-  analysis.approximation.kind = setting.kind;
-  analysis.approximation.interpolation = setting.degree;
+  analysis.common.approximation.kind = setting.kind;
+  analysis.common.approximation.interpolation = setting.degree;
   analysis.estimated = analysis.corrected = setting.corrected;
   analysis.correction.tolerance = tolerance;
   analysis.cells = setting.cells ? OnCells::always : OnCells::never;
-  analysis.model.essential.reset();  // what becomes the basis
+  analysis.common.model.essential.reset();  // what becomes the basis
   return analysis;
 }
 
@@ -271,12 +271,12 @@ template <int Dim> Case<Dim> said(std::function<MeshData<Dim>(double size)> mesh
                                   const ElasticModel& model, std::vector<DisplacementCondition<Dim>> supports,
                                   Loads<Dim> loads, double coarsest = 8.0) {
   Case<Dim> analysis;
-  analysis.where = "bench_accuracy";
+  analysis.common.where = "bench_accuracy";
   analysis.geometry.mesh = [mesh = std::move(mesh), natural, coarsest](const MeshSize& size, const Stage&) {
     const double length = size.length > 0.0 ? size.length : std::min(size.coarsening, coarsest) * natural;
     return MadeMesh<Dim>{.mesh = mesh(length), .size = length};
   };
-  analysis.model = model;
+  analysis.common.model = model;
   analysis.supports = std::move(supports);
   analysis.loads = std::move(loads);
   analysis.largest_error = 1e9;
@@ -397,7 +397,7 @@ int main(int argc, char** argv) {
                             inclusion->model(Essential::nitsche), quarter, inclusion->loads(), coarsest_of_arcs);
     const MeshData<2> mesh = inclusion->mesh(0.5);
     for (std::size_t r = 0; r < mesh.region_names.size(); ++r)
-      analysis.materials.push_back({mesh.region_names[r], analysis.model.regions[r], ""});
+      analysis.common.materials.push_back({mesh.region_names[r], analysis.common.model.regions[r], ""});
     analysis.exact = inclusion->exact();
     run(inclusion == &stiff ? "inclusion 1000 : 1" : "inclusion 1 : 1000", analysis, 0.15, 0.0, 0.0);
   }

@@ -34,7 +34,7 @@ struct Cook {
   Settings<2> settings() const {
     const SharedMaterial material =
         finite ? SharedMaterial(NeoHookean({.E = 240.565, .nu = nu})) : SharedMaterial(LinearElastic(240.565, nu));
-    return {.model = {.material = material, .plane = Plane::strain},
+    return {.common = {.model = {.material = material, .plane = Plane::strain}},
             .supports = {clamp<2>("left")},
             .loads = {.tractions = {{"right", [](const Vec<2>&, const Vec<2>&) { return Vec<2>(0.0, 100.0 / 16.0); }}}},
             .probes = {{"tip", {48.0, 52.0}}}};
@@ -42,13 +42,13 @@ struct Cook {
   /// The cloud by itself, without the corrections towards elements.
   Settings<2> cloud(double spacing, std::uint64_t seed = 1) const {
     Settings<2> result = settings();
-    result.approximation = {.spacing = spacing, .seed = seed};
+    result.common.approximation = {.spacing = spacing, .seed = seed};
     result.estimated = result.corrected = false;
     return result;
   }
   Settings<2> elements(BasisKind kind) const {
     Settings<2> result = settings();
-    result.approximation = {.kind = kind};
+    result.common.approximation = {.kind = kind};
     result.estimated = result.corrected = false;
     return result;
   }

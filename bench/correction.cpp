@@ -199,7 +199,7 @@ Problem<3> real_file(const std::filesystem::path& file, double size) {
   auto analysis = std::get<Case<3>>(read_case(file));
   if (size > 0.0) analysis.geometry.size = size;
   auto made = prepare(analysis);
-  ElasticModel model = analysis.model;
+  ElasticModel model = analysis.common.model;
   model.regions = made.materials;
   model.open_interface = made.open_interface;
   return {*made.mesh, made.size, model, analysis.supports, analysis.loads};

@@ -34,8 +34,8 @@ template <int Dim> Measure truth(Case<Dim> analysis, const Result<Dim>& result, 
   // Elements have their regions share nodes; the mesh of moving least squares is cut along their interfaces.
   const bool cut = mesh.mesh->num_regions() > 1;
   if (!result.estimates || (unknowns < 3e5 && !cut)) {
-    analysis.approximation = {.kind = BasisKind::p2};
-    analysis.model.essential = Essential::strong;
+    analysis.common.approximation = {.kind = BasisKind::p2};
+    analysis.common.model.essential = Essential::strong;
     const Result<Dim> direct = cut ? analyse(analysis) : analyse(mesh, analysis);
     return measure<Dim>(direct.solution.strain_energy, direct.fields.displacement);
   }
@@ -53,7 +53,7 @@ template <int Dim> Measure truth(Case<Dim> analysis, const Result<Dim>& result, 
 template <int Dim> void study(const std::string& name, Case<Dim> analysis, bool defaults) {
   if (defaults) {
     analysis.geometry.size = analysis.geometry.ratio = 0.0;
-    analysis.approximation.spacing = 0.0;
+    analysis.common.approximation.spacing = 0.0;
   }
   analysis.largest_error = 1e9;  // how wrong an answer is matters more here than that it would be refused
   const PreparedMesh<Dim> mesh = prepare(analysis);
@@ -93,7 +93,7 @@ int main(int argc, char** argv) {
     const std::string path = argv[k], name = path.substr(path.find_last_of('/') + 1);
     try {
       std::visit([&](const auto& analysis) { study(name, analysis, std::strcmp(argv[1], "default") == 0); },
-                 read_case(path));
+                 read_static_case(path));
     } catch (const std::exception& error) {
       std::printf("| %s | %s |\n", name.c_str(), error.what());
     }

@@ -38,10 +38,10 @@ struct EdgeCrack {
   Settings<2> settings(double spacing, std::uint64_t seed = 1) const {
     DisplacementCondition<2> rest{"right", {[](const Vec<2>&) { return 0.0; }, [](const Vec<2>&) { return 0.0; }}, {}};
     rest.stiffness = [](const Vec<2>&) { return 1e-6; };
-    return {.model = {.material = LinearElastic(moduli), .plane = Plane::strain},
+    return {.common = {.model = {.material = LinearElastic(moduli), .plane = Plane::strain},
+                       .approximation = {.spacing = spacing, .seed = seed}},
             .supports = {rest},
-            .loads = {.tractions = {tension<2>("top", 1.0), tension<2>("bottom", 1.0)}},
-            .approximation = {.spacing = spacing, .seed = seed}};
+            .loads = {.tractions = {tension<2>("top", 1.0), tension<2>("bottom", 1.0)}}};
   }
 
   /// K of a displacement on the fine mesh: K^2 (1 - nu^2) / E = J = int (s_ij u_i,x - W delta_xj) q,j around the tip, q
@@ -130,7 +130,7 @@ struct Ligament {
     return triangulate(domain, {.size = size});
   }
   Settings<2> settings() const {
-    return {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::strain},
+    return {.common = {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::strain}},
             .supports = {clamp<2>("bottom")},
             .loads = {.tractions = {tension<2>("top", 1.0)}}};
   }

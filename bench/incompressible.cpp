@@ -158,10 +158,10 @@ int main(int argc, char** argv) {
     if (!folder.empty())
       run("liver", nu, [&] {
         auto analysis = std::get<Case<3>>(read_case(folder / "liver.toml"));
-        analysis.model.material = LinearElastic(1.0, nu);
-        const double h = mesh_size(analysis.geometry, analysis);
+        analysis.common.model.material = LinearElastic(1.0, nu);
+        const double h = mesh_size(analysis.geometry, analysis.common);
         auto made = prepare(analysis);
-        ElasticModel model = analysis.model;
+        ElasticModel model = analysis.common.model;
         model.regions = made.materials;
         return Problem<3>{*made.mesh, h, model, analysis.supports, analysis.loads};
       });

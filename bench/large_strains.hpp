@@ -30,8 +30,8 @@ struct LargeCase {
 
 inline Settings<2> large_settings(SharedMaterial material, Plane plane, double step, double stop = 0.5) {
   Settings<2> settings;
-  settings.model.material = std::move(material);
-  settings.model.plane = plane;
+  settings.common.model.material = std::move(material);
+  settings.common.model.plane = plane;
   settings.time = TimeSettings<2>{.path = {.step = step, .stops = {stop}}};
   settings.estimated = settings.corrected = false;
   return settings;

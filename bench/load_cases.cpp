@@ -86,11 +86,11 @@ struct Times {
 template <int Dim>
 void measure(const std::string& body, const MeshSource<Dim>& source, const Method& method, int runs) {
   Settings<Dim> settings;
-  settings.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
+  settings.common.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress};
   DisplacementCondition<Dim> held{.on = "left", .components = {}, .normal = {}};
   held.components.fill([](const Vec<Dim>&) { return 0.0; });
   settings.supports = {held};
-  settings.approximation.kind = method.kind;
+  settings.common.approximation.kind = method.kind;
   settings.estimated = settings.corrected = method.corrected;
   Index cells = 0, degree = 1;
   Times one, ten;

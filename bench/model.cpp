@@ -128,7 +128,7 @@ template <int Dim> TractionCondition<Dim> traction(std::string on, Vec<Dim> t) {
 }
 
 Settings<2> plate(SharedMaterial material, Plane plane) {
-  return {.model = {.material = std::move(material), .plane = plane},
+  return {.common = {.model = {.material = std::move(material), .plane = plane}},
           .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")}};
 }
 
@@ -194,7 +194,7 @@ int main(int argc, char** argv) {
   }
   if (wanted("cantilever")) {
     const auto at = [&](double load) -> Settings<2> {
-      return {.model = {.material = LinearElastic(rubber), .plane = Plane::stress},
+      return {.common = {.model = {.material = LinearElastic(rubber), .plane = Plane::stress}},
               .supports = {clamp<2>("left")},
               .loads = {.tractions = {traction<2>("right", {0.0, load})}, .body_force = {}}};
     };
@@ -205,7 +205,7 @@ int main(int argc, char** argv) {
   }
   if (wanted("block")) {
     const auto at = [&](double load) -> Settings<3> {
-      return {.model = {.material = NeoHookean(rubber)},
+      return {.common = {.model = {.material = NeoHookean(rubber)}},
               .supports = {clamp<3>("left")},
               .loads = {.tractions = {traction<3>("right", {0.0, 0.0, -load})}, .body_force = {}}};
     };

@@ -44,8 +44,8 @@ void study(const char* name, Case<3> analysis, double tolerance, bool elements) 
     const Result<3> result = analyse(mesh, analysis);
     double off = 0.0;
     if (elements) {
-      analysis.approximation.kind = BasisKind::p1;
-      analysis.model.essential = Essential::strong;
+      analysis.common.approximation.kind = BasisKind::p1;
+      analysis.common.model.essential = Essential::strong;
       const Result<3> direct = analyse(analysis);
       off = result.solution.strain_energy / direct.solution.strain_energy - 1.0;
     }
@@ -99,8 +99,8 @@ void study_defaults(const std::string& name, Index n, int degree, bool quarters)
   const double peak = peak_memory_mb();
   if (result.cells) {
     std::vector<SharedMaterial> materials{{}};
-    for (const auto& material : analysis.materials) materials.push_back(material.material);
-    if (materials.size() == 1) materials.push_back(analysis.model.material);
+    for (const auto& material : analysis.common.materials) materials.push_back(material.material);
+    if (materials.size() == 1) materials.push_back(analysis.common.model.material);
     const auto on_cells = [&](double size) {
       return solve_on_cells(*mesh.image, materials, analysis.supports, analysis.loads, {.size = size});
     };

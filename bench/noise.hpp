@@ -65,15 +65,15 @@ inline LabelImage<3> noise_of_three_labels(Index n, int passes, unsigned seed) {
 /// The image held on the left and pulled by a hundredth of its length on the right; moduli of its labels, in order.
 inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector<double>& moduli) {
   Case<3> analysis;
-  analysis.where = "noise";
-  analysis.approximation.interpolation = 1;  // linear elements are the truth here
+  analysis.common.where = "noise";
+  analysis.common.approximation.interpolation = 1;  // linear elements are the truth here
   analysis.geometry.mesh = [image](const MeshSize& h, const Stage&) {
     return MadeMesh<3>{mesh_image(image, {.size = h.length})};
   };
   analysis.geometry.size = size;
-  analysis.model.material = LinearElastic(moduli.front(), 0.3);
+  analysis.common.model.material = LinearElastic(moduli.front(), 0.3);
   for (std::size_t k = 0; k < moduli.size() && moduli.size() > 1; ++k)
-    analysis.materials.push_back({std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
+    analysis.common.materials.push_back({std::to_string(k + 1), LinearElastic(moduli[k], 0.3), "noise"});
   const auto moved = [](const char* on, double x) {
     return DisplacementCondition<3>{
         on,
@@ -81,7 +81,7 @@ inline Case<3> pulled(const LabelImage<3>& image, double size, const std::vector
         nullptr};
   };
   analysis.supports = {moved("left", 0.0), moved("right", 0.01 * image.size[0])};
-  analysis.groups = {{"left", "noise"}, {"right", "noise"}};
+  analysis.common.groups = {{"left", "noise"}, {"right", "noise"}};
   return analysis;
 }
 

@@ -149,7 +149,8 @@ template <int Dim> Chosen run(const PathCase& of, const std::string& setting, co
                                   : std::abs(off) <= of.uncertainty ? "reference"
                                                                     : fmt::format("{:.2f}", *error / std::abs(off));
   Chosen chosen{.cloud = result.approximation.shape.num_nodes() < result.approximation.space.size(),
-                .size = analysis.approximation.spacing > 0.0 ? analysis.approximation.spacing : analysis.geometry.size,
+                .size = analysis.common.approximation.spacing > 0.0 ? analysis.common.approximation.spacing
+                                                                    : analysis.geometry.size,
                 .mesh = result.mesh->size()};
   if (!result.attempts.empty())
     chosen.size = chosen.cloud ? result.attempts.back().spacing : result.attempts.back().size;
@@ -175,7 +176,7 @@ template <int Dim> void study(const PathCase& of, const Case<Dim>& analysis, boo
     factor *= 1.5;
     Case<Dim> finer_case = analysis;
     const double size = chosen.size / factor;
-    if (chosen.cloud) finer_case.approximation.spacing = size;
+    if (chosen.cloud) finer_case.common.approximation.spacing = size;
     finer_case.geometry.size = chosen.cloud ? std::min(chosen.mesh, size / edges_to_spacing) : size;
     finer_case.geometry.sagitta = default_sagitta / (factor * factor);  // else curves have 16 facets to a turn
     run(of, setting, finer_case);
@@ -198,6 +199,6 @@ int main(int argc, char** argv) {
         first >= argc || std::any_of(argv + first, argv + argc, [&](const char* name) { return of.name == name; });
     if (!asked) continue;
     std::visit([&](auto analysis) { study(of, std::move(analysis), finer); },
-               read_case(std::string(EFREE_PATHS) + "/" + of.name + ".toml"));
+               read_static_case(std::string(EFREE_PATHS) + "/" + of.name + ".toml"));
   }
 }

@@ -80,12 +80,12 @@ struct Resolution {
 inline Settings<2> plane_strain(const Metal& metal, ApproximationOptions options, const Resolution& resolution,
                                 const Vec<2>& edge) {
   Settings<2> settings;
-  settings.model.material = metal.material();
-  settings.model.plane = Plane::strain;
+  settings.common.model.material = metal.material();
+  settings.common.model.plane = Plane::strain;
   options.spacing = resolution.spacing;
   const double reach = resolution.at_edge;
   options.grading.boxes = {{{edge[0] - reach, edge[1] - reach}, {edge[0] + reach, edge[1] + reach}, reach}};
-  settings.approximation = options;
+  settings.common.approximation = options;
   settings.time = TimeSettings<2>{.path = {.step = 0.05}};
   return settings;
 }
@@ -153,9 +153,9 @@ struct BentBar {
   FineMesh<2> mesh(double size) const { return triangulate(shapes::rectangle(0.0, 0.0, length, 1.0), {.size = size}); }
   Settings<2> settings(const ApproximationOptions& options) const {
     Settings<2> settings;
-    settings.model.material = metal.material();
-    settings.model.plane = Plane::stress;
-    settings.approximation = options;
+    settings.common.model.material = metal.material();
+    settings.common.model.plane = Plane::stress;
+    settings.common.approximation = options;
     const auto supports = [*this](double time) {
       const double k = curvature(time);
       const ScalarField<2> along = [k](const Vec<2>& x) { return k * x[0] * x[1]; };

@@ -128,22 +128,22 @@ inline double sphere_limit(const Metal& metal) {
 }
 
 /// Which wall, of which kind.
-enum class Wall { tube, tube_of_revolution, tube_in_space, sphere_of_revolution, sphere_in_space };
-constexpr bool in_space(Wall wall) {
-  return wall == Wall::tube_in_space || wall == Wall::sphere_in_space;
+enum class PressedWall { tube, tube_of_revolution, tube_in_space, sphere_of_revolution, sphere_in_space };
+constexpr bool in_space(PressedWall wall) {
+  return wall == PressedWall::tube_in_space || wall == PressedWall::sphere_in_space;
 }
-constexpr bool is_sphere(Wall wall) {
-  return wall == Wall::sphere_of_revolution || wall == Wall::sphere_in_space;
+constexpr bool is_sphere(PressedWall wall) {
+  return wall == PressedWall::sphere_of_revolution || wall == PressedWall::sphere_in_space;
 }
 constexpr double height_of_tube = 0.5;
 
 /// A quarter (plane), a section or an eighth.
-template <int Dim> FineMesh<Dim> mesh_of(Wall wall, double size) {
+template <int Dim> FineMesh<Dim> mesh_of(PressedWall wall, double size) {
   const ThickWall round{.sphere = true}, slice{.sphere = false};
   if constexpr (Dim == 3)
-    return FineMesh<3>((wall == Wall::sphere_in_space ? round : slice).solid(height_of_tube, size));
+    return FineMesh<3>((wall == PressedWall::sphere_in_space ? round : slice).solid(height_of_tube, size));
   else
-    return triangulate((wall == Wall::tube_of_revolution ? slice : round).section(height_of_tube, size),
+    return triangulate((wall == PressedWall::tube_of_revolution ? slice : round).section(height_of_tube, size),
                        {.size = size});
 }
 
@@ -152,19 +152,20 @@ struct Bore {
   std::function<double(double)> displacement{}, pressure{};  ///< one of them
 };
 /// A wall through time.
-template <int Dim> Settings<Dim> wall_settings(Wall wall, const Metal& metal, const ApproximationOptions& options,
-                                               const Bore& bore, const PathOptions& path) {
+template <int Dim> Settings<Dim> wall_settings(PressedWall wall, const Metal& metal,
+                                               const ApproximationOptions& options, const Bore& bore,
+                                               const PathOptions& path) {
   Settings<Dim> settings;
-  settings.model.material = metal.material();
-  if (Dim == 2) settings.model.plane = wall == Wall::tube ? Plane::strain : Plane::axisymmetric;
-  settings.approximation = options;
+  settings.common.model.material = metal.material();
+  if (Dim == 2) settings.common.model.plane = wall == PressedWall::tube ? Plane::strain : Plane::axisymmetric;
+  settings.common.approximation = options;
   const auto supports = [=](double time) {
     std::vector<DisplacementCondition<Dim>> all{symmetry_plane<Dim>("bottom")};
     if (bore.displacement) {
       const double u = bore.displacement(time);
       DisplacementCondition<Dim> outwards{"inner", {}, [u](const Vec<Dim>&) { return -u; }};
       if (options.kind != BasisKind::mls) {  // nodal values know no normals of curved walls
-        const int turning = wall == Wall::tube_of_revolution ? 1 : wall == Wall::tube_in_space ? 2 : Dim;
+        const int turning = wall == PressedWall::tube_of_revolution ? 1 : wall == PressedWall::tube_in_space ? 2 : Dim;
         outwards.normal = {};
         for (int i = 0; i < turning; ++i)
           outwards.components[i] = [=](const Vec<Dim>& x) { return u * x[i] / x.head(turning).norm(); };
@@ -172,8 +173,9 @@ template <int Dim> Settings<Dim> wall_settings(Wall wall, const Metal& metal, co
       all.push_back(std::move(outwards));
     }
     if (Dim == 3) all.push_back(symmetry_plane<Dim>("left")), all.push_back(symmetry_plane<Dim>("front"));
-    if (wall == Wall::tube) all.push_back(symmetry_plane<Dim>("axis"));
-    if (wall == Wall::tube_of_revolution || wall == Wall::tube_in_space) all.push_back(symmetry_plane<Dim>("top"));
+    if (wall == PressedWall::tube) all.push_back(symmetry_plane<Dim>("axis"));
+    if (wall == PressedWall::tube_of_revolution || wall == PressedWall::tube_in_space)
+      all.push_back(symmetry_plane<Dim>("top"));
     return all;
   };
   settings.supports = supports(path.end);
@@ -189,19 +191,19 @@ template <int Dim> Settings<Dim> wall_settings(Wall wall, const Metal& metal, co
 }
 
 /// Pressure on the bore: the force along an axis over the area that it sees.
-template <int Dim> double bore_pressure(Wall wall, const HistoryStep<Dim>& step) {
+template <int Dim> double bore_pressure(PressedWall wall, const HistoryStep<Dim>& step) {
   const Vec<Dim> force = step.reactions.at("inner").force;
   constexpr double pi = std::numbers::pi;
   switch (wall) {
-    case Wall::tube:
+    case PressedWall::tube:
       return 0.5 * (force[0] + force[1]);
-    case Wall::tube_of_revolution:
+    case PressedWall::tube_of_revolution:
       return force[0] / (2.0 * pi * height_of_tube);
-    case Wall::tube_in_space:
+    case PressedWall::tube_in_space:
       return 0.5 * (force[0] + force[1]) / height_of_tube;
-    case Wall::sphere_of_revolution:
+    case PressedWall::sphere_of_revolution:
       return force[1] / pi;
-    case Wall::sphere_in_space:
+    case PressedWall::sphere_in_space:
       return force.sum() / 3.0 / (pi / 4.0);
   }
   return 0.0;

@@ -37,7 +37,7 @@ struct Tube {
                          {"inner", arc(1.0, 1.0, 0.0)}}};
   }
   Settings<2> settings() const {
-    return {.model = {.material = LinearElastic(1.0, nu), .plane = Plane::strain},
+    return {.common = {.model = {.material = LinearElastic(1.0, nu), .plane = Plane::strain}},
             .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
             .loads = {.tractions = {efree::pressure<2>("inner", [](const Vec<2>&) { return 1.0; })}}};
   }

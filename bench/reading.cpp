@@ -41,7 +41,7 @@ template <int Dim> void measure(const Case<Dim>& analysis, int runs) {
 int main(int argc, char** argv) try {
   if (argc < 2) return std::fprintf(stderr, "usage: bench_reading CASE.toml [RUNS]\n"), 2;
   const int runs = argc > 2 ? std::atoi(argv[2]) : 5;
-  std::visit([&](const auto& analysis) { measure(analysis, runs); }, read_case(argv[1]));
+  std::visit([&](const auto& analysis) { measure(analysis, runs); }, read_static_case(argv[1]));
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

@@ -20,7 +20,7 @@ struct Case {
 
 std::vector<Case> cases() {
   constexpr double spacing = 0.25;
-  Settings<2> plate{.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+  Settings<2> plate{.common = {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress}},
                     .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                     .loads = {.tractions = {tension<2>("right", 1.0)}},
                     .probes = {{"hole", {1.0, 0.0}}}};
@@ -49,7 +49,7 @@ void random_clouds(const StudyOf& study) {
         const FineMesh<2> mesh = careless(how, one.domain, one.spacing / 6.0);
         for (int seed = 1; seed <= study.seeds; ++seed) {
           Settings<2> settings = one.settings;
-          settings.approximation = {.spacing = one.spacing, .seed = static_cast<std::uint64_t>(seed)};
+          settings.common.approximation = {.spacing = one.spacing, .seed = static_cast<std::uint64_t>(seed)};
           if (!corrected) settings.estimated = settings.corrected = false;
           const Result<2> result = analyse(mesh, settings);
           const Vec<2> u = result.probes.at(0).second.displacement;

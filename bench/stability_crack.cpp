@@ -32,7 +32,7 @@ void crack(const StudyOf& study) {
       }
       for (const bool quadratic : {false, true}) {
         Settings<2> settings = plate.settings(H);
-        settings.approximation = {.kind = quadratic ? BasisKind::p2 : BasisKind::p1};
+        settings.common.approximation = {.kind = quadratic ? BasisKind::p2 : BasisKind::p1};
         add(quadratic ? "P2" : "P1", per_length, 1, plate.mesh((quadratic ? 2.9 : 1.45) * H), settings);
       }
     }
@@ -66,7 +66,7 @@ void crack(const StudyOf& study) {
   const Ligament thin;
   for (const double h : {0.02, 0.01, 0.005}) {
     Settings<2> settings = thin.settings();
-    settings.approximation = {.kind = BasisKind::p2};
+    settings.common.approximation = {.kind = BasisKind::p2};
     const Result<2> result = analyse(thin.mesh(h), settings);
     energy.row({"P2", fmt::format("{}", h), "1", fmt::format("{}", result.approximation.nodes.cols()),
                 fmt::format("{:.4f}", result.solution.strain_energy)});
@@ -75,7 +75,7 @@ void crack(const StudyOf& study) {
     for (int seed = 1; seed <= study.seeds; ++seed)
       for (const bool corrected : {true, false}) {
         Settings<2> settings = thin.settings();
-        settings.approximation = {.spacing = H, .seed = seed_of(seed)};
+        settings.common.approximation = {.spacing = H, .seed = seed_of(seed)};
         if (!corrected) settings.estimated = settings.corrected = false;
         const Result<2> result = analyse(thin.mesh(H / 6.0), settings);
         energy.row({corrected ? "efree" : "cloud alone", fmt::format("{}", H), fmt::format("{}", seed),

@@ -14,7 +14,7 @@ void cook_truth(const StudyOf& study) {
     for (const auto& truth : Cook::truths)
       for (const double h : {1.6, 0.8, 0.4}) {
         Settings<2> settings = Cook{truth.nu, finite}.elements(BasisKind::p2);
-        settings.approximation.dilatation = averaged_if(truth.nu > 0.4);
+        settings.common.approximation.dilatation = averaged_if(truth.nu > 0.4);
         table.row({finite ? "finite" : "small", fmt::format("{}", truth.nu), fmt::format("{}", h),
                    fmt::format("{:.5f}", Cook::tip(Cook::mesh(h), settings))});
       }
@@ -45,19 +45,19 @@ void volumetric_locking(const StudyOf& study) {
         for (int seed = 1; seed <= study.seeds; ++seed) {
           add(finite, truth, "efree", H, seed, mesh, cook.cloud(H, seed));
           Settings<2> corrected = cook.settings();
-          corrected.approximation = cook.cloud(H, seed).approximation;
+          corrected.common.approximation = cook.cloud(H, seed).common.approximation;
           add(finite, truth, "efree, corrected", H, seed, mesh, corrected);
         }
         Settings<2> full = cook.cloud(H);
-        full.approximation.secondary = SecondaryKind::full;
-        full.approximation.dilatation = Dilatation::pointwise;
+        full.common.approximation.secondary = SecondaryKind::full;
+        full.common.approximation.dilatation = Dilatation::pointwise;
         add(finite, truth, "full integration", H, 1, mesh, full);
         // As many nodes: a cloud has one to 1.15 H^2, triangles one to 0.6 h^2 (P2: 2.4 h^2 are a quarter of those).
         add(finite, truth, "P1", H, 1, Cook::mesh(1.45 * H), cook.elements(BasisKind::p1));
         Settings<2> p2 = cook.elements(BasisKind::p2);
-        p2.approximation.dilatation = Dilatation::pointwise;
+        p2.common.approximation.dilatation = Dilatation::pointwise;
         add(finite, truth, "P2", H, 1, Cook::mesh(2.9 * H), p2);
-        p2.approximation.dilatation = Dilatation::averaged;
+        p2.common.approximation.dilatation = Dilatation::averaged;
         add(finite, truth, "P2 with mean dilatation", H, 1, Cook::mesh(2.9 * H), p2);
       }
     }

@@ -115,7 +115,7 @@ template <int Dim> Vec<2> around_centre(const Voigt<Dim>& stress, const Vec<Dim>
   return {radial, 0.5 * (trace - radial)};
 }
 
-template <int Dim> void unload_one(const Method& method, Wall wall, double size, Lines& lines) {
+template <int Dim> void unload_one(const Method& method, PressedWall wall, double size, Lines& lines) {
   if (left_out(method)) return;
   const Metal metal;
   const double most = 0.8 * sphere_limit(metal);
@@ -163,14 +163,14 @@ void unload(const std::filesystem::path& directory) {
       "CPU s |\n|---|---|---|---|---|---|---|---|\n");
   for (const double H : {0.1, 1.0 / 15.0, 0.05})
     for (const Method& method : {cloud(H), on_linear(H), pointwise(H)})
-      unload_one<2>(method, Wall::sphere_of_revolution, H / 4.0, lines);
+      unload_one<2>(method, PressedWall::sphere_of_revolution, H / 4.0, lines);
   for (const double H : {0.033, 0.025, 0.02, 0.0165, 0.014, 0.0125, 0.011})
-    unload_one<2>(cloud(H), Wall::sphere_of_revolution, H / 4.0, lines);
-  unload_one<2>(elements(BasisKind::p2, 0.1), Wall::sphere_of_revolution, 0.1, lines);
-  unload_one<3>(cloud(0.2), Wall::sphere_in_space, 0.1, lines);
+    unload_one<2>(cloud(H), PressedWall::sphere_of_revolution, H / 4.0, lines);
+  unload_one<2>(elements(BasisKind::p2, 0.1), PressedWall::sphere_of_revolution, 0.1, lines);
+  unload_one<3>(cloud(0.2), PressedWall::sphere_in_space, 0.1, lines);
 }
 
-template <int Dim> void cycle_one(const Method& method, Wall wall, double size, Lines& lines) {
+template <int Dim> void cycle_one(const Method& method, PressedWall wall, double size, Lines& lines) {
   if (left_out(method)) return;
   const Metal metal{.kinematic = 20.0};
   const double u = 0.008;
@@ -211,9 +211,9 @@ void cycle(const std::filesystem::path& directory) {
       "loop | third loop against second | CPU s |\n|---|---|---|---|---|---|---|\n");
   for (const double H : {0.1, 1.0 / 15.0, 0.05})
     for (const Method& method : {cloud(H), on_linear(H), pointwise(H)})
-      cycle_one<2>(method, Wall::sphere_of_revolution, H / 4.0, lines);
-  cycle_one<2>(elements(BasisKind::p2, 0.1), Wall::sphere_of_revolution, 0.1, lines);
-  cycle_one<3>(cloud(0.2), Wall::sphere_in_space, 0.1, lines);
+      cycle_one<2>(method, PressedWall::sphere_of_revolution, H / 4.0, lines);
+  cycle_one<2>(elements(BasisKind::p2, 0.1), PressedWall::sphere_of_revolution, 0.1, lines);
+  cycle_one<3>(cloud(0.2), PressedWall::sphere_in_space, 0.1, lines);
 }
 
 void bend(const std::filesystem::path& directory) {
@@ -297,7 +297,7 @@ void limit(const std::filesystem::path& directory) {
 }
 
 template <int Dim>
-void wall_one(const char* name, Wall wall, const Metal& metal, const Method& method, double size, Lines& lines) {
+void wall_one(const char* name, PressedWall wall, const Metal& metal, const Method& method, double size, Lines& lines) {
   if (left_out(method)) return;
   const double u = is_sphere(wall) ? 0.015 : 0.006;
   const FineMesh<Dim> mesh = mesh_of<Dim>(wall, size);
@@ -332,10 +332,10 @@ void wall(const std::filesystem::path& directory) {
       "elastic one | comes to | CPU s |\n|---|---|---|---|---|---|---|---|---|\n");
   const Metal metal, incompressible{.nu = 0.4999};
   const auto walls = [&](const Method& method, double H) {
-    wall_one<2>("tube in plane strain", Wall::tube, metal, method, H / 4.0, lines);
-    wall_one<2>("tube in plane strain", Wall::tube, incompressible, method, H / 4.0, lines);
-    wall_one<2>("tube of revolution", Wall::tube_of_revolution, incompressible, method, H / 4.0, lines);
-    wall_one<2>("sphere of revolution", Wall::sphere_of_revolution, metal, method, H / 4.0, lines);
+    wall_one<2>("tube in plane strain", PressedWall::tube, metal, method, H / 4.0, lines);
+    wall_one<2>("tube in plane strain", PressedWall::tube, incompressible, method, H / 4.0, lines);
+    wall_one<2>("tube of revolution", PressedWall::tube_of_revolution, incompressible, method, H / 4.0, lines);
+    wall_one<2>("sphere of revolution", PressedWall::sphere_of_revolution, metal, method, H / 4.0, lines);
   };
   for (const double H : {0.1, 1.0 / 15.0}) walls(cloud(H), H);
   for (const Method& method : {on_linear(0.1), pointwise(0.1)}) walls(method, 0.1);
@@ -343,18 +343,18 @@ void wall(const std::filesystem::path& directory) {
     const double size = method.options.kind == BasisKind::p2   ? 0.1
                         : method.options.kind == BasisKind::p1 ? 0.05
                                                                : 0.025;
-    wall_one<2>("tube in plane strain", Wall::tube, incompressible, method, size, lines);
-    wall_one<2>("sphere of revolution", Wall::sphere_of_revolution, metal, method, size, lines);
+    wall_one<2>("tube in plane strain", PressedWall::tube, incompressible, method, size, lines);
+    wall_one<2>("sphere of revolution", PressedWall::sphere_of_revolution, metal, method, size, lines);
   }
-  wall_one<3>("tube in space", Wall::tube_in_space, incompressible, cloud(0.2), 0.1, lines);
-  wall_one<3>("sphere in space", Wall::sphere_in_space, metal, cloud(0.2), 0.1, lines);
+  wall_one<3>("tube in space", PressedWall::tube_in_space, incompressible, cloud(0.2), 0.1, lines);
+  wall_one<3>("sphere in space", PressedWall::sphere_in_space, metal, cloud(0.2), 0.1, lines);
 }
 
 void large_one(const LargeCase& body, const Method& method, const FineMesh<2>& mesh, Lines& lines,
                Index max_steps = 400) {
   if (left_out(method)) return;
   Settings<2> settings = body.settings;
-  settings.approximation = method.options;
+  settings.common.approximation = method.options;
   settings.time->path.max_steps = max_steps;
   const double start = cpu_seconds();
   try {
@@ -444,12 +444,12 @@ void tear(const std::filesystem::path& directory) {
     const Parameter weaker = [=](const Vec<3>& x) {
       return strength * (1.0 - 0.05 * std::exp(-std::pow((x[0] - 1.0) / 0.1, 2)));
     };
-    settings.model.material = Rankine({.moduli = {.E = E, .nu = 0.0},
-                                       .strength = weaker,
-                                       .softening = softening_modulus(strength, Gc, length),
-                                       .strain = Strain::small});
-    settings.model.plane = Plane::strain;
-    settings.approximation = method.options;
+    settings.common.model.material = Rankine({.moduli = {.E = E, .nu = 0.0},
+                                              .strength = weaker,
+                                              .softening = softening_modulus(strength, Gc, length),
+                                              .strain = Strain::small});
+    settings.common.model.plane = Plane::strain;
+    settings.common.approximation = method.options;
     settings.supports = {
         symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), {"right", {[](const Vec<2>&) { return apart; }}, {}}};
     settings.time = TimeSettings<2>{.path = {.control = control, .step = 0.02, .min_step = 1e-6, .max_steps = 300}};

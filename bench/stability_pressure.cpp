@@ -38,19 +38,20 @@ void pressure_oscillation(const StudyOf& study) {
     for (int seed = 1; seed <= study.seeds; ++seed)
       for (const bool corrected : {true, false}) {
         Settings<2> settings = given;
-        settings.approximation = {.spacing = H, .seed = static_cast<std::uint64_t>(seed)};
+        settings.common.approximation = {.spacing = H, .seed = static_cast<std::uint64_t>(seed)};
         if (!corrected) settings.estimated = settings.corrected = false;
         add(corrected ? "efree" : "cloud alone", seed, fine, settings);
       }
     Settings<2> settings = given;
     settings.estimated = settings.corrected = false;
-    settings.approximation = {.spacing = H, .secondary = SecondaryKind::full, .dilatation = Dilatation::pointwise};
+    settings.common.approximation = {
+        .spacing = H, .secondary = SecondaryKind::full, .dilatation = Dilatation::pointwise};
     add("full integration", 1, fine, settings);
-    settings.approximation = {.kind = BasisKind::p1};
+    settings.common.approximation = {.kind = BasisKind::p1};
     add("P1", 1, mesh_of(1.45 * H), settings);
-    settings.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise};
+    settings.common.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise};
     add("P2", 1, mesh_of(2.9 * H), settings);
-    settings.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::averaged};
+    settings.common.approximation = {.kind = BasisKind::p2, .dilatation = Dilatation::averaged};
     add("P2 with mean dilatation", 1, mesh_of(2.9 * H), settings);
   };
 
@@ -72,7 +73,7 @@ void pressure_oscillation(const StudyOf& study) {
         cook, H, Cook{0.4999}.settings(), [](double size) { return Cook::mesh(size); },
         [](const Result<2>& result) { return std::vector{total_variation(result)}; });
   Settings<2> fine = Cook{0.4999}.elements(BasisKind::p2);
-  fine.approximation.dilatation = Dilatation::averaged;
+  fine.common.approximation.dilatation = Dilatation::averaged;
   for (const double h : {0.8, 0.4})
     cook.row({"P2 with mean dilatation (fine)", fmt::format("{}", h), "1", "",
               fmt::format("{:.2f}", total_variation(analyse(Cook::mesh(h), fine)))});

@@ -33,9 +33,9 @@ struct PressedRing {
     }
     return Y * low * low * per_square;
   }
-  FineMesh<2> mesh(double size) const { return mesh_of<2>(Wall::tube, size); }
+  FineMesh<2> mesh(double size) const { return mesh_of<2>(PressedWall::tube, size); }
   Settings<2> settings(const ApproximationOptions& options) const {
-    Settings<2> settings = wall_settings<2>(Wall::tube, metal, options, {.pressure = [](double t) { return t; }},
+    Settings<2> settings = wall_settings<2>(PressedWall::tube, metal, options, {.pressure = [](double t) { return t; }},
                                             {.end = end, .step = 0.02, .stops = {0.10, 0.14}});
     settings.estimated = false;
     constexpr int probes = 7;
@@ -70,9 +70,9 @@ struct BentPlate {
   FineMesh<2> mesh(double size) const { return triangulate(shapes::rectangle(0.0, 0.0, radius, 1.0), {.size = size}); }
   Settings<2> settings(const ApproximationOptions& options, double most) const {
     Settings<2> settings;
-    settings.model.material = metal.material();
-    settings.model.plane = Plane::axisymmetric;
-    settings.approximation = options;
+    settings.common.model.material = metal.material();
+    settings.common.model.plane = Plane::axisymmetric;
+    settings.common.approximation = options;
     settings.supports = {{"right", {ScalarField<2>{}, [](const Vec<2>&) { return 0.0; }}, {}}};
     settings.loads.tractions = {pressure<2>("top", [most](const Vec<2>&) { return most; })};
     settings.time = TimeSettings<2>{.path = {.end = most, .step = 20.0, .max_step = 20.0}};
@@ -98,9 +98,9 @@ struct Footing {
   }
   Settings<2> settings(const ApproximationOptions& options) const {
     Settings<2> settings;
-    settings.model.material = metal.material();
-    settings.model.plane = Plane::strain;
-    settings.approximation = options;
+    settings.common.model.material = metal.material();
+    settings.common.model.plane = Plane::strain;
+    settings.common.approximation = options;
     settings.supports = {clamp<2>("base"),
                          symmetry_plane<2>("far"),
                          symmetry_plane<2>("axis"),

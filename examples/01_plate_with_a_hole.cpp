@@ -36,11 +36,11 @@ static Vec<2> exact_displacement(const Vec<2>& x) {
 static double error(double H) {
   const auto exact_traction = [](const Vec<2>& x, const Vec<2>& n) { return traction<2>(exact_stress(x), n); };
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(a, 4.0 * a, H / 4), {.size = H / 4});
-  const Result<2> plate = analyse(mesh, {.model = {.material = LinearElastic(E, nu), .plane = Plane::stress},
+  const Result<2> plate = analyse(mesh, {.common = {.model = {.material = LinearElastic(E, nu), .plane = Plane::stress},
+                                                    .approximation = {.spacing = H}},
                                          .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                                          .loads = {.tractions = {{"right", exact_traction}, {"top", exact_traction}}},
-                                         .exact = {exact_displacement, exact_stress},
-                                         .approximation = {.spacing = H}});
+                                         .exact = {exact_displacement, exact_stress}});
   std::printf("H = %.2f: %5d nodes, error in displacement %.2e, in energy %.2e (estimated: %.2e)\n", H,
               plate.approximation.shape.num_nodes(), *plate.errors->l2_displacement, *plate.errors->energy_norm,
               plate.estimates->total());

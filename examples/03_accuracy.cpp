@@ -28,10 +28,11 @@ int main() {
   }};
   bool kept = true;
   for (const double asked : {0.1, 0.05, 0.03}) {
-    const Result<2> result = analyse(plate, {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
-                                             .supports = {clamp<2>("top")},
-                                             .loads = {.body_force = [](const Vec<2>&) { return Vec<2>(0.0, -1.0); }},
-                                             .accuracy = asked});
+    const Result<2> result =
+        analyse(plate, {.common = {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress}},
+                        .supports = {clamp<2>("top")},
+                        .loads = {.body_force = [](const Vec<2>&) { return Vec<2>(0.0, -1.0); }},
+                        .accuracy = asked});
     // What an answer lacks of the energy is the energy of its error: nothing but the load does work.
     const double error = std::sqrt(std::abs(1.0 - result.solution.strain_energy / true_energy));
     std::printf("asked for %2.0f %%: said %.1f %%, true %.1f %%; cells tried:", 100 * asked,

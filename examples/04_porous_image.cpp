@@ -35,7 +35,8 @@ int main() {
   const double by_cells = modulus(cells.extrapolated_energy);
 
   const FineMesh<3> mesh(keep_largest(mesh_on_lattice(image, {.size = 2.0}).mesh).mesh);
-  const Result<3> cloud = analyse(mesh, {.model = {.material = LinearElastic(E, nu)}, .supports = supports});
+  const Result<3> cloud =
+      analyse(mesh, {.common = {.model = {.material = LinearElastic(E, nu)}}, .supports = supports});
   const double by_cloud = modulus(cloud.solution.strain_energy), left = cloud.estimates->total();
 
   std::printf("%.1f %% solid, Voigt's bound %.4f\n", 100 * solid, E * solid);

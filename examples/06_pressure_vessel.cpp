@@ -33,12 +33,13 @@ static double error(int through) {
                                           {"top", {{b, 0.5}, {a, 0.5}}},
                                           {"inner", {{a, 0.5}, {a, 0}}}}};
   const FineMesh<2> mesh = triangulate(section, {.size = H / 4});
-  const Result<2> wall = analyse(mesh, {.model = {.material = LinearElastic(E, nu), .plane = Plane::axisymmetric},
-                                        .supports = {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")},
-                                        .loads = {.tractions = {pressure<2>("inner", [](const Vec<2>&) { return p; })}},
-                                        .exact = {displacement, stress},
-                                        .probes = {{"inner wall", {a, 0.25}}},
-                                        .approximation = {.spacing = H}});
+  const Result<2> wall =
+      analyse(mesh, {.common = {.model = {.material = LinearElastic(E, nu), .plane = Plane::axisymmetric},
+                                .approximation = {.spacing = H}},
+                     .supports = {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")},
+                     .loads = {.tractions = {pressure<2>("inner", [](const Vec<2>&) { return p; })}},
+                     .exact = {displacement, stress},
+                     .probes = {{"inner wall", {a, 0.25}}}});
   const double hoop = wall.probes[0].second.stress[2];
   std::printf(
       "%2d nodes through the wall: errors in displacement %.2e, in energy %.2e (estimated: %.2e), "

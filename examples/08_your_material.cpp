@@ -47,10 +47,9 @@ int main() {
   constexpr double E = (C11 - C12) * (C11 + 2.0 * C12) / (C11 + C12), nu = C12 / (C11 + C12);
   const FineMesh<3> mesh(solids::box({1.0, 1.0, 1.0}, 0.2));
   const Result<3> crystal =
-      analyse(mesh, {.model = {.material = CubicCrystal(C11, C12, C44)},
+      analyse(mesh, {.common = {.model = {.material = CubicCrystal(C11, C12, C44)}, .approximation = {.spacing = 0.5}},
                      .supports = {symmetry_plane<3>("left"), symmetry_plane<3>("front"), symmetry_plane<3>("bottom")},
-                     .loads = {.tractions = {tension<3>("right", 1.0)}},
-                     .approximation = {.spacing = 0.5}});
+                     .loads = {.tractions = {tension<3>("right", 1.0)}}});
   const Points<3> exact = Vec<3>(1.0 / E, -nu / E, -nu / E).asDiagonal() * crystal.basis().space.points();
   const double error = (crystal.fields.displacement - exact).colwise().norm().maxCoeff() * E;
   std::printf("E = %.1f GPa along the axis, nu = %.3f: error of the displacement %.1e\n", E, nu, error);

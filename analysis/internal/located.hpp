@@ -16,14 +16,15 @@ inline std::string said_at(const std::string& where, const std::string& message)
 }
 
 /// Where a setting was said; if nobody knows, where all of them were.
-template <int Dim> std::string where_said(const Settings<Dim>& settings, const std::string& setting) {
+template <int Dim> std::string where_said(const CommonSettings<Dim>& settings, const std::string& setting) {
   const auto found = settings.said.find(setting);
   return found == settings.said.end() ? settings.where : found->second;
 }
 
 /// Calls `work`; what is wrong with the input is said with the place where it was said in front, once: that of the
 /// setting if it is known, else `where`.
-template <int Dim, class Work> auto located(const Settings<Dim>& settings, const std::string& where, const Work& work) {
+template <int Dim, class Work>
+auto located(const CommonSettings<Dim>& settings, const std::string& where, const Work& work) {
   try {
     return work();
   } catch (const SettingError& error) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/analyse.hpp"
+#include "efree/analysis/dynamics.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <cstdint>
@@ -13,20 +14,28 @@ namespace efree {
 
 /// Tells a case from others.
 struct CaseMark {
-  std::uint64_t what = 0;  ///< all that the case file says, and the geometry's file, but for the steps
-  std::uint64_t how = 0;   ///< the steps: of [time] all but `end` and `output`; `end` where loads are expressions of t
+  std::uint64_t what = 0;  ///< all that the case file says, and its files, but for the steps
+  /// The steps. Static: of [time] all but `end` and `output`; `end` where loads are expressions of t. Dynamics: 0, and
+  /// `what` is without [time] and [output].
+  std::uint64_t how = 0;
 
   bool operator==(const CaseMark&) const = default;
 };
 
-/// The settings of an analysis and its geometry, as read from a case file and before anything is computed.
+/// A static analysis and its geometry, as read from a case file and before anything is computed.
 template <int Dim> struct Case : Settings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
 };
+/// The same of explicit dynamics.
+template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
+  MeshSource<Dim> geometry;
+  CaseMark mark{};
+};
 
-/// The geometry decides which.
-using AnyCase = std::variant<Case<2>, Case<3>>;
+/// analysis.kind and the geometry decide which.
+using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>>;
+using StaticCase = std::variant<Case<2>, Case<3>>;
 
 /// Reads and checks a case file. Throws InputError beginning with "file:line:" for a file that cannot be read, a syntax
 /// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
@@ -34,10 +43,16 @@ using AnyCase = std::variant<Case<2>, Case<3>>;
 /// prepare. Files are read, and the geometry is meshed, as `reading` says. Stage, where gmsh has to be asked for the
 /// dimension: read.
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
+/// The same; throws InputError also for a case of explicit dynamics.
+StaticCase read_static_case(const std::filesystem::path& file, const Reading& reading = {},
+                            const Monitor& monitor = {});
 
 /// prepare, analyse and analyse_to_accuracy with the case's own geometry.
 template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {
-  return prepare(analysis.geometry, analysis, monitor);
+  return prepare<Dim>(analysis.geometry, static_cast<const Settings<Dim>&>(analysis), monitor);
+}
+template <int Dim> PreparedMesh<Dim> prepare(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
+  return prepare<Dim>(dynamics_case.geometry, dynamics_case.common, monitor);
 }
 /// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
@@ -46,6 +61,11 @@ template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor&
 /// On as many as it takes.
 template <int Dim> Result<Dim> analyse_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return analyse_to_accuracy(analysis.geometry, analysis, monitor);
+}
+/// prepare and build_dynamics_model with the case's own geometry.
+template <int Dim>
+DynamicsModel<Dim> build_dynamics_model(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
+  return build_dynamics_model<Dim>(prepare(dynamics_case, monitor), dynamics_case, monitor);
 }
 
 }  // namespace efree

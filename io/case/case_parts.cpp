@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/case/internal/case_parts.hpp"
 
+#include "efree/io/case/internal/read_geometry.hpp"
+
 #include <fmt/format.h>
 #include <algorithm>
 #include <fstream>
@@ -35,6 +37,17 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
   return expressions;
 }
 
+template <int Dim> void read_common(const CaseText& text, const Section& analysis, const PlaneNames& planes,
+                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry) {
+  common.where = text.file.string();
+  common.said = places_in(text.root);
+  common.title = text.root.text("title", text.file.stem().string());
+  geometry = read_geometry<Dim>(text.geometry, text.folder(), text.reading);
+  if (Dim == 3 && analysis.has("plane"))
+    analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
+  common.model.plane = analysis.choice<Plane>("plane", planes, Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+}
+
 Section::Keys cloud_keys() {
   return {"spacing", "seed",  "support", "weight",  "kernel",    "features",
           "growth",  "least", "boxes",   "regions", "boundaries"};
@@ -44,16 +57,15 @@ Section::Keys quadrature_keys() {
 }
 
 template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
-                                           double mesh_ratio, Settings<Dim>& result) {
+                                           double mesh_ratio, CommonSettings<Dim>& result) {
   ApproximationOptions& options = result.approximation;
-  using Kind = std::pair<BasisKind, OnCells>;
-  std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
-                                                            {{"auto", {BasisKind::mls, OnCells::automatic}},
-                                                             {"mls", {BasisKind::mls, OnCells::never}},
-                                                             {"p1", {BasisKind::p1, OnCells::never}},
-                                                             {"p2", {BasisKind::p2, OnCells::never}},
-                                                             {"cells", {BasisKind::mls, OnCells::always}}},
-                                                            Kind{BasisKind::mls, OnCells::automatic});
+  options.kind = basis.choice<BasisKind>("kind",
+                                         {{"auto", BasisKind::mls},
+                                          {"mls", BasisKind::mls},
+                                          {"p1", BasisKind::p1},
+                                          {"p2", BasisKind::p2},
+                                          {"cells", BasisKind::mls}},
+                                         options.kind);
   options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
   options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 
@@ -140,8 +152,10 @@ void add_file(Fingerprint& to, const std::filesystem::path& file) {
 
 template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const ExpressionTime&);
 template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const ExpressionTime&);
-template void read_approximation<2>(const Section&, const Section&, const Section&, double, Settings<2>&);
-template void read_approximation<3>(const Section&, const Section&, const Section&, double, Settings<3>&);
+template void read_approximation<2>(const Section&, const Section&, const Section&, double, CommonSettings<2>&);
+template void read_common<2>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<2>&, MeshSource<2>&);
+template void read_approximation<3>(const Section&, const Section&, const Section&, double, CommonSettings<3>&);
+template void read_common<3>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<3>&, MeshSource<3>&);
 template Grading read_grading<2>(const Section&, PlaceReader<2>&, std::vector<Mention>&);
 template Grading read_grading<3>(const Section&, PlaceReader<3>&, std::vector<Mention>&);
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/io/case/dynamics_case.hpp"
-
+/// Explicit dynamics.
 #include "efree/core/error.hpp"
 #include "efree/geometry/input/surface.hpp"
 #include "efree/io/case/internal/case_parts.hpp"
+#include "efree/io/case/internal/case_readers.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
-#include "efree/io/case/internal/read_geometry.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -14,44 +13,8 @@
 #include <limits>
 #include <set>
 
-namespace efree {
+namespace efree::internal {
 namespace {
-
-using internal::Section, internal::Interval, internal::any_number, internal::positive, internal::not_negative;
-
-const Section::Keys dynamics_analysis_keys{"kind", "plane", "gravity", "body_force", "rotation"};
-constexpr const char* former_kind = "otm";
-
-std::string analysis_kind(const toml::table& table) {
-  return table["analysis"]["kind"].value_or(std::string());
-}
-
-/// Fails for a key of earlier versions: the message names its place now.
-void reject_former_keys(const toml::table& table, const std::string& file) {
-  struct FormerKey {
-    const char *section, *key, *place;
-  };
-  constexpr FormerKey former_keys[] = {
-      {"analysis", "acceleration", "gravity in [analysis]"},
-      {"otm", "renewal", "reconnection_strain in [otm]"},
-      {"otm", "injection", "insertion in [otm]"},
-      {"otm", "courant", "courant in [dynamics]"},
-      {"otm", "imbalance", "imbalance in [dynamics]"},
-      {"otm", "shock", "shock in [dynamics]"},
-      {"contact", "seizing", "seizing in [otm]"},
-  };
-  const Section root(table, "", file, {});
-  if (analysis_kind(table) == former_kind)
-    root.section("analysis", {})
-        .fail("kind",
-              "kind \"otm\" has a new name: write kind = \"dynamics\". [dynamics] has "
-              "the method, \"otm\" or, with a [cloud], \"total_lagrangian\"");
-  if (root.has("tool")) root.fail("tool", "[[tool]] has a new name: write [[rigid_body]]");
-  for (const auto& [section, key, place] : former_keys)
-    if (root.is_table(section))
-      if (const Section given = root.section(section, {}); given.has(key))
-        given.fail(key, fmt::format("{} in [{}] has a new place: write {}", key, section, place));
-}
 
 template <int Dim> void read_velocities(const std::vector<Section>& entries, const Expressions<Dim>& expressions,
                                         DynamicsSettings<Dim>& dynamics) {
@@ -128,12 +91,12 @@ template <int Dim, int Size> std::function<Vec<Size>(double)> read_function_of_t
     const std::array<std::string, static_cast<std::size_t>(Size)>& texts, const Section& entry, std::string_view key,
     const Section& root, const ScalarField<Dim>& grey) {
   const std::string where = entry.where(key);
-  const Expressions<Dim> now = internal::read_definitions<Dim>(root, grey, {0.0});
+  const Expressions<Dim> now = read_definitions<Dim>(root, grey, {0.0});
   for (const std::string& text : texts)
     if (now.varies(text, where))
       entry.fail(key,
                  fmt::format("{} of a rigid body is \"{}\", expected an expression of the time t alone", key, text));
-  const auto function = internal::read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
+  const auto function = read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
                             .template fields<static_cast<std::size_t>(Size)>(texts, where);
   return [function](double t) { return Vec<Size>(function(t * Vec<Dim>::Unit(0))); };
 }
@@ -217,8 +180,8 @@ template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, c
 }
 
 template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries,
-                                                 const Expressions<Dim>& expressions,
-                                                 internal::PlaceReader<Dim>& places, DynamicsSettings<Dim>& dynamics) {
+                                                 const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
+                                                 DynamicsSettings<Dim>& dynamics) {
   constexpr const char* axes[] = {"x", "y", "z"};
   for (const Section& entry : entries) {
     BoundaryVelocity<Dim> part{.on = places.name(entry), .velocity = {}};
@@ -347,8 +310,8 @@ template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>&
 }
 
 /// [cloud] and [quadrature].
-template <int Dim> void read_cloud(const Section& root, internal::PlaceReader<Dim>& places, DynamicsCase<Dim>& result) {
-  const Section cloud = root.section("cloud", internal::cloud_keys());
+template <int Dim> void read_cloud(const Section& root, PlaceReader<Dim>& places, DynamicsCase<Dim>& result) {
+  const Section cloud = root.section("cloud", cloud_keys());
   const Section quadrature = root.section("quadrature", {"basis", "ratio", "dilatation"});
   if (root.has("cloud") && !cloud.has("spacing"))
     cloud.fail("",
@@ -359,14 +322,14 @@ template <int Dim> void read_cloud(const Section& root, internal::PlaceReader<Di
       if (quadrature.has(key))
         quadrature.fail(
             key, fmt::format("{} is for a [cloud], and there is none: every cell of the mesh has one point", key));
-  internal::read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result);
-  result.approximation.grading = internal::read_grading(cloud, places, result.graded);
-  result.dynamics.pressure_patches = quadrature.switch_or_auto("dilatation");
+  read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result.common);
+  result.common.approximation.grading = read_grading(cloud, places, result.common.graded);
+  result.pressure_patches = quadrature.switch_or_auto("dilatation");
 }
 
 /// [[gas]].
-template <int Dim> void read_gases(const std::vector<Section>& entries, internal::PlaceReader<Dim>& places,
-                                   DynamicsSettings<Dim>& dynamics) {
+template <int Dim>
+void read_gases(const std::vector<Section>& entries, PlaceReader<Dim>& places, DynamicsSettings<Dim>& dynamics) {
   for (const Section& entry : entries)
     dynamics.gases.push_back({.on = places.name(entry),
                               .pressure = entry.number("pressure", any_number),
@@ -391,17 +354,25 @@ std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path&
   toml::table rest = table;
   rest.erase("time");
   rest.erase("output");
-  internal::Fingerprint mark;
-  mark.add(internal::text_of(toml::node_view<const toml::node>(rest)));
-  if (geometry.has("file")) internal::add_file(mark, folder / geometry.text("file"));
+  Fingerprint mark;
+  mark.add(text_of(toml::node_view<const toml::node>(rest)));
+  if (geometry.has("file")) add_file(mark, folder / geometry.text("file"));
   for (const Section& body : rigid_bodies)
-    if (body.has("file")) internal::add_file(mark, folder / body.text("file"));
+    if (body.has("file")) add_file(mark, folder / body.text("file"));
   return mark.value();
 }
 
-template <int Dim> DynamicsCase<Dim> read(const std::filesystem::path& file, const toml::table& table,
-                                          const Section& root, const Section& geometry, const Reading& reading) {
-  const Section analysis = root.required_section("analysis", dynamics_analysis_keys);
+}  // namespace
+
+Section::Keys dynamics_keys() {
+  return {"title",    "definitions", "geometry", "cloud",      "quadrature", "analysis", "material",
+          "velocity", "fracture",    "wall",     "rigid_body", "boundary",   "gas",      "contact",
+          "probe",    "time",        "dynamics", "otm",        "output"};
+}
+
+template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
+  const Section& root = text.root;
+  const Section analysis = root.required_section("analysis", {"kind", "plane", "gravity", "body_force", "rotation"});
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
   const auto velocities = root.sections("velocity", {"region", "value"});
@@ -415,59 +386,59 @@ template <int Dim> DynamicsCase<Dim> read(const std::filesystem::path& file, con
   const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
 
   DynamicsCase<Dim> result;
-  DynamicsSettings<Dim>& dynamics = result.dynamics;
-  result.where = file.string();
-  result.said = internal::places_in(root);
-  result.title = root.text("title", file.stem().string());
-  result.keeps_free_bodies = true;
-  result.geometry = internal::read_geometry<Dim>(geometry, file.parent_path(), reading);
-  if (Dim == 3 && analysis.has("plane"))
-    analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
-  result.model.plane =
-      analysis.choice<Plane>("plane", {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}},
-                             Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
-  const Expressions<Dim> expressions = internal::read_definitions<Dim>(
+  read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,
+              result.geometry);
+  const Expressions<Dim> expressions = read_definitions<Dim>(
       root, result.geometry.grey,
       {std::nullopt, "initial velocities, prescribed velocities and gravity do not depend on the time"});
-  internal::MaterialReader<Dim>(expressions, "explicit dynamics asks").read(root, result);
-  internal::PlaceReader<Dim> places(result);
-  dynamics.gravity = read_gravity<Dim>(analysis, expressions);
-  read_velocities<Dim>(velocities, expressions, dynamics);
-  read_fractures<Dim>(fractures, dynamics);
-  read_walls<Dim>(walls, dynamics);
-  read_rigid_bodies<Dim>(rigid_bodies, file.parent_path(), root, result.geometry.grey, dynamics);
-  read_boundary_velocities<Dim>(boundaries, expressions, places, dynamics);
+  MaterialReader<Dim>(expressions, "explicit dynamics asks").read(root, result.common);
+  PlaceReader<Dim> places(result.common);
+  result.gravity = read_gravity<Dim>(analysis, expressions);
+  read_velocities<Dim>(velocities, expressions, result);
+  read_fractures<Dim>(fractures, result);
+  read_walls<Dim>(walls, result);
+  read_rigid_bodies<Dim>(rigid_bodies, text.folder(), root, result.geometry.grey, result);
+  read_boundary_velocities<Dim>(boundaries, expressions, places, result);
   read_cloud(root, places, result);
-  read_dynamics(root, dynamics);
-  read_otm(root, dynamics);
-  read_contact(root, dynamics);
-  read_gases(gases, places, dynamics);
-  read_times(time, output, dynamics);
-  read_probes<Dim>(probes, root.section("definitions", {}), expressions, dynamics);
-  result.mark = {fingerprint(table, file.parent_path(), geometry, rigid_bodies), 0};
+  read_dynamics(root, result);
+  read_otm(root, result);
+  read_contact(root, result);
+  read_gases(gases, places, result);
+  read_times(time, output, result);
+  read_probes<Dim>(probes, root.section("definitions", {}), expressions, result);
+  result.mark = {fingerprint(*text.table, text.folder(), text.geometry, rigid_bodies), 0};
   return result;
 }
 
-}  // namespace
-
-bool is_dynamics_case(const std::filesystem::path& file) {
-  const std::string kind = analysis_kind(internal::parse_toml(file.string()));
-  return kind == "dynamics" || kind == former_kind;
+void reject_former_keys(const Section& root) {
+  if (!root.is_table("analysis")) return;
+  const Section analysis = root.section("analysis", {});
+  const auto kind = analysis.has("kind") ? analysis.table().get("kind")->value_or(std::string()) : std::string();
+  if (kind == "otm")
+    analysis.fail("kind",
+                  "kind \"otm\" has a new name: write kind = \"dynamics\". [dynamics] has the method, \"otm\" or, with "
+                  "a [cloud], \"total_lagrangian\"");
+  if (kind != "dynamics") return;
+  struct FormerKey {
+    const char *section, *key, *place;
+  };
+  constexpr FormerKey former_keys[] = {
+      {"analysis", "acceleration", "gravity in [analysis]"},
+      {"otm", "renewal", "reconnection_strain in [otm]"},
+      {"otm", "injection", "insertion in [otm]"},
+      {"otm", "courant", "courant in [dynamics]"},
+      {"otm", "imbalance", "imbalance in [dynamics]"},
+      {"otm", "shock", "shock in [dynamics]"},
+      {"contact", "seizing", "seizing in [otm]"},
+  };
+  if (root.has("tool")) root.fail("tool", "[[tool]] has a new name: write [[rigid_body]]");
+  for (const auto& [section, key, place] : former_keys)
+    if (root.is_table(section))
+      if (const Section given = root.section(section, {}); given.has(key))
+        given.fail(key, fmt::format("{} in [{}] has a new place: write {}", key, section, place));
 }
 
-AnyDynamicsCase read_dynamics_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
-  const toml::table table = internal::parse_toml(file.string());
-  reject_former_keys(table, file.string());
-  const Section root(
-      table, "", file.string(),
-      {"title", "definitions", "geometry", "cloud", "quadrature", "analysis", "material", "velocity", "fracture",
-       "wall", "rigid_body", "boundary", "gas", "contact", "probe", "time", "dynamics", "otm", "output"});
-  const Section geometry = root.required_section("geometry", internal::geometry_keys());
-  const Section analysis = root.required_section("analysis", dynamics_analysis_keys);
-  if (analysis_kind(table) != "dynamics") analysis.fail("kind", "kind: expected \"dynamics\"");
-  if (internal::geometry_dimension(geometry, file.parent_path(), analysis.has("plane"), reading, monitor) == 2)
-    return read<2>(file, table, root, geometry, reading);
-  return read<3>(file, table, root, geometry, reading);
-}
+template DynamicsCase<2> read_dynamics<2>(const CaseText&);
+template DynamicsCase<3> read_dynamics<3>(const CaseText&);
 
-}  // namespace efree
+}  // namespace efree::internal

@@ -9,7 +9,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
-#include "efree/io/case/dynamics_case.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/io/case/internal/inspection_fields.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
@@ -125,8 +125,7 @@ template <int Dim> Inspection<Dim> inspect_gmsh(const std::string& path, std::st
 }
 
 /// Spacing of the cloud at every vertex; none for finite elements.
-template <int Dim> Vector cloud_spacing(const Settings<Dim>& analysis, const FineMesh<Dim>& mesh) {
-  const ApproximationOptions& options = analysis.approximation;
+template <int Dim> Vector cloud_spacing(const ApproximationOptions& options, const FineMesh<Dim>& mesh) {
   if (options.kind != BasisKind::mls) return {};
   return graded_spacing(mesh, options.spacing > 0.0 ? options.spacing : default_spacing(mesh), options.grading);
 }
@@ -167,15 +166,21 @@ std::optional<typename Inspection<Dim>::Walls> find_walls(const FineMesh<Dim>& m
   return walls;
 }
 
+/// What an analysis can do about walls that its cloud or mesh hardly resolves.
+struct WallRemedies {
+  bool corrections = false, quadratic_cells = false;
+};
+
 /// What follows from walls that cloud or mesh hardly resolve.
-template <int Dim> void remark_on_walls(const Settings<Dim>& analysis, Inspection<Dim>& out) {
+template <int Dim>
+void remark_on_walls(const ApproximationOptions& options, WallRemedies remedies, Inspection<Dim>& out) {
   if (!out.walls) return;
   // A wall bends as it should with two functions across it or more.
   constexpr double enough = 2.0;
   const auto& walls = *out.walls;
   if (walls.spacing > 0.0 && walls.nodes[1] < enough) {
     const double wanted = walls.spacing * walls.nodes[1] / enough;
-    if (analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged)
+    if (remedies.corrections)
       out.remarks.push_back(fmt::format(
           "the cloud alone is too stiff in walls of fewer than {:g} nodes: the answer is corrected towards the "
           "elements "
@@ -187,18 +192,18 @@ template <int Dim> void remark_on_walls(const Settings<Dim>& analysis, Inspectio
           "[cloud] spacing = {:.2g}",
           enough, wanted));
   }
-  if (walls.edges[1] < enough && analysis.approximation.kind != BasisKind::p2)
+  if (walls.edges[1] < enough && options.kind != BasisKind::p2)
     out.remarks.push_back(fmt::format(
         "linear elements are too stiff in walls of fewer than {:g} edges of the fine mesh: {}", enough,
-        analysis.approximation.kind == BasisKind::mls && analysis.approximation.interpolation == 0 &&
-                analysis.corrected && analysis.approximation.dilatation != Dilatation::averaged
+        remedies.corrections && options.kind == BasisKind::mls && options.interpolation == 0
             ? "quadratic ones take over where the estimate asks for them; a smaller mesh_size resolves stresses"
-            : "take a smaller mesh_size or quadratic cells"));
+        : remedies.quadratic_cells ? "take a smaller mesh_size or quadratic cells"
+                                   : "take a smaller mesh_size"));
 }
 
 /// A case as its analysis will see it: with its mesh size, and with the parts it selects.
-template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
-  const PreparedMesh<Dim> made = prepare(analysis);
+template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const PreparedMesh<Dim>& made,
+                                                const ApproximationOptions& options, WallRemedies remedies) {
   const FineMesh<Dim>& mesh = *made.mesh;
   MeshData<Dim> data{mesh.vertices(), mesh.cells(), {}};
   data.region_names = mesh.region_names();
@@ -217,16 +222,28 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
   for (const auto& [name, reported] : made.reports)
     out.facts.emplace_back(name, std::visit([](auto value) { return static_cast<double>(value); }, reported));
   out.remarks = made.warnings;
-  const Settings<Dim> settings = with_defaults<Dim>(analysis, made);
   Vector spacing;
   try {
-    spacing = cloud_spacing(settings, mesh);
+    spacing = cloud_spacing(options, mesh);
   } catch (const InputError& error) {  // of a spacing below the edges of the mesh: what is in the way of an analysis
     out.remarks.emplace_back(error.what());
   }
   out.walls = find_walls(mesh, spacing);
-  remark_on_walls(settings, out);
+  remark_on_walls(options, remedies, out);
   return out;
+}
+template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const Case<Dim>& analysis) {
+  const PreparedMesh<Dim> made = prepare(analysis);
+  const Settings<Dim> settings = with_defaults<Dim>(analysis, made);
+  const ApproximationOptions& options = settings.common.approximation;
+  return inspect_case(
+      path, made, options,
+      {.corrections = settings.corrected && options.dilatation != Dilatation::averaged, .quadratic_cells = true});
+}
+template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const DynamicsCase<Dim>& dynamics_case) {
+  ApproximationOptions options = dynamics_case.common.approximation;
+  if (dynamics_case.method == DynamicsMethod::otm) options.kind = BasisKind::p1;  // no nodes but the vertices
+  return inspect_case(path, prepare(dynamics_case), options, {});
 }
 
 // --- Images ---------------------------------------------------------------------------------------------------------
@@ -398,18 +415,9 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   std::error_code error;  // names that are too long are no files
   if (fs::is_directory(file, error)) throw InputError(fmt::format("{} is a directory, expected a file", path));
   if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
-  if (ends(".toml")) {
-    const auto inspect = [&]<int Dim>(const Case<Dim>& of) -> AnyInspection { return inspect_case(path, of); };
-    if (is_dynamics_case(file))
-      return std::visit(
-          [&](auto dynamics_case) {
-            // There are no nodes but the vertices.
-            if (dynamics_case.dynamics.method == DynamicsMethod::otm) dynamics_case.approximation.kind = BasisKind::p1;
-            return inspect(dynamics_case);
-          },
-          read_dynamics_case(file, reading));
-    return std::visit(inspect, read_case(file, reading));
-  }
+  if (ends(".toml"))
+    return std::visit([&](const auto& of) -> AnyInspection { return inspect_case(path, of); },
+                      read_case(file, reading));
   if (ends(".stl", ".off", ".obj", ".ply")) return inspect_surface(path);
   if (ends(".step", ".stp", ".iges", ".igs", ".brep")) return inspect_gmsh<3>(path, "CAD", reading.trust);
   if (ends(".geo", ".msh")) {

@@ -125,7 +125,7 @@ void check_keys(const Section& section, Model model) {
 
 }  // namespace
 
-template <int Dim> void MaterialReader<Dim>::read(const Section& root, Settings<Dim>& result) const {
+template <int Dim> void MaterialReader<Dim>::read(const Section& root, CommonSettings<Dim>& result) const {
   if (root.has("material") && !root.is_table("material")) {
     result.materials = read_regions(root);
     return;

@@ -152,7 +152,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   const auto balance = dynamics.balance();
   const Ledger ledger = dynamics.ledger();
   ordered_json json;
-  json["title"] = dynamics_case.title;
+  json["title"] = dynamics_case.common.title;
   json["kind"] = "dynamics";
   json["method"] = dynamics.scheme();
   json["dimension"] = Dim;
@@ -167,7 +167,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   for (const RigidState<Dim>& body : dynamics.rigid_bodies()) json["rigid_bodies"].push_back(rigid_body_json(body));
   const Points<Dim> walls = dynamics.wall_forces();
   for (Index w = 0; w < walls.cols(); ++w) json["walls"].push_back({{"force", json_array(walls.col(w))}});
-  json["probes"] = probes_json(dynamics_case.dynamics, model);
+  json["probes"] = probes_json<Dim>(dynamics_case, model);
   json["extremes"] = extremes_json(dynamics);
   json["reports"]["warnings"] = warnings;
   if (const double total = total_time(ledger); total > 0.0)

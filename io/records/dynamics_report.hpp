@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/core/monitor.hpp"
-#include "efree/io/case/dynamics_case.hpp"
+#include "efree/io/case/case_file.hpp"
 
 #include <filesystem>
 #include <string>

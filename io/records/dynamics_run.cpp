@@ -93,10 +93,10 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
   } catch (const InputError&) {
     internal::is_damaged(file);
   }
-  const double end = case_.dynamics.end;
+  const double end = case_.end;
   if (const double now = model.dynamics.time(); now > end * (1.0 + 1e-12))
     throw InputError(internal::said_at(
-        internal::where_said(case_, "time.end"),
+        internal::where_said(case_.common, "time.end"),
         fmt::format("end is {:.6g}, and the steps of the earlier run are at {:.6g} already", end, now)));
   if (!was_killed)
     for (const std::string& name : files_of_run<Dim>(directory_))
@@ -106,7 +106,7 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
 
 template <int Dim> void DynamicsRun<Dim>::add_history_line(const DynamicsModel<Dim>& model) {
   begin();
-  record_->add_line(model.dynamics, probe_columns(case_.dynamics, model));
+  record_->add_line(model.dynamics, probe_columns<Dim>(case_, model));
 }
 
 template <int Dim> void DynamicsRun<Dim>::add_frame(const DynamicsModel<Dim>& model) {
@@ -122,7 +122,7 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
   const auto find = [&](const std::string& name) {
     return std::ranges::find(scalars, name, [](const auto& entry) { return entry.first; });
   };
-  auto field = find(case_.dynamics.colour.empty() ? "equivalent_plastic_strain" : case_.dynamics.colour);
+  auto field = find(case_.colour.empty() ? "equivalent_plastic_strain" : case_.colour);
   if (field == scalars.end()) field = find("von_mises");
   const Index num_points = dynamics.num_points();
   DynamicsPicture<Dim> picture{.points = dynamics.points(),
@@ -132,16 +132,17 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
                                            ? model.point_sizes
                                            : Vector::Constant(num_points, model.point_sizes.mean()),
                                .values = field->second,
-                               .title = fmt::format("{}, time {:.4g}", case_.title, dynamics.time()),
+                               .title = fmt::format("{}, time {:.4g}", case_.common.title, dynamics.time()),
                                .field = field->first,
                                .view = model.initial_box,
-                               .axisymmetric = case_.model.plane == Plane::axisymmetric};
+                               .axisymmetric = case_.common.model.plane == Plane::axisymmetric};
   for (Index a = 0; a < dynamics.num_nodes(); ++a) picture.view.extend(Vec<Dim>(dynamics.nodes().col(a)));
-  for (const auto& [wall, where] : case_.dynamics.walls) picture.walls.push_back(wall);
+  for (const auto& [wall, where] : case_.walls) picture.walls.push_back(wall);
   const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
   for (std::size_t k = 0; k < states.size(); ++k)
-    picture.rigid_bodies.emplace_back([&body = case_.dynamics.rigid_bodies[k].body, state = states[k]](
-                                          const Vec<Dim>& at) { return gap_to<Dim>(body, state, at).gap; });
+    picture.rigid_bodies.emplace_back([&body = case_.rigid_bodies[k].body, state = states[k]](const Vec<Dim>& at) {
+      return gap_to<Dim>(body, state, at).gap;
+    });
   draw_dynamics(file, picture);
 }
 

@@ -2,7 +2,7 @@
 /// Files of a run of explicit dynamics, complete also when it is killed.
 #pragma once
 
-#include "efree/io/case/dynamics_case.hpp"
+#include "efree/io/case/case_file.hpp"
 #include "efree/io/files/output_directory.hpp"
 #include "efree/io/records/dynamics_record.hpp"
 

@@ -413,7 +413,7 @@ template <int Dim> void add_reports(const Settings<Dim>& settings, const Result<
                      {"own_functions", approximation.mls.own_functions},
                      {"quadrature_points_dropped", approximation.dropped_points},
                      {"interpolation", result.basis().space.degree()}};
-  ApproximationOptions asked = settings.approximation;
+  ApproximationOptions asked = settings.common.approximation;
   asked.dilatation = approximation.averaged ? Dilatation::averaged : Dilatation::pointwise;
   const bool has_cloud = approximation.shape.num_nodes() < approximation.space.size();
   json["reports"]["basis"] = result.cells                         ? "cells"
@@ -435,7 +435,7 @@ template <int Dim> void add_reports(const Settings<Dim>& settings, const Result<
 template <int Dim>
 void write_result(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
   ordered_json json;
-  json["title"] = settings.title;
+  json["title"] = settings.common.title;
   json["dimension"] = Dim;
   add_counts(result, json);
   add_model(settings, result, json);

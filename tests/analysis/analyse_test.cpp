@@ -27,7 +27,7 @@ MeshSource<2> plate(double size = 0.0) {
 }
 
 Settings<2> pulled() {
-  return {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+  return {.common = {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress}},
           .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
           .loads = {.tractions = {tension<2>("right", 1.0)}, .body_force = {}},
           .probes = {{"top of the hole", {0.0, 1.0}}}};
@@ -56,7 +56,7 @@ TEST(Analyse, AnswersOnAMeshWithTheErrorOfTheAnswer) {
 
 TEST(Analyse, AnExactSolutionThatIsZeroIsRefusedWhereItWasSaid) {
   Settings<2> settings = pulled();
-  settings.where = "plate.toml";
+  settings.common.where = "plate.toml";
   settings.exact.displacement = [](const Vec<2>&) { return Vec<2>(Vec<2>::Zero()); };
   EXPECT_THAT(complaint([&] { analyse(plate(0.2), settings); }),
               StartsWith("plate.toml: the exact solution is zero everywhere"));
@@ -76,7 +76,7 @@ TEST(Analyse, IsTheSameOnAMeshAndOnTheSourceItCameFrom) {
 TEST(Analyse, OutlivesTheMeshItWasGiven) {
   const auto result = [] {
     return analyse(triangulate(shapes::rectangle(0.0, 0.0, 4.0, 1.0), {.size = 0.2}),
-                   {.model = {.material = LinearElastic(1.0, 0.0), .plane = Plane::stress},
+                   {.common = {.model = {.material = LinearElastic(1.0, 0.0), .plane = Plane::stress}},
                     .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                     .loads = {.tractions = {tension<2>("right", 2.0)}, .body_force = {}}});
   }();
@@ -96,11 +96,11 @@ TEST(Analyse, MessagesBeginWithAPlaceOnlyWhereOneIsKnown) {
   settings.supports.pop_back();
   const std::string free = complaint([&] { analyse(plate(0.4), settings); });
   EXPECT_THAT(free, HasSubstr("translation"));
-  settings.where = "plate.toml";
+  settings.common.where = "plate.toml";
   EXPECT_EQ(complaint([&] { analyse(plate(0.4), settings); }), "plate.toml: " + free);
 
   settings = pulled();
-  settings.materials = {{"steel", LinearElastic(1.0, 0.3)}};
+  settings.common.materials = {{"steel", LinearElastic(1.0, 0.3)}};
   EXPECT_THAT(complaint([&] { analyse(plate(0.4), settings); }), HasSubstr("\"steel\""));
   settings = pulled();
   settings.accuracy = 0.02;
@@ -169,7 +169,7 @@ TEST(Analyse, EndsOnTheWayToAnAccuracy) {
 }
 
 Settings<2> cook(double nu) {
-  return {.model = {.material = LinearElastic(240.565, nu), .plane = Plane::strain},
+  return {.common = {.model = {.material = LinearElastic(240.565, nu), .plane = Plane::strain}},
           .supports = {clamp<2>("left")},
           .loads = {.tractions = {{"right", [](const Vec<2>&, const Vec<2>&) { return Vec<2>(0.0, 100.0 / 16.0); }}},
                     .body_force = {}},
@@ -180,7 +180,7 @@ Settings<2> cook(double nu) {
 TEST(Defaults, CooksMembraneDoesNotLockNearOneHalf) {
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 0.8});
   Settings<2> settings = cook(0.4999);
-  settings.approximation.spacing = 3.2;
+  settings.common.approximation.spacing = 3.2;
   const Result<2> result = analyse(mesh, settings);
   EXPECT_TRUE(result.approximation.averaged);
   EXPECT_NEAR(result.probes.at(0).second.displacement.y() / 7.695, 1.0, 1e-3);
@@ -190,7 +190,7 @@ TEST(Defaults, QuadraticElementsAverageDilatationsBeyondTheirPowersAndLinearOnes
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 4.0});
   const auto with = [&](BasisKind kind, double nu) {
     Settings<2> settings = cook(nu);
-    settings.approximation.kind = kind;
+    settings.common.approximation.kind = kind;
     return analyse(mesh, settings);
   };
   EXPECT_FALSE(with(BasisKind::p2, 0.48).approximation.averaged);
@@ -209,8 +209,9 @@ TEST(Defaults, ArePickedByTheMaterialOfTheWorstRegionAndPlace) {
                   const Stage&) { return MadeMesh<2>{extract(mesh, std::vector<char>(mesh.num_cells(), 1))}; },
       .size = 0.2};
   const auto decided = [&](const SharedMaterial& material, Plane plane) {
-    const Settings<2> settings{.model = {.material = material, .plane = plane}, .supports = {clamp<2>("left")}};
-    return with_defaults(settings, prepare(source, settings)).approximation;
+    const Settings<2> settings{.common = {.model = {.material = material, .plane = plane}},
+                               .supports = {clamp<2>("left")}};
+    return with_defaults(settings, prepare(source, settings)).common.approximation;
   };
   const auto growing = [](double slope) {
     return LinearElastic(1.0, [slope](const Vec<3>& X) { return 0.3 + slope * X.x(); });
@@ -226,22 +227,22 @@ TEST(Defaults, WhatIsSaidIsKept) {
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 4.0});
   Settings<2> settings = cook(0.4999);
   settings.estimated = settings.corrected = false;
-  settings.approximation.dilatation = Dilatation::pointwise;
+  settings.common.approximation.dilatation = Dilatation::pointwise;
   const double locked = analyse(mesh, settings).probes.at(0).second.displacement.y();
-  settings.approximation.dilatation = Dilatation::averaged;
+  settings.common.approximation.dilatation = Dilatation::averaged;
   const Result<2> averaged = analyse(mesh, settings);
   EXPECT_LT(locked, 0.8 * averaged.probes.at(0).second.displacement.y());
-  settings.model.essential = Essential::strong;
+  settings.common.model.essential = Essential::strong;
   PreparedMesh<2> prepared;
   prepared.mesh = averaged.mesh;
-  prepared.materials = {settings.model.material};
-  EXPECT_EQ(with_defaults(settings, prepared).approximation.vanish_on, std::vector<std::string>{"left"});
+  prepared.materials = {settings.common.model.material};
+  EXPECT_EQ(with_defaults(settings, prepared).common.approximation.vanish_on, std::vector<std::string>{"left"});
 }
 
 TEST(Defaults, APlaneIsNeverAssumed) {
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 8.0});
   Settings<2> settings = cook(0.3);
-  settings.model.plane.reset();
+  settings.common.model.plane.reset();
   EXPECT_THAT(complaint([&] { analyse(mesh, settings); }), HasSubstr("plane"));
 }
 

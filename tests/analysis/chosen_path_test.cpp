@@ -38,7 +38,8 @@ MeshSource<2> plate_with_holes() {
 
 /// A slice of a thick cylinder, radii 1 and 2, elastic and perfectly plastic, under internal pressure.
 Settings<2> cylinder(double pressure) {
-  return {.model = {.material = J2({.moduli = {.E = 210.0, .nu = 0.3}, .yield = 0.24}), .plane = Plane::axisymmetric},
+  return {.common = {.model = {.material = J2({.moduli = {.E = 210.0, .nu = 0.3}, .yield = 0.24}),
+                               .plane = Plane::axisymmetric}},
           .supports = {symmetry_plane<2>("bottom"), symmetry_plane<2>("top")},
           .loads = {.tractions = {efree::pressure<2>("left", [=](const Vec<2>&) { return pressure; })}},
           .probes = {{"outer", {2.0, 0.1}}},
@@ -55,10 +56,11 @@ TEST(ChosenPath, FirstCloudHasFourNodesAcrossTheWall) {
   const MeshSource<2> source = rectangle(0.0, 10.0, 1.0, 0.5);  // two edges across
   DisplacementCondition<2> right{"right", {}, {}};
   right.components[1] = [](const Vec<2>&) { return 1.0; };
-  const Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
-                             .supports = {clamp<2>("left"), right},
-                             .time = TimeSettings<2>{.path = {.step = 0.5}},
-                             .approximation = {.support = 2.5}};  // of a cloud
+  const Settings<2> settings{
+      .common = {.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
+                 .approximation = {.support = 2.5}},
+      .supports = {clamp<2>("left"), right},
+      .time = TimeSettings<2>{.path = {.step = 0.5}}};  // of a cloud
   const Result<2> result = analyse(source, settings);
   ASSERT_FALSE(result.attempts.empty());
   EXPECT_LE(result.attempts.front().spacing, 0.25);
@@ -83,10 +85,11 @@ TEST(ChosenPath, PlasticCylinderIsWithinOnePercentOfItsClosedForm) {
 TEST(ChosenPath, FacetsStayAsFineAsWallsNeedThemOnFinerMeshes) {
   DisplacementCondition<2> right{"right", {}, {}};
   right.components[0] = [](const Vec<2>&) { return 0.4; };
-  const Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
-                             .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
-                             .reactions = {{"force", "right"}},
-                             .time = TimeSettings<2>{.path = {.step = 1.0}}};
+  const Settings<2> settings{
+      .common = {.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain}},
+      .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
+      .reactions = {{"force", "right"}},
+      .time = TimeSettings<2>{.path = {.step = 1.0}}};
   const Result<2> result = analyse(plate_with_holes(), settings);
   ASSERT_GT(result.attempts.size(), 1u);
   const double finer = result.attempts.back().size / result.attempts[1].size;  // than the first that may be the result
@@ -106,7 +109,7 @@ TEST(ChosenPath, AMeshThatSaysItsSizeKeepsItAndIsComparedWithACoarserOne) {
 
 TEST(ChosenPath, SpecifiedElementsKeepTheirMeshAndHaveErrorsAgainstCoarserOnes) {
   Settings<2> settings = cylinder(0.18);
-  settings.approximation.kind = BasisKind::p2;
+  settings.common.approximation.kind = BasisKind::p2;
   const MeshSource<2> source = rectangle(1.0, 1.0, 0.2, 0.05);
   const Result<2> result = analyse(source, settings);
   EXPECT_EQ(result.mesh->num_cells(), source.mesh({}, Stage("mesh", {})).mesh.cells.cols()) << "as it is natural";
@@ -130,7 +133,7 @@ TEST(ChosenPath, ElementsOnCellsOfAFileWarnThatErrorsAreNotEstimated) {
     return made;
   }};
   Settings<2> settings = cylinder(0.18);
-  settings.approximation.kind = BasisKind::p2;
+  settings.common.approximation.kind = BasisKind::p2;
   const Result<2> result = analyse(cells, settings);
   EXPECT_EQ(result.attempts.size(), 1u) << "no coarser path";
   EXPECT_FALSE(result.path_errors || result.estimates);
@@ -142,12 +145,12 @@ TEST(ChosenPath, ElementsOnCellsOfAFileWarnThatErrorsAreNotEstimated) {
 /// A quarter of a perfectly plastic plate with a hole, in tension along an arc.
 TEST(ChosenPath, APlateauIsWithinOnePercentOfTheLimitLoadAndSaysHowFar) {
   Settings<2> settings{
-      .model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = 1.0}), .plane = Plane::stress},
+      .common = {.model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = 1.0}), .plane = Plane::stress},
+                 .approximation = {.kind = BasisKind::p2}},
       .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
       .loads = {.tractions = {pressure<2>("right", [](const Vec<2>&) { return -1.0; })}},
       .probes = {{"end", {2.0, 0.0}}},
-      .time = TimeSettings<2>{.path = {.control = Control::arc_length, .end = 1.0, .step = 0.1}},
-      .approximation = {.kind = BasisKind::p2}};
+      .time = TimeSettings<2>{.path = {.control = Control::arc_length, .end = 1.0, .step = 0.1}}};
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 2.0, 0.3), {.size = 0.3});
   const Result<2> result = analyse(mesh, settings);
   EXPECT_THAT(result.stopped, AllOf(HasSubstr("limit load reached"), HasSubstr("[time] until = ")));

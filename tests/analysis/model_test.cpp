@@ -24,7 +24,7 @@ FineMesh<2> plate() {
 }
 /// A quarter of a plate with a hole, pulled along x.
 Settings<2> pulled(SharedMaterial material, double tension_, Plane plane = Plane::stress) {
-  return {.model = {.material = std::move(material), .plane = plane},
+  return {.common = {.model = {.material = std::move(material), .plane = plane}},
           .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
           .loads = {.tractions = {tension<2>("right", tension_)}, .body_force = {}},
           .probes = {{"top of the hole", {0.0, 1.0}}}};
@@ -40,7 +40,7 @@ Settings<2> through_time(Settings<2> settings) {
 }
 /// Held at its left end and bent by a traction on its right one; in a time of one step.
 Settings<2> cantilever(SharedMaterial material, Vec<2> traction) {
-  return {.model = {.material = std::move(material), .plane = Plane::stress},
+  return {.common = {.model = {.material = std::move(material), .plane = Plane::stress}},
           .supports = {clamp<2>("left")},
           .loads = {.tractions = {{"right", [traction](const Vec<2>&, const Vec<2>&) { return traction; }}},
                     .body_force = {}},
@@ -216,9 +216,10 @@ TEST(Model, TheErrorThatIsSaidIsTheOneThatIsMade) {
 
 TEST(Model, EvenStretchIsInBalanceAndYetNotLinear) {
   // No Poisson's ratio: nothing moves across, and every material keeps the straight lines of the linear one.
-  Settings<2> settings{.model = {.material = StVenantKirchhoff({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
-                       .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
-                       .probes = {{"end", {20.0, 1.0}}}};
+  Settings<2> settings{
+      .common = {.model = {.material = StVenantKirchhoff({.E = 1.0, .nu = 0.0}), .plane = Plane::strain}},
+      .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
+      .probes = {{"end", {20.0, 1.0}}}};
   settings.supports.push_back({"right", {}, [](const Vec<2>&) { return -2.0; }});
   const auto mesh = beam();
   for (const bool in_time : {false, true}) {
@@ -255,7 +256,7 @@ TEST(Model, AColumnThatBucklesIsNotLinearThoughItsStrainsAreSmall) {
   const double euler = M_PI * M_PI / (48.0 * 400.0);  // stress of Euler's load, clamped at one end
   const auto check = [&](double share) {
     Settings<2> settings = in(Regime::automatic, cantilever(LinearElastic(moduli), {-share * euler, 0.0}));
-    settings.approximation.kind = BasisKind::p2;
+    settings.common.approximation.kind = BasisKind::p2;
     settings.time.emplace();
     settings.time->path.step = settings.time->path.max_step = 1.0;
     return analyse(mesh, settings).linear_checks.at(0);
@@ -270,13 +271,13 @@ TEST(Model, AColumnThatBucklesIsNotLinearThoughItsStrainsAreSmall) {
 TEST(Model, StressesThatOnlyTheCorrectedAnswerHasAreWarnedOf) {
   const auto mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 4.0, 0.05), {.size = 0.1});
   Settings<2> settings = pulled(J2({.moduli = moduli, .yield = 1.0}), 0.001);
-  settings.approximation.spacing = 1.5;
+  settings.common.approximation.spacing = 1.5;
   const Result<2> free = analyse(mesh, settings);
   ASSERT_EQ(free.regime, Regime::linear);
   EXPECT_THAT(free.warnings, Not(Contains(HasSubstr("what the material bears"))));
   double largest = 0.0;
   for (const auto& stress : free.solution.stress.colwise()) largest = std::max(largest, von_mises<2>(stress));
-  settings.model.material = J2({.moduli = moduli, .yield = 0.97 * largest});
+  settings.common.model.material = J2({.moduli = moduli, .yield = 0.97 * largest});
   const Result<2> over = analyse(mesh, settings);
   ASSERT_EQ(over.regime, Regime::linear) << "the cloud sees less";
   EXPECT_THAT(over.warnings, Contains(HasSubstr("what the material bears")));

@@ -22,12 +22,12 @@ using ::testing::AllOf, ::testing::Contains, ::testing::HasSubstr, ::testing::No
 Settings<2> pulled(SharedMaterial material, double by, Plane plane = Plane::strain) {
   DisplacementCondition<2> right{"right", {}, {}};
   right.components[0] = [by](const Vec<2>&) { return by; };
-  Settings<2> settings{.model = {.material = std::move(material), .plane = plane},
-                       .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
-                       .probes = {{"crown", {0.0, 1.0}}},
-                       .reactions = {{"pull", "right"}},
-                       .time = TimeSettings<2>{.path = {.step = 0.25}},
-                       .approximation = {.spacing = 0.3}};
+  Settings<2> settings{
+      .common = {.model = {.material = std::move(material), .plane = plane}, .approximation = {.spacing = 0.3}},
+      .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
+      .probes = {{"crown", {0.0, 1.0}}},
+      .reactions = {{"pull", "right"}},
+      .time = TimeSettings<2>{.path = {.step = 0.25}}};
   return settings;
 }
 FineMesh<2> plate(double size) {
@@ -36,8 +36,8 @@ FineMesh<2> plate(double size) {
 
 /// The same by quadratic elements alone, all the way.
 Result<2> by_elements(const FineMesh<2>& mesh, Settings<2> settings, Dilatation dilatation) {
-  settings.approximation = {.kind = BasisKind::p2, .dilatation = dilatation};
-  settings.model.essential = Essential::strong;
+  settings.common.approximation = {.kind = BasisKind::p2, .dilatation = dilatation};
+  settings.common.model.essential = Essential::strong;
   return analyse(mesh, settings);
 }
 
@@ -72,7 +72,7 @@ TEST(StepsEstimate, ACorrectedRubberPlateIsThatOfItsElementsAndTheCloudIsOffByWh
     SCOPED_TRACE(nu);
     const FineMesh<2> mesh = plate(nu > 0.45 ? 0.25 : 0.15);  // elements take ever smaller steps as nu grows
     Settings<2> settings = pulled(NeoHookean({.E = 1.0, .nu = nu}), by, plane);
-    settings.approximation.dilatation = dilatation;
+    settings.common.approximation.dilatation = dilatation;
     const Result<2> corrected = analyse(mesh, settings), elements = by_elements(mesh, settings, averaged_if(nu > 0.49));
     ASSERT_TRUE(corrected.estimates && corrected.elements);
     EXPECT_NEAR(crown(corrected), crown(elements), 1e-6 * std::abs(crown(elements)));
@@ -99,7 +99,7 @@ TEST(StepsEstimate, TheErrorOfACloudFallsWithItsSpacing) {
   std::vector<double> errors;
   for (const double spacing : {0.5, 0.25}) {
     Settings<2> settings = pulled(NeoHookean({.E = 1.0, .nu = 0.3}), 3.0);
-    settings.approximation.spacing = spacing;
+    settings.common.approximation.spacing = spacing;
     errors.push_back(analyse(mesh, settings).estimates->uncorrected);
   }
   const double order = std::log2(errors[0] / errors[1]);
@@ -115,10 +115,10 @@ TEST(StepsEstimate, SolidsAreCorrectedToo) {
     const FineMesh<3> mesh(solids::box({1.0, 1.0, 1.0}, size));
     DisplacementCondition<3> bottom = clamp<3>("bottom"), top = clamp<3>("top");
     top.components[2] = [by = by](const Vec<3>&) { return by; };
-    const Settings<3> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = nu})},
-                               .supports = {bottom, top},
-                               .time = TimeSettings<3>{.path = {.step = 0.5}},
-                               .approximation = {.spacing = 0.4}};
+    const Settings<3> settings{
+        .common = {.model = {.material = NeoHookean({.E = 1.0, .nu = nu})}, .approximation = {.spacing = 0.4}},
+        .supports = {bottom, top},
+        .time = TimeSettings<3>{.path = {.step = 0.5}}};
     const Result<3> result = analyse(mesh, settings);
     ASSERT_TRUE(result.estimates) << nu;
     EXPECT_LT(result.balance.error, 1e-8);
@@ -135,10 +135,10 @@ TEST(Instability, ModeOfAClampedColumnIsEulers) {
   DisplacementCondition<2> left{"left", {}, {}}, right{"right", {}, {}};
   left.components = {[](const Vec<2>&) { return 0.0; }, [](const Vec<2>&) { return 0.0; }};
   right.components = {[=](const Vec<2>&) { return -1.06 * critical; }, [](const Vec<2>&) { return 0.0; }};
-  Settings<2> settings{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+  Settings<2> settings{.common = {.model = {.material = NeoHookean({.E = 1.0, .nu = 0.0}), .plane = Plane::strain},
+                                  .approximation = {.spacing = 0.25}},
                        .supports = {left, right},
-                       .time = TimeSettings<2>{.path = {.step = 0.1}},
-                       .approximation = {.spacing = 0.25}};
+                       .time = TimeSettings<2>{.path = {.step = 0.1}}};
   const Result<2> result = analyse(mesh, settings);
   ASSERT_EQ(result.history.back().negative_pivots, 1) << "beyond Euler's load in one direction";
   ASSERT_GT(result.instability.size(), 0);
@@ -160,11 +160,11 @@ TEST(StepsEstimate, ABodyThatMovesAsAWholeHasNoErrorAndIsAnAnswer) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.2});
   DisplacementCondition<2> left{"left", {}, {}};
   left.components = {[](const Vec<2>&) { return 1.0; }, [](const Vec<2>&) { return 0.0; }};
-  const Result<2> result =
-      analyse(mesh, Settings<2>{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
-                                .supports = {left},
-                                .time = TimeSettings<2>{.path = {.step = 0.5}},
-                                .approximation = {.spacing = 0.4}});
+  const Result<2> result = analyse(
+      mesh, Settings<2>{.common = {.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
+                                   .approximation = {.spacing = 0.4}},
+                        .supports = {left},
+                        .time = TimeSettings<2>{.path = {.step = 0.5}}});
   EXPECT_EQ(result.refusal, "");
   EXPECT_FALSE(result.estimates);
   EXPECT_THAT(result.warnings, Not(Contains(HasSubstr("not estimated"))));
@@ -174,11 +174,11 @@ TEST(StepsEstimate, ElementsStayAtTheirSupportsAtThreeTimesTheLength) {
   const FineMesh<2> mesh = triangulate(shapes::quarter_plate_with_hole(1.0, 2.0, 0.06), {.size = 0.06});
   DisplacementCondition<2> right{"right", {}, {}};
   right.components[0] = [](const Vec<2>&) { return 4.0; };
-  const Result<2> result =
-      analyse(mesh, Settings<2>{.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
-                                .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
-                                .time = TimeSettings<2>{.path = {.step = 0.1}},
-                                .approximation = {.spacing = 0.25}});
+  const Result<2> result = analyse(
+      mesh, Settings<2>{.common = {.model = {.material = NeoHookean({.E = 1.0, .nu = 0.3}), .plane = Plane::strain},
+                                   .approximation = {.spacing = 0.25}},
+                        .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), right},
+                        .time = TimeSettings<2>{.path = {.step = 0.1}}});
   ASSERT_TRUE(result.estimates);
   EXPECT_NEAR(result.fields.displacement.row(0).maxCoeff(), 4.0, 1e-9);
   double off = 0.0;  // along the axes of symmetry
@@ -191,9 +191,9 @@ TEST(StepsEstimate, ElementsStayAtTheirSupportsAtThreeTimesTheLength) {
 
 TEST(StepsEstimate, SimpleShearIsExactAndStaysSo) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
-  Settings<2> settings{.model = {.material = NeoHookean({.mu = 1.0, .lambda = 1.0}), .plane = Plane::strain},
-                       .time = TimeSettings<2>{.path = {.step = 0.5}},
-                       .approximation = {.spacing = 0.3}};
+  Settings<2> settings{.common = {.model = {.material = NeoHookean({.mu = 1.0, .lambda = 1.0}), .plane = Plane::strain},
+                                  .approximation = {.spacing = 0.3}},
+                       .time = TimeSettings<2>{.path = {.step = 0.5}}};
   for (const char* side : {"left", "right", "top", "bottom"}) {
     DisplacementCondition<2> sheared{side, {}, {}};
     sheared.components = {[](const Vec<2>& x) { return x[1]; }, [](const Vec<2>&) { return 0.0; }};
@@ -222,14 +222,14 @@ TEST(StepsEstimate, PathsThatFlowAreOffByWhatACoarserCloudTells) {
   const FineMesh<2> mesh = plate(0.06);
   for (const double spacing : {0.5, 0.3}) {
     Settings<2> settings = pulled(J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1}), 0.05);
-    settings.approximation.spacing = spacing;
+    settings.common.approximation.spacing = spacing;
     const Result<2> result = analyse(mesh, settings);
     EXPECT_FALSE(result.estimates);
     ASSERT_TRUE(result.path_errors) << result.warnings.at(0);
     EXPECT_NEAR(result.path_errors->coarser, 1.5, 0.25);
     EXPECT_EQ(result.path_errors->until, 1.0);
     Settings<2> finer = settings;
-    finer.approximation.spacing = 0.1;
+    finer.common.approximation.spacing = 0.1;
     finer.estimated = false;
     for (const auto& step : result.history) finer.time->path.stops.push_back(step.time);
     const double off = off_on_the_way(result, analyse(mesh, finer), "right"),
@@ -258,7 +258,7 @@ TEST(StepsEstimate, StressesOfAPathThatFlowsAreOffByWhatACoarserCloudTells) {
   Settings<2> settings = pulled(J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1}), 0.05);
   const Result<2> result = analyse(mesh, settings);
   ASSERT_TRUE(result.path_errors && result.path_errors->stress);
-  settings.approximation.spacing = 0.1;
+  settings.common.approximation.spacing = 0.1;
   settings.estimated = false;
   const double off = off_in_stresses(result, analyse(mesh, settings)), said = *result.path_errors->stress;
   EXPECT_GT(said, 0.5 * off);
@@ -298,10 +298,10 @@ TEST(StepsEstimate, ABarThatHasFlowedAndIsUnloadedHasTheErrorsOfItsPath) {
                      .loads = {.tractions = {pressure<2>("right", [force](const Vec<2>&) { return -force; })}}};
   };
   Settings<2> settings{
-      .model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = Hardening::linear(1.0, 50.0)}),
-                .plane = Plane::stress},
-      .time = TimeSettings<2>{.path = {.step = 0.05, .stops = {0.5}}, .acting = at},
-      .approximation = {.spacing = 0.3}};
+      .common = {.model = {.material = J2({.moduli = {.E = 1000.0, .nu = 0.3}, .yield = Hardening::linear(1.0, 50.0)}),
+                           .plane = Plane::stress},
+                 .approximation = {.spacing = 0.3}},
+      .time = TimeSettings<2>{.path = {.step = 0.05, .stops = {0.5}}, .acting = at}};
   settings.supports = at(0.0).supports;
   const Result<2> result = analyse(mesh, settings);
   EXPECT_LT(result.history.back().stored, 1e-12 * result.history.back().dissipated);
@@ -320,8 +320,8 @@ TEST(StepsEstimate, ACoarserCloudThatStopsEarlierIsWarnedOf) {
   Settings<2> settings = pulled(
       J2({.moduli = {.E = 210e3, .nu = 0.3}, .yield = Hardening::linear(450.0, 129.24), .strain = Strain::finite}),
       0.8);
-  settings.approximation.spacing = 0.25;
-  settings.approximation.dilatation = Dilatation::pointwise;
+  settings.common.approximation.spacing = 0.25;
+  settings.common.approximation.dilatation = Dilatation::pointwise;
   settings.time->path.max_step = 0.25;
   const Result<2> whole = analyse(mesh, settings);
   settings.time->path.max_steps = static_cast<int>(whole.history.size());
@@ -335,9 +335,9 @@ TEST(StepsEstimate, ACoarserCloudThatStopsEarlierIsWarnedOf) {
 
 TEST(LoadCases, OfANearlyIncompressibleCloudAreOffAsEachAlone) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
-  Settings<2> settings{.model = {.material = LinearElastic(1.0, 0.4999), .plane = Plane::strain},
-                       .supports = {clamp<2>("left")},
-                       .approximation = {.spacing = 0.3}};
+  Settings<2> settings{.common = {.model = {.material = LinearElastic(1.0, 0.4999), .plane = Plane::strain},
+                                  .approximation = {.spacing = 0.3}},
+                       .supports = {clamp<2>("left")}};
   const auto pulled_by = [](double force) {
     return Loads<2>{.tractions = {pressure<2>("right", [force](const Vec<2>& x) { return -force * x[1]; })}};
   };
@@ -360,11 +360,11 @@ TEST(StepsEstimate, WhatCannotBeEstimatedIsSaid) {
   };
   const SharedMaterial metal = J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = 0.01, .kinematic = 0.1});
   Settings<2> settings = pulled(metal, 0.05);
-  settings.approximation = {.kind = BasisKind::p2};
+  settings.common.approximation = {.kind = BasisKind::p2};
   EXPECT_THAT(warnings(settings), Contains(AllOf(StartsWith("displacements, forces and stresses may be off by any"),
                                                  HasSubstr("not estimated (there is no cloud"))));
   settings = pulled(NeoHookean({.E = 1.0, .nu = 0.3}), 0.5);
-  settings.model.material = NeoHookean({.E = 1.0, .nu = 0.3});
+  settings.common.model.material = NeoHookean({.E = 1.0, .nu = 0.3});
   settings.estimated = false;
   EXPECT_THAT(warnings(settings), Contains(HasSubstr("not estimated")));
   settings.estimated = true;

@@ -129,13 +129,13 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(CaseFile, ReadsWhatIsThereAndKeepsDefaultsElsewhere) {
   const Workspace work;
   const Case<2> strip = planar(work);
-  EXPECT_EQ(strip.title, "strip");
+  EXPECT_EQ(strip.common.title, "strip");
   EXPECT_EQ(strip.geometry.size, 0.1);
-  EXPECT_EQ(strip.approximation.spacing, 0.4);
-  EXPECT_EQ(strip.approximation.weight, ApproximationOptions{}.weight);
+  EXPECT_EQ(strip.common.approximation.spacing, 0.4);
+  EXPECT_EQ(strip.common.approximation.weight, ApproximationOptions{}.weight);
   const Settings<2> decided = with_defaults<2>(strip, prepare(strip));
-  EXPECT_EQ(decided.model.essential, Essential::nitsche);
-  EXPECT_EQ(decided.approximation.dilatation, Dilatation::pointwise);
+  EXPECT_EQ(decided.common.model.essential, Essential::nitsche);
+  EXPECT_EQ(decided.common.approximation.dilatation, Dilatation::pointwise);
   ASSERT_EQ(strip.supports.size(), 2u);
   EXPECT_TRUE(strip.supports[0].components[0]);
   EXPECT_FALSE(strip.supports[0].components[1]);
@@ -159,7 +159,7 @@ TEST(CaseFile, SaysThatItIsEmptyOrADirectory) {
 TEST(CaseFile, BothEndsOfTheRangeOfSupportsBelongToIt) {
   for (const double support : {1.0, 10.0}) {
     const Workspace work(replaced(strip_case, "seed = 1", "support = " + std::to_string(support)));
-    EXPECT_EQ(planar(work).approximation.support, support);
+    EXPECT_EQ(planar(work).common.approximation.support, support);
   }
 }
 
@@ -177,7 +177,7 @@ nu = 0
 on = "left"
 displacement = [0, 0]
 )");
-  EXPECT_EQ(planar(work).title, "case");
+  EXPECT_EQ(planar(work).common.title, "case");
 }
 
 TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
@@ -187,7 +187,7 @@ TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
     text = replaced(text, "kind = \"mls\"", std::string("kind = \"") + kind + "\"");
     const Workspace work(replaced(text, "basis = \"cells\"", std::string("dilatation = ") + choice));
     const Case<2> strip = planar(work);
-    return with_defaults<2>(strip, prepare(strip)).approximation.dilatation == Dilatation::averaged;
+    return with_defaults<2>(strip, prepare(strip)).common.approximation.dilatation == Dilatation::averaged;
   };
   EXPECT_TRUE(dilatation("strain", "0.49", "mls", "\"auto\""));
   EXPECT_FALSE(dilatation("strain", "0.3", "mls", "\"auto\""));
@@ -204,7 +204,7 @@ TEST(CaseFile, DilatationIsAveragedWherePlaneStrainWouldLock) {
 TEST(CaseFile, StrongConditionsLetOtherFunctionsVanishOnTheSupports) {
   const Workspace work(replaced(strip_case, "plane = \"stress\"", "plane = \"stress\"\nessential = \"strong\""));
   const Case<2> strip = planar(work);
-  EXPECT_EQ(with_defaults<2>(strip, prepare(strip)).approximation.vanish_on,
+  EXPECT_EQ(with_defaults<2>(strip, prepare(strip)).common.approximation.vanish_on,
             (std::vector<std::string>{"left", "bottom"}));
 }
 

@@ -53,7 +53,7 @@ struct Ball : Workspace {
 
 double energy_of_quadratic_elements(Case<3> analysis) {
   analysis.cells = OnCells::never;
-  analysis.approximation.kind = BasisKind::p2;
+  analysis.common.approximation.kind = BasisKind::p2;
   return analyse(analysis).solution.strain_energy;
 }
 

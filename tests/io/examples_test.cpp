@@ -29,7 +29,8 @@ std::vector<Vec<2>> plate_points(double margin) {
 
 TEST(KirschSolution, StressBelongsToTheDisplacement) {
   const Case<2> plate = kirsch();
-  const VoigtMatrix<2> C = Materials<2>({plate.model.material}, *plate.model.plane).stiffness(0, Vec<2>::Zero()).C;
+  const VoigtMatrix<2> C =
+      Materials<2>({plate.common.model.material}, *plate.common.model.plane).stiffness(0, Vec<2>::Zero()).C;
   constexpr double h = 1e-4;
   for (const Vec<2>& x : plate_points(0.01)) {
     const auto difference = [&](int j) {
@@ -109,8 +110,8 @@ TEST(Examples, RubberTubeIsInflatedAsItsClosedForm) {
 TEST(Examples, CookAveragesTheDilatationOnlyWhereItLocks) {
   const auto stress = std::get<Case<2>>(read_case(examples + "/cook/plane_stress.toml")),
              strain = std::get<Case<2>>(read_case(examples + "/cook/plane_strain.toml"));
-  EXPECT_EQ(with_defaults<2>(stress, prepare(stress)).approximation.dilatation, Dilatation::pointwise);
-  EXPECT_EQ(with_defaults<2>(strain, prepare(strain)).approximation.dilatation, Dilatation::averaged);
+  EXPECT_EQ(with_defaults<2>(stress, prepare(stress)).common.approximation.dilatation, Dilatation::pointwise);
+  EXPECT_EQ(with_defaults<2>(strain, prepare(strain)).common.approximation.dilatation, Dilatation::averaged);
   EXPECT_EQ(strain.loads.tractions.at(0).traction({48, 50}, {1, 0}), Vec<2>(0, 6.25));
 }
 TEST(Examples, CookInPlaneStrainIsCorrectedToATenthOfAPercent) {

@@ -238,7 +238,7 @@ TEST(AxisymmetricCase, RefusesWhatMakesNoSense) {
 TEST(SelectionInCase, EqualOnesShareAName) {
   const Workspace work(replaced(bar_case, "on = \"right\"", "on = { box = [[2, 0, 0], [2, 1, 1]] }"));
   const auto bar = std::get<Case<3>>(read_case(work / "case.toml"));
-  EXPECT_EQ(bar.selections.size(), 4u);
+  EXPECT_EQ(bar.common.selections.size(), 4u);
   ASSERT_EQ(bar.loads.tractions.size(), 2u);
   EXPECT_EQ(bar.loads.tractions[0].on, "box 1");
   EXPECT_EQ(bar.loads.tractions[1].on, "box 1");
@@ -254,7 +254,7 @@ TEST(SelectionInCase, DirectionsHaveAnyLength) {
                                   "{ plane = { point = [2, 0, 0], normal = " + std::string(normal) + " } }"));
     const auto bar = std::get<Case<3>>(read_case(work / "case.toml"));
     bool named = false;
-    for (const NamedSelection<3>& selection : bar.selections)
+    for (const NamedSelection<3>& selection : bar.common.selections)
       if (const auto* plane = std::get_if<OnPlane<3>>(&selection.how); plane && plane->point[0] == 2.0)
         named = plane->normal == Vec<3>::UnitX();
     EXPECT_TRUE(named) << normal;

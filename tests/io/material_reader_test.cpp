@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 SharedMaterial read(const std::string& text) {
   const toml::table table = toml::parse("[material]\n" + text, std::string_view("case.toml"));
-  Settings<2> settings;
+  CommonSettings<2> settings;
   const Expressions<2> expressions;
   internal::MaterialReader<2>(expressions).read(internal::Section(table, "", "case.toml", {}), settings);
   return settings.model.material;

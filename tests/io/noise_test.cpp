@@ -18,8 +18,8 @@ TEST(Noise, FiftyImagesEndAtTheirFiniteElementsWhateverTheirSpecksAndIslands) {
     analysis.correction.tolerance = 1e-6;
     analysis.largest_error = 1e9;
     const Result<3> result = analyse(analysis);
-    analysis.approximation.kind = BasisKind::p1;
-    analysis.model.essential = Essential::strong;
+    analysis.common.approximation.kind = BasisKind::p1;
+    analysis.common.model.essential = Essential::strong;
     const double truth = analyse(analysis).solution.strain_energy;
     EXPECT_NEAR(result.solution.strain_energy, truth, 1e-10 * truth + 1e-20) << k;
     EXPECT_LE(result.estimates->corrections, 60) << k;

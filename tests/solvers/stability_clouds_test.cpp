@@ -24,11 +24,11 @@ TEST(StabilityClouds, AnswersOfTwentyCloudsOnFourMeshesOfAPlateAreWithinOnePerce
     const FineMesh<2> mesh = careless(how, shapes::quarter_plate_with_hole(1.0, 4.0, H / 6.0), H / 6.0);
     for (int k = 0; k < 5; ++k) {
       const auto result =
-          analyse(mesh, Settings<2>{.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+          analyse(mesh, Settings<2>{.common = {.model = {.material = LinearElastic(1.0, 0.3), .plane = Plane::stress},
+                                               .approximation = {.spacing = H, .seed = seed++}},
                                     .supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom")},
                                     .loads = {.tractions = {tension<2>("right", 1.0)}},
-                                    .probes = {{"hole", {1.0, 0.0}}},
-                                    .approximation = {.spacing = H, .seed = seed++}});
+                                    .probes = {{"hole", {1.0, 0.0}}}});
       displacements.push_back(result.probes[0].second.displacement.x());
       energies.push_back(result.solution.strain_energy);
     }
@@ -43,7 +43,7 @@ TEST(StabilityClouds, AnswersOfNearlyIncompressibleMembranesAreWithinOnePercent)
   for (const char* how : {"regular", "slivers"})
     for (int k = 0; k < 2; ++k) {
       Settings<2> settings = Cook{0.4999}.settings();
-      settings.approximation = {.spacing = 4.8, .seed = seed++};
+      settings.common.approximation = {.spacing = 4.8, .seed = seed++};
       tips.push_back(Cook::tip(careless(how, shapes::cook(), 4.8 / 4.0), settings));
     }
   EXPECT_LT(spread(tips), 0.01);

@@ -41,7 +41,7 @@ TEST(StabilityLocking, ErrorNextToOneHalfIsAtMostTwiceThatOfACompressibleMembran
   for (const bool finite : {false, true}) {
     const auto error = [&](double nu) {
       Settings<2> settings = Cook{nu, finite}.settings();
-      settings.approximation.spacing = cook_spacing;
+      settings.common.approximation.spacing = cook_spacing;
       const auto truth = std::ranges::find(Cook::truths, nu, &Cook::Truth::nu);
       return std::abs(Cook::tip(mesh, settings) / (finite ? truth->finite : truth->small) - 1.0);
     };

@@ -25,7 +25,7 @@ template <class Load> double tail(const std::vector<HistoryStep<2>>& history, co
 
 TEST(PlasticLimits, ThickSphereFollowsHillsPathToItsLimitPressureAndNoFurther) {
   const Metal metal;
-  const Wall wall = Wall::sphere_of_revolution;
+  const PressedWall wall = PressedWall::sphere_of_revolution;
   const double u = 0.015, limit = sphere_limit(metal);
   const auto result = analyse(mesh_of<2>(wall, 0.02),
                               wall_settings<2>(wall, metal, {.spacing = 1.0 / 15.0},
@@ -43,12 +43,12 @@ TEST(PlasticLimits, ThickSphereFollowsHillsPathToItsLimitPressureAndNoFurther) {
 TEST(PlasticLimits, ThickTubeInPlaneStrainFollowsHillsPathToItsLimitPressure) {
   const Metal metal{.nu = 0.4999};
   const double u = 0.0045, limit = TubeYieldedTo::limit(metal);
-  const auto result = analyse(mesh_of<2>(Wall::tube, 0.02),
-                              wall_settings<2>(Wall::tube, metal, {.spacing = 1.0 / 12.0},
+  const auto result = analyse(mesh_of<2>(PressedWall::tube, 0.02),
+                              wall_settings<2>(PressedWall::tube, metal, {.spacing = 1.0 / 12.0},
                                                {.displacement = [u](double t) { return u * t; }}, {.step = 0.05}));
   ASSERT_EQ(result.stopped, "");
   for (const auto& step : result.history)
-    EXPECT_NEAR(bore_pressure(Wall::tube, step), TubeYieldedTo::pressure_at(metal, u * step.time), 0.01 * limit)
+    EXPECT_NEAR(bore_pressure(PressedWall::tube, step), TubeYieldedTo::pressure_at(metal, u * step.time), 0.01 * limit)
         << step.time;
 }
 
@@ -71,7 +71,7 @@ TEST(PlasticLimits, NotchedStripInPlaneStrainComesToItsLimitLoadAndNoFurther) {
 /// Kinematic hardening makes loops that close after the first quarter; every radius of a sphere yields by itself.
 TEST(CyclicPlasticity, SphereThatHardensKinematicallyGoesRoundClosedLoops) {
   const Metal metal{.kinematic = 20.0};
-  const Wall wall = Wall::sphere_of_revolution;
+  const PressedWall wall = PressedWall::sphere_of_revolution;
   const double u = 0.008;
   // 0, u, -u, u, -u, u
   const auto bore = [u](double t) {
@@ -119,7 +119,7 @@ TEST(CyclicPlasticity, BentBarSpringsBackToTheResidualStressOfBeamTheory) {
 
 TEST(CyclicPlasticity, SphereUnloadedFromBeyondYieldKeepsHillsResidualStress) {
   const Metal metal;
-  const Wall wall = Wall::sphere_of_revolution;
+  const PressedWall wall = PressedWall::sphere_of_revolution;
   const double most = 0.8 * sphere_limit(metal);
   const FineMesh<2> mesh = mesh_of<2>(wall, 0.01);
   const auto result =
@@ -143,7 +143,7 @@ TEST(CyclicPlasticity, SphereUnloadedFromBeyondYieldKeepsHillsResidualStress) {
 /// By a cloud of this spacing.
 Result<2> solved(const LargeCase& body, double spacing) {
   Settings<2> settings = body.settings;
-  settings.approximation.spacing = spacing;
+  settings.common.approximation.spacing = spacing;
   auto result = analyse(triangulate(body.domain, {.size = spacing / 3.0}), settings);
   EXPECT_EQ(result.stopped, "") << body.name;
   for (const auto& step : result.history) EXPECT_GT(step.smallest_jacobian, 0.0) << body.name;
@@ -170,10 +170,10 @@ TEST(LargeStrains, NearlyIncompressibleCookDoesNotLock) {
 TEST(Softening, WhatTearsIsWarnedOf) {
   const auto warnings = [](double softening) {
     Settings<2> settings;
-    settings.model.material =
+    settings.common.model.material =
         Rankine({.moduli = {.E = 100.0, .nu = 0.0}, .strength = 0.3, .softening = softening, .strain = Strain::small});
-    settings.model.plane = Plane::strain;
-    settings.approximation.spacing = 0.5;
+    settings.common.model.plane = Plane::strain;
+    settings.common.approximation.spacing = 0.5;
     settings.supports = {symmetry_plane<2>("left"), symmetry_plane<2>("bottom"), moved_by("right", 0.0045, 0.0)};
     settings.supports[2].components[1] = {};
     return analyse(triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.2}), settings).warnings;

@@ -15,7 +15,7 @@ TEST(StabilityPressure, MeanStressOfAThickTubeIsConstant) {
   for (const double nu : {0.499, 0.4999}) {
     const Tube tube{nu};
     Settings<2> settings = tube.settings();
-    settings.approximation.spacing = 0.12;
+    settings.common.approximation.spacing = 0.12;
     EXPECT_LT(Swing(analyse(mesh, settings), tube.mean_stress()).mean, 0.01) << nu;
     settings.estimated = settings.corrected = false;
     EXPECT_LT(Swing(analyse(mesh, settings), tube.mean_stress()).mean, 0.03) << nu;

@@ -2,19 +2,40 @@
 /// What case files of all kinds have in common. All that throws, throws InputError that begins with "file:line: ".
 #pragma once
 
+#include "efree/analysis/mesh_source.hpp"
 #include "efree/analysis/settings.hpp"
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/io/case/expression.hpp"
 #include "efree/io/case/internal/place_reader.hpp"
 #include "efree/io/case/internal/section.hpp"
+#include "efree/io/confined/reading.hpp"
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace efree::internal {
+
+/// A case file that is being read.
+struct CaseText {
+  std::filesystem::path file;
+  std::shared_ptr<const toml::table> table;
+  Section root, geometry;
+  Reading reading;
+
+  std::filesystem::path folder() const { return file.parent_path(); }
+};
+
+/// Names of planes.
+using PlaneNames = std::vector<std::pair<std::string_view, Plane>>;
+/// Title, places, geometry and plane, which is one of these in 2D.
+template <int Dim> void read_common(const CaseText& text, const Section& analysis, const PlaneNames& planes,
+                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry);
 
 /// The time in expressions, or why there is none.
 struct ExpressionTime {
@@ -33,7 +54,7 @@ Section::Keys quadrature_keys();
 
 /// Functions and quadrature but for the grading. `mesh_ratio`: of the geometry, relative to the cloud's spacing.
 template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
-                                           double mesh_ratio, Settings<Dim>& result);
+                                           double mesh_ratio, CommonSettings<Dim>& result);
 /// Where the cloud is denser; `graded` gets the regions that it names.
 template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded);
 

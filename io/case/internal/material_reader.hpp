@@ -24,7 +24,7 @@ template <int Dim> class MaterialReader {
       : expressions_(expressions), asks_for_finite_(std::move(asks_for_finite)) {}
 
   /// The material of the whole body, or of each region. Throws InputError that begins with "file:line: ".
-  void read(const Section& root, Settings<Dim>& result) const;
+  void read(const Section& root, CommonSettings<Dim>& result) const;
 
  private:
   SharedMaterial read(const Section& section) const;

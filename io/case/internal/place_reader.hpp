@@ -17,7 +17,7 @@ namespace efree::internal {
 /// Gives the parts of the boundary that entries are about: names, or selections that get a name here.
 template <int Dim> class PlaceReader {
  public:
-  explicit PlaceReader(Settings<Dim>& result) : result_(result) {}
+  explicit PlaceReader(CommonSettings<Dim>& result) : result_(result) {}
 
   /// Name of the part the entry is about, which the case then mentions. Equal selections share a name, and so do equal
   /// lists of parts, each of which is one part.
@@ -96,7 +96,7 @@ template <int Dim> class PlaceReader {
     return {kind, NearestPatch<Dim>{on.template point<Dim>("nearest"), angle}};
   }
 
-  Settings<Dim>& result_;
+  CommonSettings<Dim>& result_;
   std::map<std::string, int> count_;
   std::map<std::string, std::vector<std::string>> united_;  ///< parts by the name of their list
 };

@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "run_case.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/io/files/output_directory.hpp"
+#include "efree/io/pictures/history_chart.hpp"
+#include "efree/io/pictures/picture.hpp"
+#include "efree/io/records/dynamics_report.hpp"
+#include "efree/io/records/dynamics_run.hpp"
+#include "efree/io/records/history.hpp"
+#include "efree/io/records/path_record.hpp"
+#include "efree/io/records/static_report.hpp"
+#include "efree/io/records/writers.hpp"
+#include "on_interrupt.hpp"
+
+#include <fmt/format.h>
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <new>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace efree {
+namespace {
+
+/// How a run ended.
+struct RunEnd {
+  std::string failure{};      ///< why it ended before its time, or why its results are rejected; empty: neither
+  std::string rejected_by{};  ///< stage whose results are rejected; empty: it was the last stage that failed
+  bool has_results = false;   ///< results of this run are in the output directory
+};
+
+/// What is run.
+class CaseRun {
+ public:
+  virtual ~CaseRun() = default;
+  virtual const std::string& title() const = 0;
+  /// In about the order that the run passes through them.
+  virtual std::vector<std::string> stages() const = 0;
+  /// Whether a signal waits for the end of a step: the run throws Cancelled then.
+  virtual bool stops_at_steps() const = 0;
+  /// Computes, and writes the results.
+  virtual RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) = 0;
+  /// Writes what there is of a run that failed. Returns whether there is something.
+  virtual bool save(OutputDirectory& out) = 0;
+  /// For after the results are in place.
+  virtual void remove_unfinished() = 0;
+};
+
+void say_where_it_starts(const Monitor& monitor, Index steps, double time) {
+  monitor.say(fmt::format("goes on from step {} at time {:.6g}", steps, time));
+}
+void say_unfinished(const Monitor& monitor, const std::string& directory) {
+  monitor.say(
+      fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now", directory));
+}
+void say_warnings(const std::vector<std::string>& warnings, Display& display) {
+  for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
+}
+
+template <int Dim> class StaticRun final : public CaseRun {
+ public:
+  StaticRun(Case<Dim> analysis, const RunOptions& options)
+      : case_(std::move(analysis)), options_(options), record_(options.out, case_) {
+    case_.steps.done = [this](const Checkpoint<Dim>& there, const Result<Dim>& so_far) { record_.keep(there, so_far); };
+  }
+
+  const std::string& title() const override { return case_.common.title; }
+  std::vector<std::string> stages() const override {
+    return {"mesh",  "cloud", "weights",    "basis", "quadrature", "assembly",
+            "solve", "path",  "correction", "duals", "output"};
+  }
+  bool stops_at_steps() const override { return false; }  // every step is on the disk already
+
+  RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
+    if (options_.resume) {
+      case_.steps.from = record_.resume();
+      say_where_it_starts(monitor, case_.steps.from->at.steps, case_.steps.from->at.time);
+    } else if (record_.is_unfinished()) {
+      say_unfinished(monitor, options_.out);
+    }
+    Result<Dim> result = analyse(case_, monitor);
+    for (const std::string& line : describe_result<Dim>(case_, result)) monitor.say(line);
+    say_warnings(result.warnings, display);
+    write(result, out, monitor);
+    return {.failure = result.refusal,
+            .rejected_by = result.refusal.empty()   ? ""
+                           : result.history.empty() ? "correction"
+                                                    : "path",
+            .has_results = true};
+  }
+  bool save(OutputDirectory&) override { return false; }  // --resume goes on from its steps
+  void remove_unfinished() override { record_.forget(); }
+
+ private:
+  void write(Result<Dim>& result, OutputDirectory& out, const Monitor& monitor) const {
+    {
+      const Stage stage("output", monitor.timing(result.times));
+      for (const char* picture : {"fields.png", "error.png", "history.png"}) out.supersede(picture);
+      const auto draw = [&] {
+        draw_fields(out.file("fields.png"), case_, result);
+        if (result.error_density.size() > 0) draw_error(out.file("error.png"), case_, result);
+        if (!result.history.empty()) draw_history(out.file("history.png"), case_, result.history);
+      };
+      const auto write_all = [&] {
+        write_fields(out.file("fields.vtu"), case_, result);
+        if (!result.cells) write_nodes(out.file("nodes.vtu"), result);
+      };
+      // Both only read the result.
+      parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write_all() : draw(); });
+    }
+    if (result.history.empty())
+      out.supersede("history.csv");
+    else
+      write_history(out.file("history.csv"), case_, result.history);
+    record_.finish(out, result);
+    write_result(out.file("result.json"), case_, result);
+  }
+
+  Case<Dim> case_;
+  const RunOptions& options_;
+  PathRecord<Dim> record_;
+};
+
+template <int Dim> class ExplicitRun final : public CaseRun {
+ public:
+  ExplicitRun(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options)
+      : case_(dynamics_case), options_(options), record_(options.out, case_, !options.no_picture) {}
+
+  const std::string& title() const override { return case_.common.title; }
+  std::vector<std::string> stages() const override {
+    return {"mesh", "cloud", "weights", "basis", "quadrature", "bodies", "dynamics"};
+  }
+  bool stops_at_steps() const override { return true; }
+
+  RunEnd run(OutputDirectory& out, const Monitor& monitor_of_run, Display& display) override {
+    StageTimes times;
+    const Monitor monitor = monitor_of_run.timing(times);
+    const PreparedMesh<Dim> mesh = prepare(case_, monitor);
+    for (const std::string& remark : mesh.remarks) monitor.say(remark);
+    DynamicsModel<Dim> model = build_dynamics_model<Dim>(mesh, case_, monitor);
+    for (const std::string& remark : model.remarks) monitor.say(remark);
+    monitor.say(describe_model(model));
+    if (options_.resume) {
+      record_.resume(model);
+      say_where_it_starts(monitor, model.dynamics.steps(), model.dynamics.time());
+    } else if (record_.is_unfinished()) {
+      say_unfinished(monitor, options_.out);
+    }
+    const DynamicsOutcome outcome = run_dynamics<Dim>(model, case_,
+                                                      {.history_line = [&] { record_.add_history_line(model); },
+                                                       .frame = [&] { record_.add_frame(model); },
+                                                       .checkpoint = [&] { record_.write_checkpoint(model); }},
+                                                      monitor);
+    for (const std::string& line : describe_run<Dim>(case_, model)) monitor.say(line);
+    const auto warnings = collect_warnings<Dim>(case_, model);
+    say_warnings(warnings, display);
+    if (outcome.can_resume) return {.failure = outcome.stop_reason};
+    if (outcome.stop_reason.empty()) record_.write_checkpoint(model);
+    record_.finish(out);
+    write_dynamics_result(out.file("result.json"), case_, model, outcome, warnings, times);
+    return {.failure = outcome.stop_reason, .has_results = true};
+  }
+  bool save(OutputDirectory& out) override {
+    if (!record_.has_begun()) return false;
+    record_.finish(out);
+    out.supersede("result.json");
+    return true;
+  }
+  void remove_unfinished() override { record_.remove_unfinished(); }
+
+ private:
+  const DynamicsCase<Dim>& case_;
+  const RunOptions& options_;
+  DynamicsRun<Dim> record_;
+};
+
+/// Has the run stop at its next step when a signal ends the program, and waits for that.
+class StopSignal {
+ public:
+  /// Confirms when it goes out of scope.
+  struct OnExit {
+    StopSignal& signal;
+    ~OnExit() { signal.confirm(); }
+  };
+  /// Asks the run to stop, and waits for a step and a checkpoint.
+  void request() {
+    requested_ = true;
+    stopped_.get_future().wait_for(std::chrono::seconds(20));
+  }
+  bool is_requested() const { return requested_.load(); }
+  void confirm() {
+    if (!std::exchange(is_confirmed_, true)) stopped_.set_value();
+  }
+
+ private:
+  std::atomic<bool> requested_ = false;
+  std::promise<void> stopped_;
+  bool is_confirmed_ = false;
+};
+
+/// From the first stage to the results on the disk.
+int run_into_directory(CaseRun& run, const RunOptions& options, Display& display) {
+  OutputDirectory out(options.out);
+  StopSignal stop;
+  const OnInterrupt clean_up([&] {
+    if (run.stops_at_steps()) stop.request();
+    out.discard();
+  });
+  const StopSignal::OnExit on_exit{stop};
+  const Monitor monitor{
+      .progress = display.stages(run.stages()),
+      .cancelled = [&] { return stop.is_requested(); },
+      .say =
+          [&](const std::string& remark) {
+            if (!options.quiet) display.say(remark);
+          },
+      .detail =
+          [&](const std::string& how_far) { run.stops_at_steps() ? display.detail(how_far) : display.line(how_far); }};
+  RunEnd end;
+  try {
+    end = run.run(out, monitor, display);
+  } catch (const Cancelled&) {
+    stop.confirm();
+    for (;;) std::this_thread::sleep_for(std::chrono::hours(1));  // the signal ends it
+  } catch (const NumericalError& error) {
+    out.clear();
+    end = {.failure = error.what(), .has_results = run.save(out)};
+  } catch (const std::bad_alloc&) {
+    out.clear();
+    end.failure = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
+  }
+  const std::string stage = end.rejected_by.empty() ? display.stage() : end.rejected_by;
+  const std::string whose = end.has_results ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
+  if (end.failure.empty())
+    out.supersede("failure.json");
+  else
+    write_failure(out.file("failure.json"), run.title(), end.failure, stage, whose);
+  out.commit();
+  if (end.has_results) run.remove_unfinished();
+  if (!end.failure.empty())
+    throw NumericalError(
+        fmt::format("{}{}{}", end.rejected_by.empty() ? stage + " failed: " : "", end.failure,
+                    whose == "none" ? "" : fmt::format("; the results in {} are {}", options.out, whose)));
+  if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+  return 0;
+}
+
+}  // namespace
+
+template <int Dim> int run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
+  StaticRun<Dim> run(std::move(analysis), options);
+  return run_into_directory(run, options, display);
+}
+template <int Dim> int run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display) {
+  ExplicitRun<Dim> run(dynamics_case, options);
+  return run_into_directory(run, options, display);
+}
+
+template int run_case(Case<2>, const RunOptions&, Display&);
+template int run_case(Case<3>, const RunOptions&, Display&);
+template int run_case(const DynamicsCase<2>&, const RunOptions&, Display&);
+template int run_case(const DynamicsCase<3>&, const RunOptions&, Display&);
+
+}  // namespace efree
