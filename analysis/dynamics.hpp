@@ -69,10 +69,11 @@ template <int Dim> struct DynamicsProbe {
 
 enum class DynamicsMethod {
   otm,               ///< nodes at the vertices of the mesh, a material point in every cell
-  total_lagrangian,  ///< shape functions of the static solver on the cloud of settings.approximation
+  total_lagrangian,  ///< shape functions of the static solver on the cloud of common.approximation
 };
 
-/// An analysis by explicit dynamics. Of common.model the material and the plane count.
+/// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
+/// the total Lagrangian method.
 template <int Dim> struct DynamicsSettings {
   CommonSettings<Dim> common{};
   DynamicsMethod method = DynamicsMethod::otm;
@@ -98,6 +99,11 @@ template <int Dim> struct DynamicsSettings {
   double checkpoint_interval = 60.0;  ///< [s]; infinity: no checkpoint but where a run is stopped
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which it is stopped
 };
+
+/// The mesh with its materials, as `prepare` makes it for static analyses; bodies that nothing holds stay, and
+/// materials may be fluids. Throws InputError beginning with the place in the case file.
+template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
+                                             const Monitor& monitor = {});
 
 /// The node of a probe.
 template <int Dim> struct ProbeNode {

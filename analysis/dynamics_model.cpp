@@ -2,6 +2,7 @@
 /// From a geometry and settings to a model of explicit dynamics.
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/internal/prepare_mesh.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -286,7 +287,7 @@ template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, cons
     if (settings.method != DynamicsMethod::otm)
       throw InputError(said_at(gas.where,
                                "a gas needs nodes at the vertices of the mesh: leave out [cloud], and take "
-                               "settings.method = \"otm\""));
+                               "dynamics.method = \"otm\""));
     GasCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
     for (std::size_t b = 0; b < regions.size(); ++b)
       if (const auto found = regions[b].gas_facets.find(gas.on); found != regions[b].gas_facets.end()) {
@@ -398,6 +399,13 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   return model;
 }
 
+template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
+                                             const Monitor& monitor) {
+  return internal::prepare_mesh<Dim>(source, settings.common, nullptr, monitor);
+}
+
+template PreparedMesh<2> prepare(const MeshSource<2>&, const DynamicsSettings<2>&, const Monitor&);
+template PreparedMesh<3> prepare(const MeshSource<3>&, const DynamicsSettings<3>&, const Monitor&);
 template DynamicsModel<2> build_dynamics_model(const PreparedMesh<2>&, const DynamicsSettings<2>&, const Monitor&);
 template DynamicsModel<3> build_dynamics_model(const PreparedMesh<3>&, const DynamicsSettings<3>&, const Monitor&);
 

@@ -5,6 +5,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/prepare_mesh.hpp"
 #include "efree/assembly/bodies.hpp"
 #include "efree/assembly/nodal_conditions.hpp"
 #include "efree/core/error.hpp"
@@ -38,11 +39,11 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
   }
 }
 
-/// The material of each region. Bodies in motion, not `at_rest`, may be fluids.
-template <int Dim> std::vector<SharedMaterial> region_materials(const CommonSettings<Dim>& settings, bool at_rest,
+/// The material of each region; fluids are none for a static analysis.
+template <int Dim> std::vector<SharedMaterial> region_materials(const CommonSettings<Dim>& settings, bool is_static,
                                                                 const FineMesh<Dim>& mesh) {
   const auto check = [&](const SharedMaterial& material) {  // others are known at their points only
-    if (at_rest && material && material->homogeneous())
+    if (is_static && material && material->homogeneous())
       Materials<Dim>({material}, settings.model.plane.value_or(Plane::strain));
   };
   if (settings.materials.empty()) {
@@ -222,9 +223,11 @@ SharedMaterial modelled(const SharedMaterial& material, Regime regime) {
   return linear ? SharedMaterial(GreenElastic(material)) : material;
 }
 
-/// A mesh for a static analysis, else in motion, where bodies need not be held.
-template <int Dim> PreparedMesh<Dim> prepare_mesh(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings,
-                                                  const Settings<Dim>* at_rest, const Monitor& monitor) {
+}  // namespace
+
+template <int Dim>
+PreparedMesh<Dim> internal::prepare_mesh(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings,
+                                         const Settings<Dim>* static_settings, const Monitor& monitor) {
   StageTimes times;
   PreparedMesh<Dim> result;
   const double cpu_start = process_cpu_seconds();
@@ -248,7 +251,7 @@ template <int Dim> PreparedMesh<Dim> prepare_mesh(const MeshSource<Dim>& source,
     });
     mesh = without_hinges(std::move(mesh), result);
     mesh = with_parts(source, settings, std::move(mesh), result.open_interface);
-    if (at_rest) mesh = without_free_bodies(*at_rest, std::move(mesh), result);
+    if (static_settings) mesh = without_free_bodies(*static_settings, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
     result.size_is_said = source.says_its_size();
     result.surface_is_known = boundary.has_value() && !smooth;
@@ -259,7 +262,7 @@ template <int Dim> PreparedMesh<Dim> prepare_mesh(const MeshSource<Dim>& source,
   if (monitor.times) monitor.times->add(times);
   result.seconds = times.total();
   result.cpu_seconds = process_cpu_seconds() - cpu_start;
-  for (const auto& group : at_rest ? boundaries(*at_rest) : boundaries(settings)) {
+  for (const auto& group : static_settings ? boundaries(*static_settings) : boundaries(settings)) {
     const auto& facets = located(settings, group.where, [&] { return result.mesh->group(group.name); });
     BoundaryPart part{group.name, static_cast<Index>(facets.size()), 0.0};
     for (const Index f : facets) part.measure += result.mesh->facet_measure(f);
@@ -269,24 +272,17 @@ template <int Dim> PreparedMesh<Dim> prepare_mesh(const MeshSource<Dim>& source,
   }
   for (const auto& region : graded_regions(settings))
     located(settings, region.where, [&] { return result.mesh->region(region.name); });
-  result.materials = region_materials(settings, at_rest != nullptr, *result.mesh);
+  result.materials = region_materials(settings, static_settings != nullptr, *result.mesh);
   return result;
 }
-
-}  // namespace
 
 template <int Dim> double mesh_size(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings) {
   return source.ratio > 0.0 ? settings.approximation.spacing / source.ratio : source.size;
 }
 
 template <int Dim>
-PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings, const Monitor& monitor) {
-  return prepare_mesh<Dim>(source, settings, nullptr, monitor);
-}
-
-template <int Dim>
 PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor) {
-  PreparedMesh<Dim> result = prepare_mesh(source, settings.common, &settings, monitor);
+  PreparedMesh<Dim> result = internal::prepare_mesh(source, settings.common, &settings, monitor);
   result.densities = region_densities(settings, *result.mesh);
   check_probes(settings, *result.mesh, result.remarks);
   return result;
@@ -337,9 +333,11 @@ template Settings<2> with_defaults<2>(Settings<2>, const PreparedMesh<2>&);
 template Settings<3> with_defaults<3>(Settings<3>, const PreparedMesh<3>&);
 template double mesh_size<2>(const MeshSource<2>&, const CommonSettings<2>&);
 template double mesh_size<3>(const MeshSource<3>&, const CommonSettings<3>&);
-template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const CommonSettings<2>&, const Monitor&);
+template PreparedMesh<2> internal::prepare_mesh(const MeshSource<2>&, const CommonSettings<2>&, const Settings<2>*,
+                                                const Monitor&);
 template PreparedMesh<2> prepare<2>(const MeshSource<2>&, const Settings<2>&, const Monitor&);
-template PreparedMesh<3> prepare<3>(const MeshSource<3>&, const CommonSettings<3>&, const Monitor&);
+template PreparedMesh<3> internal::prepare_mesh(const MeshSource<3>&, const CommonSettings<3>&, const Settings<3>*,
+                                                const Monitor&);
 template PreparedMesh<3> prepare<3>(const MeshSource<3>&, const Settings<3>&, const Monitor&);
 
 }  // namespace efree

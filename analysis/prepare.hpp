@@ -44,12 +44,9 @@ template <int Dim> double mesh_size(const MeshSource<Dim>& source, const CommonS
 
 /// Reads or makes the mesh (stage "mesh"), for moving least squares parted along the interfaces between regions; finds
 /// the selections, which become named parts of the boundary; and checks that every boundary and every region that the
-/// settings name is there, and that every region has a material. Interfaces between regions belong to no part. Throws
-/// InputError beginning with the place where it was said.
-template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const CommonSettings<Dim>& settings,
-                                             const Monitor& monitor = {});
-/// The same for a static analysis: without small bodies that nothing holds or loads, with the densities that forces
-/// per mass need. Checks the materials at rest, and that every probe lies inside the body.
+/// settings name is there, that every region has a material and every probe lies inside the body. Small bodies that
+/// nothing holds or loads are left out. Interfaces between regions belong to no part. Throws InputError beginning with
+/// the place where it was said.
 template <int Dim>
 PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const Settings<Dim>& settings, const Monitor& monitor = {});
 

@@ -92,7 +92,7 @@ enum class Regime {
   finite,     ///< all that materials say; those that are linear at finite strains (GreenElastic)
 };
 
-/// What analyses of all kinds are told; all but the material and, in 2D, model.plane may be left as it is. `where`,
+/// Settings of analyses of all kinds; all but the material and, in 2D, model.plane may be left as it is. `where`,
 /// here and in what it holds, is where something was said ("file:line"): messages begin with it unless it is empty.
 template <int Dim> struct CommonSettings {
   std::string title{};                            ///< for people
@@ -102,8 +102,8 @@ template <int Dim> struct CommonSettings {
   Parameter density = 0.0;                        ///< of model.material [mass / volume]; 0: not said
   std::vector<NamedSelection<Dim>> selections{};  ///< parts of the boundary besides those the mesh has
   ApproximationOptions approximation{};           ///< functions and quadrature
-  /// Where boundaries that settings name were said, in the order to report them, and where regions with a spacing of
-  /// their own were. What is missing here is nowhere in particular.
+  /// Boundaries that settings name, in the order to report them, and regions with a spacing of their own, each with its
+  /// place in the case file, if it has one.
   std::vector<Mention> groups{}, graded{};
   /// Where single settings were said, by what a case file calls them: "cloud.spacing", "accuracy", ...
   std::map<std::string, std::string> said{};
@@ -136,7 +136,7 @@ template <int Dim> struct Settings {
   double accuracy = 0.0;           ///< wanted relative error in the energy norm; 0: as the mesh gives
   std::vector<Goal> goals{};       ///< wanted errors of probes and reactions
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which no finer mesh is begun
-  double largest_error = 0.5;  ///< relative, in the energy norm, beyond which the answer is no answer
+  double largest_error = 0.5;  ///< relative, in the energy norm, beyond which the result is rejected
 
   bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
   bool has_exact() const { return exact.displacement || exact.stress; }

@@ -16,26 +16,18 @@
 #include "run_case.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <vtkObject.h>
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <charconv>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
-#include <future>
 #include <iostream>
-#include <thread>
-#include <tuple>
 #include <utility>
 
 namespace {
 
 using namespace efree;
-namespace fs = std::filesystem;
 
 struct Options {
   std::string case_file;
@@ -108,7 +100,7 @@ template <int Dim> Case<Dim> with_options(Case<Dim> analysis, const Options& opt
 }
 template <int Dim> DynamicsCase<Dim> with_options(DynamicsCase<Dim> dynamics_case, const Options& options) {
   if (!options.accuracy.empty())
-    throw InputError(fmt::format("{}: --accuracy means nothing in explicit dynamics", options.case_file));
+    throw InputError(fmt::format("{}: --accuracy means nothing in explicit dynamics: leave it out", options.case_file));
   if (options.time_limit > 0.0) dynamics_case.time_limit = options.time_limit;
   return dynamics_case;
 }
@@ -219,8 +211,9 @@ int run(int argc, char** argv) {
                  read_static_case(options.case_file, options.reading, reading));
       return 0;
     }
-    return std::visit([&](auto any) { return run_case(with_options(std::move(any), options), options.run, display); },
-                      read_case(options.case_file, options.reading, reading));
+    std::visit([&](auto any) { run_case(with_options(std::move(any), options), options.run, display); },
+               read_case(options.case_file, options.reading, reading));
+    return 0;
   } catch (const InputError& error) {
     display.say(fmt::format("error: {}", presentable(error.what())));
     return 2;

@@ -34,29 +34,37 @@ struct RunEnd {
   bool has_results = false;   ///< results of this run are in the output directory
 };
 
-/// What is run.
+/// A run of a case, of any kind.
 class CaseRun {
  public:
+  CaseRun() = default;
   virtual ~CaseRun() = default;
+  CaseRun(const CaseRun&) = delete;
+  CaseRun& operator=(const CaseRun&) = delete;
   virtual const std::string& title() const = 0;
   /// In about the order that the run passes through them.
   virtual std::vector<std::string> stages() const = 0;
   /// Whether a signal waits for the end of a step: the run throws Cancelled then.
   virtual bool stops_at_steps() const = 0;
+  /// Whether what it says of its steps is worth a line each.
+  virtual bool has_few_steps() const = 0;
   /// Computes, and writes the results.
   virtual RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) = 0;
   /// Writes what there is of a run that failed. Returns whether there is something.
   virtual bool save(OutputDirectory& out) = 0;
-  /// For after the results are in place.
+  /// Whether there are steps on the disk that --resume continues.
+  virtual bool can_resume() const = 0;
+  /// Removes these. Called once the results are in place.
   virtual void remove_unfinished() = 0;
 };
 
-void say_where_it_starts(const Monitor& monitor, Index steps, double time) {
+void say_first_step(const Monitor& monitor, Index steps, double time) {
   monitor.say(fmt::format("goes on from step {} at time {:.6g}", steps, time));
 }
-void say_unfinished(const Monitor& monitor, const std::string& directory) {
-  monitor.say(
-      fmt::format("{} has the steps of a run that did not end: --resume goes on from them; they go now", directory));
+void warn_of_unfinished(Display& display, const std::string& directory) {
+  display.say(fmt::format(
+      "warning: the steps of a run that did not end, in {}/unfinished, are deleted; --resume would have continued it",
+      directory));
 }
 void say_warnings(const std::vector<std::string>& warnings, Display& display) {
   for (const std::string& warning : warnings) display.say(fmt::format("warning: {}", warning));
@@ -75,13 +83,14 @@ template <int Dim> class StaticRun final : public CaseRun {
             "solve", "path",  "correction", "duals", "output"};
   }
   bool stops_at_steps() const override { return false; }  // every step is on the disk already
+  bool has_few_steps() const override { return true; }
 
   RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
     if (options_.resume) {
       case_.steps.from = record_.resume();
-      say_where_it_starts(monitor, case_.steps.from->at.steps, case_.steps.from->at.time);
+      say_first_step(monitor, case_.steps.from->at.steps, case_.steps.from->at.time);
     } else if (record_.is_unfinished()) {
-      say_unfinished(monitor, options_.out);
+      warn_of_unfinished(display, options_.out);
     }
     Result<Dim> result = analyse(case_, monitor);
     for (const std::string& line : describe_result<Dim>(case_, result)) monitor.say(line);
@@ -93,7 +102,8 @@ template <int Dim> class StaticRun final : public CaseRun {
                                                     : "path",
             .has_results = true};
   }
-  bool save(OutputDirectory&) override { return false; }  // --resume goes on from its steps
+  bool save(OutputDirectory&) override { return false; }  // its steps are there for --resume
+  bool can_resume() const override { return record_.is_unfinished(); }
   void remove_unfinished() override { record_.forget(); }
 
  private:
@@ -136,6 +146,7 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     return {"mesh", "cloud", "weights", "basis", "quadrature", "bodies", "dynamics"};
   }
   bool stops_at_steps() const override { return true; }
+  bool has_few_steps() const override { return false; }
 
   RunEnd run(OutputDirectory& out, const Monitor& monitor_of_run, Display& display) override {
     StageTimes times;
@@ -147,9 +158,9 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     monitor.say(describe_model(model));
     if (options_.resume) {
       record_.resume(model);
-      say_where_it_starts(monitor, model.dynamics.steps(), model.dynamics.time());
+      say_first_step(monitor, model.dynamics.steps(), model.dynamics.time());
     } else if (record_.is_unfinished()) {
-      say_unfinished(monitor, options_.out);
+      warn_of_unfinished(display, options_.out);
     }
     const DynamicsOutcome outcome = run_dynamics<Dim>(model, case_,
                                                       {.history_line = [&] { record_.add_history_line(model); },
@@ -171,6 +182,7 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     out.supersede("result.json");
     return true;
   }
+  bool can_resume() const override { return record_.is_unfinished(); }
   void remove_unfinished() override { record_.remove_unfinished(); }
 
  private:
@@ -204,7 +216,7 @@ class StopSignal {
 };
 
 /// From the first stage to the results on the disk.
-int run_into_directory(CaseRun& run, const RunOptions& options, Display& display) {
+void run_into_directory(CaseRun& run, const RunOptions& options, Display& display) {
   OutputDirectory out(options.out);
   StopSignal stop;
   const OnInterrupt clean_up([&] {
@@ -220,11 +232,12 @@ int run_into_directory(CaseRun& run, const RunOptions& options, Display& display
             if (!options.quiet) display.say(remark);
           },
       .detail =
-          [&](const std::string& how_far) { run.stops_at_steps() ? display.detail(how_far) : display.line(how_far); }};
+          [&](const std::string& how_far) { run.has_few_steps() ? display.line(how_far) : display.detail(how_far); }};
   RunEnd end;
   try {
     end = run.run(out, monitor, display);
   } catch (const Cancelled&) {
+    display.say(run.can_resume() ? "stopped: --resume continues the run" : "stopped");
     stop.confirm();
     for (;;) std::this_thread::sleep_for(std::chrono::hours(1));  // the signal ends it
   } catch (const NumericalError& error) {
@@ -235,35 +248,38 @@ int run_into_directory(CaseRun& run, const RunOptions& options, Display& display
     end.failure = "there is not enough memory; take a coarser mesh, or a wider spacing of the cloud";
   }
   const std::string stage = end.rejected_by.empty() ? display.stage() : end.rejected_by;
-  const std::string whose = end.has_results ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
+  const std::string results = end.has_results ? "of this run" : out.has("result.json") ? "of an earlier run" : "none";
   if (end.failure.empty())
     out.supersede("failure.json");
   else
-    write_failure(out.file("failure.json"), run.title(), end.failure, stage, whose);
+    write_failure(out.file("failure.json"), run.title(), end.failure, stage, results);
   out.commit();
   if (end.has_results) run.remove_unfinished();
-  if (!end.failure.empty())
+  if (!end.failure.empty()) {
+    const char* which = !end.has_results          ? "of an earlier run"
+                        : end.rejected_by.empty() ? "of this run until then"
+                                                  : "of this run, and rejected";
     throw NumericalError(
         fmt::format("{}{}{}", end.rejected_by.empty() ? stage + " failed: " : "", end.failure,
-                    whose == "none" ? "" : fmt::format("; the results in {} are {}", options.out, whose)));
+                    results == "none" ? "" : fmt::format("; the results in {} are {}", options.out, which)));
+  }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
-  return 0;
 }
 
 }  // namespace
 
-template <int Dim> int run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
+template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
   StaticRun<Dim> run(std::move(analysis), options);
-  return run_into_directory(run, options, display);
+  run_into_directory(run, options, display);
 }
-template <int Dim> int run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display) {
+template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display) {
   ExplicitRun<Dim> run(dynamics_case, options);
-  return run_into_directory(run, options, display);
+  run_into_directory(run, options, display);
 }
 
-template int run_case(Case<2>, const RunOptions&, Display&);
-template int run_case(Case<3>, const RunOptions&, Display&);
-template int run_case(const DynamicsCase<2>&, const RunOptions&, Display&);
-template int run_case(const DynamicsCase<3>&, const RunOptions&, Display&);
+template void run_case(Case<2>, const RunOptions&, Display&);
+template void run_case(Case<3>, const RunOptions&, Display&);
+template void run_case(const DynamicsCase<2>&, const RunOptions&, Display&);
+template void run_case(const DynamicsCase<3>&, const RunOptions&, Display&);
 
 }  // namespace efree

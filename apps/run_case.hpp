@@ -15,9 +15,10 @@ struct RunOptions {
   bool resume = false;  ///< go on from the steps of an earlier run
 };
 
-/// Returns the exit status: 0, or 3 where the results are rejected. Throws InputError, and NumericalError with what
-/// there is on the disk then. A signal ends it with the directory as it was; explicit dynamics after a checkpoint.
-template <int Dim> int run_case(Case<Dim> analysis, const RunOptions& options, Display& display);
-template <int Dim> int run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display);
+/// Throws InputError; and NumericalError if the run fails or its results are rejected, once failure.json and what there
+/// is of results are in the directory. A signal ends it with the directory as it was; explicit dynamics after a
+/// checkpoint.
+template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display);
+template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display);
 
 }  // namespace efree

@@ -227,13 +227,12 @@ template <int Dim> struct Dynamics<Dim>::Parts {
     kinetic += 0.5 * nodes.mass.sum() * faster.squaredNorm();
     Ledger& energies = result.energies;
     energies.add_energy("kinetic", EnergyKind::kinetic, kinetic);
+    for (const double energy : stabilisation_energies(world))
+      energies.add_energy("stabilisation", EnergyKind::stabilising, energy);
     for (const auto& chunk : world.chunks) {
       energies.add_energy("stored", EnergyKind::stored, chunk.stored);
       energies.add_energy("dissipated", EnergyKind::dissipated, chunk.dissipated);
       energies.add_energy("viscous", EnergyKind::loss, chunk.viscous);
-      double stabilisation = 0.0;
-      for (Index p = 0; p < chunk.size(); ++p) stabilisation += stabilisation_energy(world, chunk, p);
-      energies.add_energy("stabilisation", EnergyKind::stabilising, stabilisation);
     }
     for (const auto& interaction : world.interactions) interaction->tally(world, result);
     scheme->tally(world, result);

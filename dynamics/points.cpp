@@ -238,6 +238,15 @@ template <int Dim> double stabilisation_energy(const World<Dim>& world, const Ch
          (spread - mean.squaredNorm() - (gradient * chunk.support.moment[p] * gradient.transpose()).trace());
 }
 
+template <int Dim> std::vector<double> stabilisation_energies(const World<Dim>& world) {
+  std::vector<double> sums(world.chunks.size(), 0.0);
+  parallel_chunks(static_cast<Index>(sums.size()), 1, [&](Index c, Index) {
+    const Chunk<Dim>& chunk = world.chunks[c];
+    for (Index p = 0; p < chunk.size(); ++p) sums[c] += stabilisation_energy(world, chunk, p);
+  });
+  return sums;
+}
+
 template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
   axes.computeDirect(moment, Eigen::EigenvaluesOnly);
@@ -254,6 +263,7 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   template void scatter_stresses(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&); \
   template void collect_forces(const World<Dim>&, Points<Dim>&, const std::vector<char>&);    \
   template double stabilisation_energy(const World<Dim>&, const Chunk<Dim>&, Index, double);  \
+  template std::vector<double> stabilisation_energies(const World<Dim>&);                     \
   template double smallest_width(const Mat<Dim>&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)

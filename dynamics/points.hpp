@@ -36,6 +36,8 @@ template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& for
 /// where the nodes were that time ago.
 template <int Dim>
 double stabilisation_energy(const World<Dim>& world, const Chunk<Dim>& chunk, Index p, double ago = 0.0);
+/// The same of all points, summed by chunk.
+template <int Dim> std::vector<double> stabilisation_energies(const World<Dim>& world);
 
 /// Volume of a point over that before a step, below which the step inverts the point, or nearly so.
 inline constexpr double least_volume_left = 0.3;

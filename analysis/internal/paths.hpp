@@ -17,8 +17,8 @@ template <int Dim> bool may_do_without_cloud(const Settings<Dim>& settings);
 /// The functions and points of the settings, unless result.approximation has some already.
 template <int Dim> void approximate_once(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
 
-/// The answer of a cloud, or of finite elements where settings.approximation says so; that of a cloud corrected and
-/// with its error, if the settings want it.
+/// The answer of a cloud, or of finite elements where settings.common.approximation says so; that of a cloud corrected
+/// and with its error, if the settings want it.
 template <int Dim> void answer_by_cloud(const Settings<Dim>& settings, Result<Dim>& result, const Monitor& monitor);
 
 /// Quadratic elements, from the linear ones on.

@@ -27,7 +27,7 @@ template <int Dim> struct Case : Settings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
 };
-/// The same of explicit dynamics.
+/// A case of explicit dynamics.
 template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
@@ -37,9 +37,9 @@ template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
 using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>>;
 using StaticCase = std::variant<Case<2>, Case<3>>;
 
-/// Reads and checks a case file. Throws InputError beginning with "file:line:" for a file that cannot be read, a syntax
-/// error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range and bad
-/// expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by
+/// Reads and checks a case file. Throws InputError for a file that cannot be read, and beginning with "file:line:" for
+/// a syntax error, keys that are unknown (naming the nearest known one) or missing, wrong types, values out of range
+/// and bad expressions. Names of boundaries and regions, selections, points of probes and the mesh are checked by
 /// prepare. Files are read, and the geometry is meshed, as `reading` says. Stage, where gmsh has to be asked for the
 /// dimension: read.
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
@@ -52,7 +52,7 @@ template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Mo
   return prepare<Dim>(analysis.geometry, static_cast<const Settings<Dim>&>(analysis), monitor);
 }
 template <int Dim> PreparedMesh<Dim> prepare(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
-  return prepare<Dim>(dynamics_case.geometry, dynamics_case.common, monitor);
+  return prepare<Dim>(dynamics_case.geometry, static_cast<const DynamicsSettings<Dim>&>(dynamics_case), monitor);
 }
 /// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {

@@ -411,6 +411,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
 }
 
 void reject_former_keys(const Section& root) {
+  if (root.has("tool")) root.fail("tool", "[[tool]] has a new name: write [[rigid_body]]");
   if (!root.is_table("analysis")) return;
   const Section analysis = root.section("analysis", {});
   const auto kind = analysis.has("kind") ? analysis.table().get("kind")->value_or(std::string()) : std::string();
@@ -431,11 +432,10 @@ void reject_former_keys(const Section& root) {
       {"otm", "shock", "shock in [dynamics]"},
       {"contact", "seizing", "seizing in [otm]"},
   };
-  if (root.has("tool")) root.fail("tool", "[[tool]] has a new name: write [[rigid_body]]");
   for (const auto& [section, key, place] : former_keys)
     if (root.is_table(section))
       if (const Section given = root.section(section, {}); given.has(key))
-        given.fail(key, fmt::format("{} in [{}] has a new place: write {}", key, section, place));
+        given.fail(key, fmt::format("{} in [{}] is no longer known: write {}", key, section, place));
 }
 
 template DynamicsCase<2> read_dynamics<2>(const CaseText&);

@@ -187,10 +187,10 @@ void remark_on_walls(const ApproximationOptions& options, WallRemedies remedies,
           "of the fine mesh, which takes more iterations, and the estimated error says how far off the cloud was",
           enough));
     else
-      out.remarks.push_back(fmt::format(
-          "the cloud is too stiff in walls of fewer than {:g} nodes, and this case has no corrections: take "
-          "[cloud] spacing = {:.2g}",
-          enough, wanted));
+      out.remarks.push_back(
+          fmt::format("the cloud is too stiff in walls of fewer than {:g} nodes, and nothing corrects it: take [cloud] "
+                      "spacing = {:.2g}",
+                      enough, wanted));
   }
   if (walls.edges[1] < enough && options.kind != BasisKind::p2)
     out.remarks.push_back(fmt::format(
@@ -243,7 +243,9 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
 template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const DynamicsCase<Dim>& dynamics_case) {
   ApproximationOptions options = dynamics_case.common.approximation;
   if (dynamics_case.method == DynamicsMethod::otm) options.kind = BasisKind::p1;  // no nodes but the vertices
-  return inspect_case(path, prepare(dynamics_case), options, {});
+  Inspection<Dim> inspection = inspect_case(path, prepare(dynamics_case), options, {});
+  if (inspection.suggestion) inspection.suggestion->spacing = 0.0;  // no cloud comes with the mesh
+  return inspection;
 }
 
 // --- Images ---------------------------------------------------------------------------------------------------------
@@ -509,12 +511,13 @@ template <int Dim> std::string inspection_text(const Inspection<Dim>& in) {
     out += fmt::format("); the thinnest at {}\n", tuple<Dim>(in.walls->at, scale));
   }
   if (in.suggestion)
-    out += fmt::format(
-        "to begin with: mesh_size = {:.2g} ({}), about {:.2g} cells; the cloud then has a spacing of about {:.2g}\n",
-        in.suggestion->mesh_size,
-        in.suggestion->limited ? "two edges across the thin walls would take too many cells"
-                               : "two edges across the walls but the thinnest 5 % of the boundary",
-        in.suggestion->cells, in.suggestion->spacing);
+    out += fmt::format("to begin with: mesh_size = {:.2g} ({}), about {:.2g} cells{}\n", in.suggestion->mesh_size,
+                       in.suggestion->limited ? "two edges across the thin walls would take too many cells"
+                                              : "two edges across the walls but the thinnest 5 % of the boundary",
+                       in.suggestion->cells,
+                       in.suggestion->spacing > 0.0
+                           ? fmt::format("; the cloud then has a spacing of about {:.2g}", in.suggestion->spacing)
+                           : "");
   std::vector<std::vector<std::string>> rows;
   for (auto [name, value] : in.facts) {
     std::ranges::replace(name, '_', ' ');
@@ -533,9 +536,10 @@ template <int Dim> std::string inspection_json(const Inspection<Dim>& in) {
   for (const auto& body : in.bodies)
     json["regions"].push_back({{"name", body.name}, {"volume", body.volume}, {"box", json_of<Dim>(body.box)}});
   json["suggestion"] = nullptr;
-  if (in.suggestion)
-    json["suggestion"] = {
-        {"mesh_size", in.suggestion->mesh_size}, {"cells", in.suggestion->cells}, {"spacing", in.suggestion->spacing}};
+  if (in.suggestion) {
+    json["suggestion"] = {{"mesh_size", in.suggestion->mesh_size}, {"cells", in.suggestion->cells}};
+    if (in.suggestion->spacing > 0.0) json["suggestion"]["spacing"] = in.suggestion->spacing;
+  }
   json["parts"] = ordered_json::array();
   for (const auto& group : in.groups)
     json["parts"].push_back({{"name", group.name},

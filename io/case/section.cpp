@@ -220,6 +220,8 @@ std::string Section::text(const toml::node& node, std::string_view key) const {
 toml::table parse_toml(const std::string& file) {
   if (std::filesystem::is_directory(file))
     throw InputError(fmt::format("{} is a directory, expected a case file", file));
+  std::error_code unknown;
+  if (!std::filesystem::exists(file, unknown)) throw InputError(fmt::format("there is no case file {}", file));
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw InputError(fmt::format("cannot read the case file {}", file));
   const std::string text(std::istreambuf_iterator<char>(stream), {});

@@ -37,7 +37,7 @@ template <int Dim> void read_exact(const Section& section, const Expressions<Dim
   if (section.has("stress")) {
     if (Dim == 3 || result.common.model.plane == Plane::axisymmetric) {
       result.exact.stress = expressions.fields(section.expressions<voigt_size<Dim>>("stress"), section.where("stress"));
-    } else if constexpr (Dim == 2) {  // across the plane there is no work
+    } else if constexpr (Dim == 2) {  // the stress out of the plane does no work
       const auto in_plane = expressions.fields(section.expressions<3>("stress"), section.where("stress"));
       result.exact.stress = [in_plane](const Vec<2>& x) {
         const Vec<3> stress = in_plane(x);
@@ -81,7 +81,7 @@ void read_mass_forces(const Section& analysis, const Expressions<Dim>& expressio
   const bool axisymmetric = Dim == 2 && result.common.model.plane == Plane::axisymmetric;
   if (Dim == 2 && turning.has("axis"))
     turning.fail("axis", axisymmetric ? "an axisymmetric body turns about its own axis, y: leave axis out"
-                                      : "a planar body turns about an axis across its plane: leave axis out");
+                                      : "a planar body turns about the axis out of its plane: leave axis out");
   if (axisymmetric && turning.has("through"))
     turning.fail("through", "an axisymmetric body turns about its own axis, y: leave through out");
   Vec<3> axis = axisymmetric ? Vec<3>::UnitY() : Vec<3>::UnitZ();
@@ -414,12 +414,6 @@ template <int Dim> Case<Dim> read_static(const CaseText& text) {
       mark_of(*text.table, result.time && result.time->acting,
               text.geometry.has("file") ? text.folder() / text.geometry.text("file") : std::filesystem::path());
   return result;
-}
-
-void reject_dynamics_keys(const Section& root) {
-  for (const char* key : {"velocity", "wall", "rigid_body", "contact", "dynamics", "otm"})
-    if (root.has(key))
-      root.fail(key, fmt::format("[{}] is for explicit dynamics: set analysis.kind = \"dynamics\"", key));
 }
 
 template Case<2> read_static<2>(const CaseText&);

@@ -38,7 +38,7 @@ TEST(CommandLine, RefusesWrongArguments) {
   expect_refused(work.efree({"solve", "case.toml"}), "--out is required");
   expect_refused(work.efree({"solve", "case.toml", "--out", "out", "--thread", "2"}), "--thread");
   expect_refused(work.efree({"solve", "case.toml", "--out", "out", "--threads", "0"}), "--threads");
-  expect_refused(work.efree({"solve", "none.toml", "--out", "out"}), "^error: cannot read the case file none.toml");
+  expect_refused(work.efree({"solve", "none.toml", "--out", "out"}), "^error: there is no case file none.toml");
   expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4"}),
                  "at least two different");
   expect_refused(work.efree({"convergence", "case.toml", "--out", "out", "--spacing", "0.4,x"}), "--spacing");

@@ -124,6 +124,9 @@ TEST(DynamicsCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[dynamics]\ncourant = 2\n"), says("courant"));
   EXPECT_THAT(refuses(rubber + "[dynamics]\nimbalance = 0\n"), says("imbalance"));
   EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
+  EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[[gas]]\non = \"left\"\npressure = 1\n"),
+              says("leave out [cloud], and take dynamics.method = \"otm\""));
+  EXPECT_THAT(refuses(rubber + "[accuracy]\nenergy = 0.01\n"), says("[accuracy] is for static analyses"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\ntoughness = -1\n"), says("toughness"));

@@ -25,6 +25,7 @@ namespace efree::internal {
 struct CaseText {
   std::filesystem::path file;
   std::shared_ptr<const toml::table> table;
+  bool is_dynamics;  ///< by analysis.kind
   Section root, geometry;
   Reading reading;
 

@@ -10,9 +10,7 @@ namespace efree::internal {
 /// Keys of the file, by the kind of case.
 Section::Keys static_keys();
 Section::Keys dynamics_keys();
-/// Fails for keys of dynamics in a static case.
-void reject_dynamics_keys(const Section& root);
-/// Fails for keys that earlier versions had for dynamics: the message names their places now.
+/// Fails for keys that earlier versions had for dynamics: the message names the new ones.
 void reject_former_keys(const Section& root);
 
 template <int Dim> Case<Dim> read_static(const CaseText& text);
