@@ -153,7 +153,7 @@ template <int Dim> class Levels {
 /// The settings of a level, compared with the one before.
 template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elements, const PreparedMesh<Dim>& mesh,
                                              double spacing, std::shared_ptr<const Result<Dim>> coarser) {
-  if (settings.common.approximation.kind != BasisKind::mls) {  // all is said
+  if (settings.common.approximation.kind != BasisKind::mls) {  // the basis is given
   } else if (elements) {
     const ElasticModel model = with_defaults(settings, mesh).common.model;
     settings.common.approximation.kind = BasisKind::p2;

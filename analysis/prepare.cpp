@@ -39,7 +39,7 @@ void check_probes(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std:
   }
 }
 
-/// The material of each region; fluids are none for a static analysis.
+/// The material of each region. A static analysis takes no fluids.
 template <int Dim> std::vector<SharedMaterial> region_materials(const CommonSettings<Dim>& settings, bool is_static,
                                                                 const FineMesh<Dim>& mesh) {
   const auto check = [&](const SharedMaterial& material) {  // others are known at their points only

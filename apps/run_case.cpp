@@ -256,12 +256,10 @@ void run_into_directory(CaseRun& run, const RunOptions& options, Display& displa
   out.commit();
   if (end.has_results) run.remove_unfinished();
   if (!end.failure.empty()) {
-    const char* which = !end.has_results          ? "of an earlier run"
-                        : end.rejected_by.empty() ? "of this run until then"
-                                                  : "of this run, and rejected";
+    const char* state = !end.has_results ? "" : end.rejected_by.empty() ? " until then" : ", and rejected";
     throw NumericalError(
         fmt::format("{}{}{}", end.rejected_by.empty() ? stage + " failed: " : "", end.failure,
-                    results == "none" ? "" : fmt::format("; the results in {} are {}", options.out, which)));
+                    results == "none" ? "" : fmt::format("; the results in {} are {}{}", options.out, results, state)));
   }
   if (!options.quiet) display.say(fmt::format("results in {}", options.out));
 }

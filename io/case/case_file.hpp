@@ -49,10 +49,10 @@ StaticCase read_static_case(const std::filesystem::path& file, const Reading& re
 
 /// prepare, analyse and analyse_to_accuracy with the case's own geometry.
 template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Monitor& monitor = {}) {
-  return prepare<Dim>(analysis.geometry, static_cast<const Settings<Dim>&>(analysis), monitor);
+  return prepare<Dim>(analysis.geometry, analysis, monitor);
 }
 template <int Dim> PreparedMesh<Dim> prepare(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
-  return prepare<Dim>(dynamics_case.geometry, static_cast<const DynamicsSettings<Dim>&>(dynamics_case), monitor);
+  return prepare<Dim>(dynamics_case.geometry, dynamics_case, monitor);
 }
 /// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {

@@ -8,7 +8,6 @@
 #include <fstream>
 #include <limits>
 #include <sstream>
-#include <tuple>
 
 namespace efree::internal {
 
@@ -56,19 +55,9 @@ Section::Keys quadrature_keys() {
   return {"basis", "ratio", "stabilisation", "dilatation"};
 }
 
-template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
-                                           double mesh_ratio, CommonSettings<Dim>& result) {
+template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, double mesh_ratio,
+                                           CommonSettings<Dim>& result) {
   ApproximationOptions& options = result.approximation;
-  options.kind = basis.choice<BasisKind>("kind",
-                                         {{"auto", BasisKind::mls},
-                                          {"mls", BasisKind::mls},
-                                          {"p1", BasisKind::p1},
-                                          {"p2", BasisKind::p2},
-                                          {"cells", BasisKind::mls}},
-                                         options.kind);
-  options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
-  options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
-
   options.spacing = cloud.number("spacing", positive, 0.0);
   if (options.spacing == 0.0 && mesh_ratio > 0.0)
     cloud.fail("spacing", "key \"spacing\" is missing in [cloud]: geometry.mesh_ratio is relative to it");
@@ -152,9 +141,9 @@ void add_file(Fingerprint& to, const std::filesystem::path& file) {
 
 template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const ExpressionTime&);
 template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const ExpressionTime&);
-template void read_approximation<2>(const Section&, const Section&, const Section&, double, CommonSettings<2>&);
+template void read_approximation<2>(const Section&, const Section&, double, CommonSettings<2>&);
 template void read_common<2>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<2>&, MeshSource<2>&);
-template void read_approximation<3>(const Section&, const Section&, const Section&, double, CommonSettings<3>&);
+template void read_approximation<3>(const Section&, const Section&, double, CommonSettings<3>&);
 template void read_common<3>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<3>&, MeshSource<3>&);
 template Grading read_grading<2>(const Section&, PlaceReader<2>&, std::vector<Mention>&);
 template Grading read_grading<3>(const Section&, PlaceReader<3>&, std::vector<Mention>&);

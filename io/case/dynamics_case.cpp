@@ -322,7 +322,7 @@ template <int Dim> void read_cloud(const Section& root, PlaceReader<Dim>& places
       if (quadrature.has(key))
         quadrature.fail(
             key, fmt::format("{} is for a [cloud], and there is none: every cell of the mesh has one point", key));
-  read_approximation<Dim>(cloud, quadrature, root.section("basis", {}), result.geometry.ratio, result.common);
+  read_approximation<Dim>(cloud, quadrature, result.geometry.ratio, result.common);
   result.common.approximation.grading = read_grading(cloud, places, result.common.graded);
   result.pressure_patches = quadrature.switch_or_auto("dilatation");
 }

@@ -45,7 +45,8 @@ template <int Dim> struct Inspection {
   };
   std::optional<Walls> walls{};
   /// Sizes to begin with: two edges of the fine mesh across the walls but for the thinnest 5 % of the boundary, no
-  /// coarser than a twentieth of the box and no finer than two million cells. Cells and spacing are about what follows.
+  /// coarser than a twentieth of the box and no finer than two million cells. Cells and spacing are about what follows;
+  /// no cloud follows, spacing 0, in cases of explicit dynamics.
   struct Suggestion {
     double mesh_size, cells, spacing;
     bool limited;  ///< by the number of cells

@@ -15,6 +15,8 @@
 #include <memory>
 #include <regex>
 #include <set>
+#include <tuple>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -135,6 +137,21 @@ template <int Dim> void read_correction(const Section& analysis, Settings<Dim>& 
     return;
   }
   result.corrected = analysis.choice<bool>("correction", {{"auto", true}, {"off", false}}, std::nullopt);
+}
+
+/// [basis].
+template <int Dim> void read_basis(const Section& basis, Settings<Dim>& result) {
+  ApproximationOptions& options = result.common.approximation;
+  using Kind = std::pair<BasisKind, OnCells>;
+  std::tie(options.kind, result.cells) = basis.choice<Kind>("kind",
+                                                            {{"auto", {BasisKind::mls, OnCells::automatic}},
+                                                             {"mls", {BasisKind::mls, OnCells::never}},
+                                                             {"p1", {BasisKind::p1, OnCells::never}},
+                                                             {"p2", {BasisKind::p2, OnCells::never}},
+                                                             {"cells", {BasisKind::mls, OnCells::always}}},
+                                                            Kind{BasisKind::mls, OnCells::automatic});
+  options.order = static_cast<int>(basis.integer("order", 1, 2, options.order));
+  options.interpolation = static_cast<int>(basis.integer("interpolation", 1, 2, options.interpolation));
 }
 
 /// Cells have no cloud: what the file says of one decides against them, or contradicts it. In the plane the same
@@ -376,14 +393,8 @@ template <int Dim> Case<Dim> read_static(const CaseText& text) {
   const ExpressionTime time{result.time ? std::optional(result.time->path.end) : std::nullopt,
                             "t is the time of [time], and the case has none"};
   const Expressions<Dim> expressions = read_definitions<Dim>(root, result.geometry.grey, time);
-  read_approximation(cloud, quadrature, basis, result.geometry.ratio, result.common);
-  result.cells = basis.choice<OnCells>("kind",
-                                       {{"auto", OnCells::automatic},
-                                        {"mls", OnCells::never},
-                                        {"p1", OnCells::never},
-                                        {"p2", OnCells::never},
-                                        {"cells", OnCells::always}},
-                                       result.cells);
+  read_approximation(cloud, quadrature, result.geometry.ratio, result.common);
+  read_basis(basis, result);
   read_regime(analysis, result);
   const std::string asks_for_finite = result.regime == Regime::finite ? "analysis.model = \"finite\" asks" : "";
   MaterialReader<Dim>(expressions, asks_for_finite).read(root, result.common);

@@ -35,7 +35,7 @@ template <int Dim> class BoundaryReader {
     }
     for (const Section& entry : entries) read_load(entry, places_.name(entry), only_kind(entry), result_.loads);
   }
-  /// The loads of a case; what holds the body is read before, and the same for all.
+  /// The loads of a case. Supports are read before, and all cases share them.
   void read_case(const std::vector<Section>& entries, Loads<Dim>& loads) {
     for (const Section& entry : entries) {
       const std::string on = places_.name(entry);

@@ -53,9 +53,9 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
 Section::Keys cloud_keys();
 Section::Keys quadrature_keys();
 
-/// Functions and quadrature but for the grading. `mesh_ratio`: of the geometry, relative to the cloud's spacing.
-template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, const Section& basis,
-                                           double mesh_ratio, CommonSettings<Dim>& result);
+/// Cloud and quadrature but for the grading. `mesh_ratio`: of the geometry, relative to the cloud's spacing.
+template <int Dim> void read_approximation(const Section& cloud, const Section& quadrature, double mesh_ratio,
+                                           CommonSettings<Dim>& result);
 /// Where the cloud is denser; `graded` gets the regions that it names.
 template <int Dim> Grading read_grading(const Section& cloud, PlaceReader<Dim>& places, std::vector<Mention>& graded);
 
