@@ -40,11 +40,14 @@ template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(con
 namespace {
 
 /// NaN where the scheme has no such node any more.
-template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, const Dynamics<Dim>& dynamics) {
-  const Index a = dynamics.first_node(node.body) + node.number;
-  if (a >= dynamics.first_node(node.body + 1))
+template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, const DynamicsModel<Dim>& model) {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const Index a = model.first_probed(node.body) + node.number;
+  if (a >= model.first_probed(node.body + 1))
     return std::vector<double>(2 * Dim, std::numeric_limits<double>::quiet_NaN());
-  const Vec<Dim> u = dynamics.nodes().col(a) - node.start, v = dynamics.velocities().col(a);
+  const Points<Dim> x = model.probes_points ? dynamics.points() : dynamics.nodes();
+  const Points<Dim> velocities = model.probes_points ? dynamics.point_velocities() : dynamics.velocities();
+  const Vec<Dim> u = x.col(a) - node.start, v = velocities.col(a);
   std::vector<double> both(u.begin(), u.end());
   both.insert(both.end(), v.begin(), v.end());
   return both;
@@ -55,7 +58,7 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
                                           const std::vector<std::pair<std::string, Vector>>& scalars) {
   using Kind = typename DynamicsProbe<Dim>::Kind;
   const Dynamics<Dim>& dynamics = model.dynamics;
-  const bool nodal = probe.field.empty();
+  const bool nodal = probe.field.empty() && !model.probes_points;
   const Points<Dim> points = nodal ? dynamics.nodes() : dynamics.points();
   const auto field = std::ranges::find(scalars, probe.field, [](const auto& entry) { return entry.first; });
   double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
@@ -66,7 +69,7 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
     for (Index k = begin; k < end; ++k) {
       const Vec<Dim> at = points.col(k);
       if (!probe.box.isEmpty() && !probe.box.contains(at)) continue;
-      const double value = nodal ? probe.coordinate(at) : field->second[k];
+      const double value = probe.field.empty() ? probe.coordinate(at) : field->second[k];
       smallest = std::min(smallest, value);
       largest = std::max(largest, value);
     }
@@ -87,8 +90,8 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
   for (std::size_t k = 0; k < settings.probes.size(); ++k) {
     const DynamicsProbe<Dim>& probe = settings.probes[k];
     const auto& node = model.probe_nodes[k];
-    result.emplace_back(
-        probe.name, node ? measure_node(*node, model.dynamics) : std::vector{measure_extreme(probe, model, scalars)});
+    result.emplace_back(probe.name,
+                        node ? measure_node(*node, model) : std::vector{measure_extreme(probe, model, scalars)});
   }
   return result;
 }

@@ -5,6 +5,7 @@
 
 #include "efree/analysis/prepare.hpp"
 #include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 
@@ -38,7 +39,8 @@ template <int Dim> struct RigidBodySettings {
   RigidBody<Dim> body;
   std::string where{};
 };
-/// Prescribed velocities of the nodes on a part of the boundary, by initial position. Empty components are free.
+/// Prescribed velocities of the nodes on a part of the boundary (mpm: of all points within a cell of it), by initial
+/// position. Empty components are free.
 template <int Dim> struct BoundaryVelocity {
   std::string on;
   std::array<ScalarField<Dim>, Dim> velocity;
@@ -49,13 +51,13 @@ struct GasFilling {
   double pressure = 0.0, exponent = 1.4;
   std::string where{};
 };
-/// A number to report, or the motion of one node.
+/// A number to report, or the motion of one node. Of the material point method points stand for nodes.
 template <int Dim> struct DynamicsProbe {
   enum class Kind {
     largest,
     smallest,
     extent,  ///< the largest less the smallest
-    node,    ///< displacement and velocity of the node nearest to a position at the start
+    node,    ///< displacement and velocity of the node (mpm: material point) nearest to a position at the start
   };
   std::string name;
   Kind kind = Kind::largest;
@@ -70,6 +72,14 @@ template <int Dim> struct DynamicsProbe {
 enum class DynamicsMethod {
   otm,               ///< nodes at the vertices of the mesh, a material point in every cell
   total_lagrangian,  ///< shape functions of the static solver on the cloud of common.approximation
+  mpm,               ///< material points on a lattice, splines of a grid
+};
+
+/// Of the material point method.
+struct MpmSettings {
+  MpmOptions options{};    ///< the origin is a corner of the box around all bodies
+  Index points_along = 2;  ///< material points along an edge of a cell
+  bool total = false;      ///< splines stay those of the reference configuration (total Lagrangian)
 };
 
 /// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
@@ -78,6 +88,7 @@ template <int Dim> struct DynamicsSettings {
   CommonSettings<Dim> common{};
   DynamicsMethod method = DynamicsMethod::otm;
   OtmOptions otm{};                                           ///< of that method
+  MpmSettings mpm{};                                          ///< likewise
   DynamicsOptions options{};                                  ///< of all methods; the plane is that of common.model
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
@@ -105,7 +116,7 @@ template <int Dim> struct DynamicsSettings {
 template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                              const Monitor& monitor = {});
 
-/// The node of a probe.
+/// The node, or point, of a probe.
 template <int Dim> struct ProbeNode {
   Index body = 0, number = 0;         ///< its number in its body
   Vec<Dim> start = Vec<Dim>::Zero();  ///< its position at the start
@@ -118,7 +129,13 @@ template <int Dim> struct DynamicsModel {
   BoundingBox<Dim> initial_box;    ///< of the nodes at the start
   Vector point_sizes;  ///< edges of squares (cubes) with the areas (volumes) of the points at the start [length]
   std::vector<std::optional<ProbeNode<Dim>>> probe_nodes{};  ///< by probe
+  bool probes_points = false;                                ///< whether probes look at material points, not at nodes
   std::vector<std::string> remarks{}, warnings{};
+
+  /// The first node or point of a body, as probes look at them.
+  Index first_probed(Index body) const {
+    return probes_points ? dynamics.first_point(body) : dynamics.first_node(body);
+  }
 };
 
 /// A body for every region of the mesh, with its material, density and velocities; walls, rigid bodies, prescribed

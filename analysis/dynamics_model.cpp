@@ -57,11 +57,14 @@ template <int Dim> void set_density(const Parameter& density, DeformableBody<Dim
   }
 }
 
+constexpr double bytes_per_point = 4e3;  // measured, with a checkpoint
+
 /// A region as a body, with its nodes on parts of the boundary.
 template <int Dim> struct RegionBody {
   DeformableBody<Dim> body;
-  std::map<std::string, std::vector<Index>> nodes_on{};  ///< by part with prescribed velocities, ascending
-  std::map<std::string, Facets<Dim>> gas_facets{};       ///< of nodes, by part with a gas inside
+  std::map<std::string, std::vector<Index>> nodes_on{};   ///< by part with prescribed velocities, ascending
+  std::map<std::string, std::vector<Index>> points_on{};  ///< likewise, where nodes do not persist
+  std::map<std::string, Facets<Dim>> gas_facets{};        ///< of nodes, by part with a gas inside
 };
 
 template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh, const std::string& part) {
@@ -120,16 +123,46 @@ template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, cons
   return result;
 }
 
+template <int Dim> RegionBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, const SharedMaterial& material,
+                                                   const DynamicsSettings<Dim>& settings, const MpmOptions& options) {
+  const MpmSettings& mpm = settings.mpm;
+  double volume = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c) volume += mesh.volume(c);
+  const double count = volume / std::pow(options.cell / static_cast<double>(mpm.points_along), Dim);
+  require_memory(bytes_per_point * count, fmt::format("a body of {:.3g} material points", count),
+                 "take a larger mpm.cell, or fewer mpm.points");
+  RegionBody<Dim> result{mpm.total ? splines_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)
+                                   : points_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)};
+  if (!has_pressure_patches(settings, *material)) result.body.patches.clear();
+  for (const auto& part : settings.boundary_velocities)
+    if (const auto* facets = facets_of(mesh, part.on)) {
+      const auto near = points_near_facets<Dim>(mesh, *facets, result.body.points, options.cell);
+      if (mpm.total)
+        result.nodes_on[part.on] = nodes_of_points(result.body, near);
+      else
+        result.points_on[part.on] = near;
+    }
+  return result;
+}
+
+/// The grid of all bodies begins at a corner of their box.
+template <int Dim> MpmOptions mpm_options(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
+  MpmOptions options = settings.mpm.options;
+  for (int i = 0; i < Dim; ++i) options.origin[static_cast<std::size_t>(i)] = mesh.vertices().row(i).minCoeff();
+  return options;
+}
+
 template <int Dim>
 void set_initial_velocity(const DynamicsSettings<Dim>& settings, const std::string& region, DeformableBody<Dim>& body) {
-  body.velocity.setZero(Dim, body.nodes.cols());
+  const Points<Dim>& at = body.nodes.cols() > 0 ? body.nodes : body.points;
+  body.velocity.setZero(Dim, at.cols());
   for (const auto& initial : settings.initial_velocities) {
     if (!initial.region.empty() && initial.region != region) continue;
-    for (Index a = 0; a < body.nodes.cols(); ++a) {
-      const Vec<Dim> v = located(settings.common, initial.where, [&] { return initial.velocity(body.nodes.col(a)); });
+    for (Index a = 0; a < at.cols(); ++a) {
+      const Vec<Dim> v = located(settings.common, initial.where, [&] { return initial.velocity(at.col(a)); });
       if (!v.allFinite())
-        throw InputError(said_at(
-            initial.where, fmt::format("the velocity at ({:.6g}) is not finite", fmt::join(body.nodes.col(a), ", "))));
+        throw InputError(
+            said_at(initial.where, fmt::format("the velocity at ({:.6g}) is not finite", fmt::join(at.col(a), ", "))));
       body.velocity.col(a) = v;
     }
   }
@@ -137,16 +170,21 @@ void set_initial_velocity(const DynamicsSettings<Dim>& settings, const std::stri
 
 template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const std::string& region,
                                               const SharedMaterial& material, const DynamicsSettings<Dim>& settings,
-                                              const Monitor& monitor) {
+                                              const MpmOptions& grid, const Monitor& monitor) {
   const auto [where, density] = density_of(settings, region);
   if (!material->finite_strain())
     throw InputError(said_at(where,
                              "the material is for small strains, and bodies in explicit dynamics rotate: take hencky, "
                              "neo_hookean, st_venant_kirchhoff, j2 or another one for finite strains"));
   RegionBody<Dim> result = located(settings.common, settings.common.where, [&] {
-    return settings.method == DynamicsMethod::total_lagrangian
-               ? body_on_cloud(part, material, settings, monitor)
-               : body_at_vertices(part, material, is_axisymmetric(settings), settings);
+    switch (settings.method) {
+      case DynamicsMethod::total_lagrangian:
+        return body_on_cloud(part, material, settings, monitor);
+      case DynamicsMethod::mpm:
+        return body_on_lattice(part, material, settings, grid);
+      default:
+        return body_at_vertices(part, material, is_axisymmetric(settings), settings);
+    }
   });
   set_density(density, result.body);
   set_initial_velocity(settings, region, result.body);
@@ -188,7 +226,8 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
     if (std::ranges::count(kept, 1) == 0) continue;
     result.names.push_back(all.region_names()[r]);
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
-    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, monitor));
+    result.regions.push_back(
+        build_body(part, result.names.back(), mesh.materials[r], settings, mpm_options(all, settings), monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
     if (settings.method == DynamicsMethod::otm &&
@@ -250,13 +289,14 @@ void check_field(const DynamicsModel<Dim>& model, const std::string& field, cons
 template <int Dim>
 std::pair<ProbeNode<Dim>, double> nearest_node(const DynamicsProbe<Dim>& probe, const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
+  const Points<Dim> at = model.probes_points ? dynamics.points() : dynamics.nodes();
   std::pair<ProbeNode<Dim>, double> nearest{{}, std::numeric_limits<double>::infinity()};
   for (Index b = 0; b < dynamics.num_bodies(); ++b) {
     if (!probe.region.empty() && probe.region != model.names[b]) continue;
-    const Index first = dynamics.first_node(b);
-    for (Index a = first; a < dynamics.first_node(b + 1); ++a)
-      if (const double distance = (dynamics.nodes().col(a) - probe.at).norm(); distance < nearest.second)
-        nearest = {{.body = b, .number = a - first, .start = dynamics.nodes().col(a)}, distance};
+    const Index first = model.first_probed(b);
+    for (Index a = first; a < model.first_probed(b + 1); ++a)
+      if (const double distance = (at.col(a) - probe.at).norm(); distance < nearest.second)
+        nearest = {{.body = b, .number = a - first, .start = at.col(a)}, distance};
   }
   return nearest;
 }
@@ -273,8 +313,9 @@ template <int Dim> void set_up_probes(const DynamicsSettings<Dim>& settings, Dyn
     if (probe.kind == DynamicsProbe<Dim>::Kind::node) {
       const auto [node, distance] = nearest_node(probe, model);
       model.probe_nodes.back() = node;
-      model.remarks.push_back(fmt::format("probe \"{}\": the node at ({:.6g}), {:.3g} from its position", probe.name,
-                                          fmt::join(node.start, ", "), distance));
+      model.remarks.push_back(fmt::format("probe \"{}\": the {} at ({:.6g}), {:.3g} from its position", probe.name,
+                                          model.probes_points ? "material point" : "node", fmt::join(node.start, ", "),
+                                          distance));
     } else if (probe.field.empty()) {
       located(settings.common, probe.where, [&] { return probe.coordinate(model.dynamics.nodes().col(0)); });
     }
@@ -286,7 +327,7 @@ template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, cons
   for (const auto& gas : settings.gases) {
     if (settings.method != DynamicsMethod::otm)
       throw InputError(said_at(gas.where,
-                               "a gas needs nodes at the vertices of the mesh: leave out [cloud], and take "
+                               "a gas needs nodes at the vertices of the mesh: leave out [cloud] and [mpm], and take "
                                "dynamics.method = \"otm\""));
     GasCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
     for (std::size_t b = 0; b < regions.size(); ++b)
@@ -296,6 +337,30 @@ template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, cons
         cavity.facets.rightCols(more) = found->second.array() + model.dynamics.first_node(static_cast<Index>(b));
       }
     located(settings.common, gas.where, [&] { model.dynamics.add_cavity(cavity); });
+  }
+}
+
+/// Velocities of the points near parts of the boundary.
+template <int Dim> void prescribe_points(const DynamicsSettings<Dim>& settings,
+                                         const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
+  const Points<Dim> start = model.dynamics.points();
+  for (int i = 0; i < Dim; ++i) {
+    std::map<Index, double> velocities;  // of parts that share a point the last counts
+    for (const auto& part : settings.boundary_velocities)
+      for (std::size_t b = 0; b < regions.size() && part.velocity[i]; ++b)
+        if (const auto points = regions[b].points_on.find(part.on); points != regions[b].points_on.end())
+          for (const Index number : points->second) {
+            const Index p = model.dynamics.first_point(static_cast<Index>(b)) + number;
+            velocities[p] = part.velocity[i](start.col(p));
+          }
+    if (velocities.empty()) continue;
+    std::vector<Index> points;
+    Vector values(static_cast<Index>(velocities.size()));
+    for (const auto& [p, velocity] : velocities) {
+      values[static_cast<Index>(points.size())] = velocity;
+      points.push_back(p);
+    }
+    model.dynamics.prescribe_points(std::move(points), i, values);
   }
 }
 
@@ -318,6 +383,7 @@ template <int Dim> void prescribe_velocities(const DynamicsSettings<Dim>& settin
     for (Index a = 0; a < model.dynamics.num_nodes(); ++a)
       if (start(0, a) < 1e-9 * start.row(0).maxCoeff()) velocities[{a, 0}] = 0.0;
   for (const auto& [node, velocity] : velocities) model.dynamics.prescribe(node.first, node.second, velocity);
+  prescribe_points(settings, regions, model);
 }
 
 /// Forces are momenta over a step, which has to be large enough to divide by.
@@ -343,6 +409,12 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
   prescribe_velocities(settings, regions, model);
 }
 
+/// Whether bodies meet each other nowhere.
+template <int Dim> bool lacks_contact(const DynamicsSettings<Dim>& settings) {
+  return settings.method == DynamicsMethod::total_lagrangian ||
+         (settings.method == DynamicsMethod::mpm && settings.mpm.total);
+}
+
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                      const std::vector<std::string>& without_inner_nodes, DynamicsModel<Dim>& model) {
   model.warnings = mesh.warnings;
@@ -355,14 +427,21 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
     model.warnings.push_back(fmt::format(
         "Bending and squeezing of {} are not resolved: no node lies inside. Try a smaller mesh_size",
         mesh.mesh->num_regions() == 1 ? "the body" : fmt::format("\"{}\"", fmt::join(without_inner_nodes, "\", \""))));
-  if (settings.method == DynamicsMethod::total_lagrangian && model.dynamics.num_bodies() > 1)
+  if (lacks_contact(settings) && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
-        "Bodies pass through each other: on a [cloud] there is contact with walls and rigid bodies only. Leave out "
-        "[cloud] if bodies meet");
+        settings.method == DynamicsMethod::mpm
+            ? "Bodies pass through each other: with mpm.frame = \"total\" there is contact with walls and rigid bodies "
+              "only. Take frame = \"updated\" if bodies meet"
+            : "Bodies pass through each other: on a [cloud] there is contact with walls and rigid bodies only. Leave "
+              "out "
+              "[cloud] if bodies meet");
 }
 
-template <int Dim> std::unique_ptr<Scheme<Dim>> make_scheme(const DynamicsSettings<Dim>& settings) {
-  return settings.method == DynamicsMethod::otm ? otm<Dim>(settings.otm) : total_lagrangian<Dim>();
+template <int Dim>
+std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
+  if (settings.method == DynamicsMethod::otm) return otm<Dim>(settings.otm);
+  if (settings.method == DynamicsMethod::mpm && !settings.mpm.total) return mpm<Dim>(mpm_options(mesh, settings));
+  return total_lagrangian<Dim>();
 }
 
 }  // namespace
@@ -375,20 +454,20 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   const Stage stage("bodies", monitor);
   DynamicsOptions options = settings.options;
   options.plane = settings.common.model.plane.value_or(Plane::strain);
-  if (settings.method == DynamicsMethod::total_lagrangian) options.contact.stiffness = 0.0;  // there are no surfaces
+  if (lacks_contact(settings)) options.contact.stiffness = 0.0;  // there are no surfaces
   const auto num_points = static_cast<Index>(built.point_sizes.size());
-  constexpr double bytes_per_point = 4e3;  // measured, with a checkpoint
   require_memory(bytes_per_point * num_points, fmt::format("explicit dynamics of {} material points", num_points),
                  "take a coarser mesh, or a [cloud]");
   std::vector<DeformableBody<Dim>> bodies;
   for (auto& region : built.regions) bodies.push_back(std::move(region.body));
   DynamicsModel<Dim> model{
       .dynamics = located(settings.common, settings.common.where,
-                          [&] { return Dynamics<Dim>(std::move(bodies), make_scheme(settings), options); }),
+                          [&] { return Dynamics<Dim>(std::move(bodies), make_scheme(*mesh.mesh, settings), options); }),
       .names = std::move(built.names),
       .initial_box = {},
       .point_sizes = Eigen::Map<const Vector>(built.point_sizes.data(), num_points)};
-  const Points<Dim>& nodes = model.dynamics.nodes();
+  model.probes_points = settings.method == DynamicsMethod::mpm;
+  const Points<Dim> nodes = model.probes_points ? model.dynamics.points() : model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
   check_gaps(settings, mesh.mesh->vertices());
   check_overlaps(settings, model);

@@ -15,7 +15,7 @@ namespace efree {
 /// A body at rest in its reference configuration, of one material.
 template <int Dim> struct DeformableBody {
   Points<Dim> nodes;     ///< Dim x N
-  Points<Dim> velocity;  ///< Dim x N, at the start; empty: at rest [length/time]
+  Points<Dim> velocity;  ///< Dim x N, at the start, of nodes; Dim x M of points if N = 0; empty: at rest [length/time]
   Points<Dim> points;    ///< Dim x M, material points, each between nodes
   Vector volumes;        ///< M, positive; in the plane per unit thickness, axisymmetric times 2 pi r
   /// M columns of Dim + 1 nodes: the cell around each point, positively oriented; their outer facets are the surface

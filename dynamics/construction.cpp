@@ -89,8 +89,8 @@ template <int Dim> void require_geometry(const DeformableBody<Dim>& body, bool a
   const auto N = static_cast<Index>(body.nodes.cols()), M = static_cast<Index>(body.points.cols());
   if (N == 0 && M == 0) fail("expected nodes or points");
   if (!body.nodes.allFinite() || !body.points.allFinite()) fail("positions that are no numbers");
-  if (body.velocity.size() != 0 && (body.velocity.cols() != N || !body.velocity.allFinite()))
-    fail("expected a velocity for every node, or none");
+  if (body.velocity.size() != 0 && (body.velocity.cols() != (N > 0 ? N : M) || !body.velocity.allFinite()))
+    fail("expected a velocity for every node, or none; for every point where there are no nodes");
   if (body.volumes.size() != M || !(body.volumes.array() > 0.0).all() || !body.volumes.allFinite())
     fail("expected a positive volume for every point");
   if (!body.patches.empty() && static_cast<Index>(body.patches.size()) != M)
@@ -248,7 +248,7 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
     const DeformableBody<Dim>& body = bodies[b];
     const Index first = world.first_node[b], count = static_cast<Index>(body.nodes.cols());
     nodes.x.middleCols(first, count) = body.nodes;
-    if (body.velocity.size() != 0) nodes.v.middleCols(first, count) = body.velocity;
+    if (count > 0 && body.velocity.size() != 0) nodes.v.middleCols(first, count) = body.velocity;
     nodes.body.insert(nodes.body.end(), count, static_cast<Index>(b));
     Neighbours<Dim> tree;
     if (count > 0) tree.build(body.nodes);

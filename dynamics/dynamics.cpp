@@ -75,7 +75,7 @@ template <int Dim> struct Dynamics<Dim>::Parts {
       : scheme(std::move(given)) {
     require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
     internal::construct(world, bodies, options);
-    auto rigid_contact = std::make_unique<internal::RigidContact<Dim>>();
+    auto rigid_contact = std::make_unique<internal::RigidContact<Dim>>(*scheme);
     auto gas = std::make_unique<internal::Cavities<Dim>>();
     rigid = rigid_contact.get();
     cavities = gas.get();
@@ -187,7 +187,7 @@ template <int Dim> struct Dynamics<Dim>::Parts {
   void erode(const std::vector<Index>& broken) {
     internal::erode_points(world, *scheme, broken);
     const Points<Dim> before = world.nodes.force;
-    assemble_internal_forces(world);
+    assemble_internal_forces(world, *scheme);
     add_external_forces();
     // Leapfrog's next impulse, from half a step ago on, is without them: from then on they stored no more.
     world.ledger.add_energy("fracture", EnergyKind::loss,
@@ -271,6 +271,10 @@ template <int Dim> std::string Dynamics<Dim>::scheme() const {
   return parts_->scheme->name();
 }
 
+template <int Dim> bool Dynamics<Dim>::nodes_persist() const {
+  return parts_->scheme->nodes_persist();
+}
+
 template <int Dim> void Dynamics<Dim>::add_wall(const Wall<Dim>& wall) {
   const RigidShape<Dim> half_space = rigid_shapes::half_space<Dim>(wall.normal, wall.level);
   parts_->rigid->add(parts_->world, {.shape = half_space, .friction = wall.friction}, true);
@@ -308,6 +312,21 @@ void Dynamics<Dim>::prescribe(std::function<bool(const Vec<Dim>&)> where, int ax
   world.prescribed_places.push_back({std::move(where), axis, velocity});
 }
 
+template <int Dim> void Dynamics<Dim>::prescribe_points(std::vector<Index> points, int axis, const Vector& velocity) {
+  if (parts_->scheme->nodes_persist())
+    throw InputError(fmt::format("prescribe_points: {} has nodes that stay with the material, prescribe theirs",
+                                 parts_->scheme->name()));
+  require(axis >= 0 && axis < Dim && velocity.size() == std::ssize(points) && velocity.allFinite() &&
+              std::ranges::is_sorted(points) && !points.empty() && points.front() >= 0 && points.back() < num_points(),
+          "prescribe_points: expected points, ascending, with a velocity for each along an axis");
+  World<Dim>& world = parts_->world;
+  world.prescribed_points.push_back({std::move(points), axis, velocity});
+  parts_->scheme->collect_forces(world);
+  parts_->add_external_forces();
+  world.new_supports = true;
+  parts_->watch.begun = false;
+}
+
 template <int Dim> void Dynamics<Dim>::set_gravity(const Vec<Dim>& acceleration) {
   World<Dim>& world = parts_->world;
   if (!acceleration.allFinite()) throw InputError("gravity: expected numbers");
@@ -336,7 +355,7 @@ template <int Dim> std::vector<Index> Dynamics<Dim>::points_in_others() const {
   const World<Dim>& world = parts_->world;
   const bool in_contact = world.options.contact.stiffness > 0.0 ||
                           std::ranges::any_of(world.interactions, [](const auto& one) { return one->is_contact(); });
-  if (!in_contact || world.num_bodies() < 2) return {};
+  if (!in_contact || world.num_bodies() < 2 || !nodes_persist()) return {};
   internal::BodySurfaces<Dim> surfaces;
   surfaces.find(world, *parts_->scheme);
   return internal::points_in_others(world, surfaces);
@@ -350,6 +369,9 @@ template <int Dim> Index Dynamics<Dim>::num_inverted() const {
 
 template <int Dim> Points<Dim> Dynamics<Dim>::points() const {
   return by_point<Points<Dim>>(world(), Dim, [](const Matter<Dim>& matter, Index p) { return matter.x.col(p); });
+}
+template <int Dim> Points<Dim> Dynamics<Dim>::point_velocities() const {
+  return parts_->scheme->point_velocities(world());
 }
 template <int Dim> Tensors Dynamics<Dim>::deformation() const {
   return by_point<Tensors>(world(), 9, [](const Matter<Dim>& matter, Index p) {

@@ -43,6 +43,9 @@ template <int Dim> class Dynamics {
   void prescribe(Index node, int axis, double velocity);
   /// Likewise of all nodes whose positions are there, now and whenever the scheme makes new ones.
   void prescribe(std::function<bool(const Vec<Dim>&)> where, int axis, double velocity);
+  /// Likewise of material points, ascending, each with its velocity, where the scheme's nodes do not stay with the
+  /// material: of nodes that have half of their mass and more from these. Throws InputError for other schemes.
+  void prescribe_points(std::vector<Index> points, int axis, const Vector& velocity);
   /// Bodies, and rigid bodies that have a mass, get this force per mass from now on [length/time^2], such as gravity,
   /// in place of the one before. Throws InputError for what is no number, and in an axisymmetric section for one along
   /// the radius.
@@ -83,12 +86,14 @@ template <int Dim> class Dynamics {
 
   double time() const { return world().time; }
   Index steps() const { return world().steps; }
-  double stable_step() const { return world().stable_step; }    ///< the next one's bound
-  std::string scheme() const;                                   ///< its name
+  double stable_step() const { return world().stable_step; }  ///< the next one's bound
+  std::string scheme() const;                                 ///< its name
+  bool nodes_persist() const;  ///< whether nodes stay with the material (Scheme::nodes_persist)
   const Points<Dim>& nodes() const { return world().nodes.x; }  ///< Dim x N, positions
   Points<Dim> velocities() const { return world().nodes.v; }    ///< Dim x N, half a step ago
   const Vector& masses() const { return world().nodes.mass; }   ///< N, lumped
   Points<Dim> points() const;                                   ///< Dim x M, positions
+  Points<Dim> point_velocities() const;                         ///< Dim x M, half a step ago
   Tensors deformation() const;       ///< 9 x M, F; of metals that have flown far up to plastic flow (theory.md)
   Tensors cauchy_stress() const;     ///< 9 x M
   Matrix history(Index body) const;  ///< of the material x points of the body

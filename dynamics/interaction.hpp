@@ -46,13 +46,15 @@ template <int Dim> class Interaction {
 
 /// The step in which no node moves further than half its spacing, and nothing with one of the other velocities further
 /// than half the smallest spacing: points would be inverted where nodes are stopped while others move on.
-template <int Dim> double step_of_half_spacing(const World<Dim>& world, const std::vector<Vec<Dim>>& others = {}) {
+/// moving: whether nodes stay with the material; else only the others count.
+template <int Dim>
+double step_of_half_spacing(const World<Dim>& world, const std::vector<Vec<Dim>>& others = {}, bool moving = true) {
   const Nodes<Dim>& nodes = world.nodes;
   double longest = std::numeric_limits<double>::infinity(), smallest = longest;
   for (Index a = 0; a < nodes.size(); ++a) {
     if (!nodes.active[a] || !(nodes.mass[a] > 0.0)) continue;
     smallest = std::min(smallest, nodes.spacing[a]);
-    if (const double speed = nodes.v.col(a).norm(); speed > 0.0)
+    if (const double speed = moving ? nodes.v.col(a).norm() : 0.0; speed > 0.0)
       longest = std::min(longest, 0.5 * nodes.spacing[a] / speed);
   }
   for (const Vec<Dim>& velocity : others)

@@ -77,19 +77,10 @@ template <int Dim> void deform(const World<Dim>& world, Scheme<Dim>& scheme, Chu
   const BodyState<Dim>& body = world.bodies[chunk.body];
   Matter<Dim>& matter = chunk.matter;
   const Index n = chunk.size();
-  interpolate(world, chunk, world.nodes.x);
-  double* columns = chunk.columns();
   matter.now.dt = dt;
-  using internal::PlaneKind;
-  const bool holds = body.holds_inverted && dt > 0.0;
-  const PlaneKind plane = Dim == 3               ? PlaneKind::none
-                          : world.axisymmetric() ? PlaneKind::axisymmetric
-                                                 : PlaneKind::strain;
-  for (Index p = 0; p < n; ++p) place_point(chunk, p, columns + 16 * p);
-  StrainBounds bounds = internal::update_deformation(n, plane, holds ? least_volume_left : 0.0, matter.volume.data(),
-                                                     matter.F_table.data(), matter.F_since.data(), matter.now.F.data(),
-                                                     matter.J_ratio.data(), columns);
-  bounds = scheme.examine(world, chunk, dt, bounds);
+  const double least = body.holds_inverted && dt > 0.0 ? least_volume_left : 0.0;
+  const StrainBounds bounds = scheme.examine(world, chunk, dt, scheme.update_points(world, chunk, least));
+  const double* columns = chunk.columns();
   if (!body.material->finite_strain()) require_small_strains(world, chunk);
   if (dt == 0.0) {
     // In no time nothing moves, not even by rounding: flow depends on the rate.
@@ -108,12 +99,12 @@ template <int Dim> void deform(const World<Dim>& world, Scheme<Dim>& scheme, Chu
 }
 
 /// Forces in a chunk's table of the stresses that its points have.
-template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk) {
+template <int Dim> void scatter_stresses(const World<Dim>& world, Scheme<Dim>& scheme, Chunk<Dim>& chunk) {
   const Matter<Dim>& matter = chunk.matter;
   internal::kirchhoff_stresses(chunk.size(), matter.response.P.data(), matter.now.F.data(), matter.shock.data(),
                                chunk.columns());
   for (const Index p : chunk.inverted) std::fill_n(chunk.columns() + 16 * p, 12, 0.0);
-  scatter_stresses(world, chunk, matter.F_since);
+  scheme.scatter_forces(world, chunk);
 }
 
 template <int Dim> void compute_forces_of(const World<Dim>& world, Scheme<Dim>& scheme, Chunk<Dim>& chunk, double dt) {
@@ -132,7 +123,7 @@ template <int Dim> void compute_forces_of(const World<Dim>& world, Scheme<Dim>& 
   chunk.dissipated += matter.response.dissipated.dot(matter.volume);
   matter.now.history.swap(matter.response.history);
   chunk.seconds[1] += seconds_since(start);
-  scatter_stresses(world, chunk);
+  scatter_stresses(world, scheme, chunk);
   chunk.seconds[2] += seconds_since(start);
 }
 
@@ -172,16 +163,34 @@ template <int Dim> void update_position_again(const World<Dim>& world, Chunk<Dim
 
 template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, double dt) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk) { compute_forces_of(world, scheme, chunk, dt); });
-  collect_forces(world, world.nodes.force);
+  scheme.collect_forces(world);
   world.ledger.add_count("point updates", world.num_points());
 }
 
-template <int Dim> void assemble_internal_forces(World<Dim>& world) {
+template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk) {
-    update_positions(world, chunk);
-    scatter_stresses(world, chunk);
+    if (scheme.nodes_persist()) update_positions(world, chunk);
+    scatter_stresses(world, scheme, chunk);
   });
-  collect_forces(world, world.nodes.force);
+  scheme.collect_forces(world);
+}
+
+template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk) {
+  if (!chunk.has_patches()) return;
+  const Matter<Dim>& matter = chunk.matter;
+  double* columns = chunk.columns();
+  const auto trace = [&](Index p) { return columns[16 * p] + columns[16 * p + 5] + columns[16 * p + 10]; };
+  chunk.for_each_patch([&](Index begin, Index end) {
+    double volume = 0.0, pressure = 0.0;
+    for (Index p = begin; p < end; ++p) {
+      volume += matter.volume[p];
+      pressure += matter.volume[p] * trace(p) / 3.0;
+    }
+    for (Index p = begin; p < end && volume > 0.0; ++p) {
+      const double shift = pressure / volume * matter.J_ratio[p] - trace(p) / 3.0;
+      for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
+    }
+  });
 }
 
 template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved) {
@@ -189,20 +198,7 @@ template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& ch
   const Support<Dim>& support = chunk.support;
   PointTable<Dim>& table = chunk.table;
   double* columns = chunk.columns();
-  if (chunk.has_patches()) {
-    const auto trace = [&](Index p) { return columns[16 * p] + columns[16 * p + 5] + columns[16 * p + 10]; };
-    chunk.for_each_patch([&](Index begin, Index end) {
-      double volume = 0.0, pressure = 0.0;
-      for (Index p = begin; p < end; ++p) {
-        volume += matter.volume[p];
-        pressure += matter.volume[p] * trace(p) / 3.0;
-      }
-      for (Index p = begin; p < end && volume > 0.0; ++p) {
-        const double shift = pressure / volume * matter.J_ratio[p] - trace(p) / 3.0;
-        for (const int d : {0, 5, 10}) columns[16 * p + d] += shift;
-      }
-    });
-  }
+  share_patch_pressures(chunk);
   internal::force_columns(chunk.size(), matter.volume.data(), matter.F_since.data(), moved.data(),
                           support.moment.data(), support.stabilisation.data(), columns);
   if (Dim == 2 && !world.axisymmetric())
@@ -259,7 +255,8 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   template void update_position(const World<Dim>&, Chunk<Dim>&, Index);                       \
   template void update_position_again(const World<Dim>&, Chunk<Dim>&, Index);                 \
   template void compute_internal_forces(World<Dim>&, Scheme<Dim>&, double);                   \
-  template void assemble_internal_forces(World<Dim>&);                                        \
+  template void assemble_internal_forces(World<Dim>&, Scheme<Dim>&);                          \
+  template void share_patch_pressures(Chunk<Dim>&);                                           \
   template void scatter_stresses(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&); \
   template void collect_forces(const World<Dim>&, Points<Dim>&, const std::vector<char>&);    \
   template double stabilisation_energy(const World<Dim>&, const Chunk<Dim>&, Index, double);  \

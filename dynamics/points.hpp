@@ -25,9 +25,11 @@ template <int Dim> void update_positions(const World<Dim>& world, Chunk<Dim>& ch
 /// nodes.force are these forces. Throws NumericalError where points are inverted or the material has no answer.
 template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, double dt);
 /// The internal forces of the stresses that points have now.
-template <int Dim> void assemble_internal_forces(World<Dim>& world);
-/// Forces in a chunk's table of the stresses in its columns and of zero-energy modes, whose gradients are `moved`.
-/// Points of a pressure patch share the work of its dilatation.
+template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme);
+/// Kirchhoff stresses in the columns of a chunk: points of a pressure patch share the work of its dilatation.
+template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk);
+/// Forces in a chunk's table of the stresses in its columns, shared in pressure patches, and of zero-energy modes,
+/// whose gradients are `moved`.
 template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved);
 /// Dim x N, sums of the chunks' forces at every node, or at each with a mark in `of`, in the order of the chunks.
 template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& forces, const std::vector<char>& of = {});

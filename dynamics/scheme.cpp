@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/scheme.hpp"
 
+#include "efree/dynamics/internal/kernels.hpp"
+#include "efree/dynamics/points.hpp"
+
 #include <fmt/ranges.h>
 #include <map>
 #include <set>
@@ -13,6 +16,28 @@ constexpr int facets_of_cell[2][4][3] = {{{0, 1, -1}, {1, 2, -1}, {2, 0, -1}, {-
                                          {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
 }  // namespace
+
+template <int Dim>
+StrainBounds Scheme<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const {
+  using internal::PlaneKind;
+  const PlaneKind plane = Dim == 3               ? PlaneKind::none
+                          : world.axisymmetric() ? PlaneKind::axisymmetric
+                                                 : PlaneKind::strain;
+  Matter<Dim>& matter = chunk.matter;
+  interpolate(world, chunk, world.nodes.x);
+  double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p)
+    matter.x.col(p) = chunk.table.origin + Eigen::Map<const Vec<Dim>>(columns + 16 * p + 12);
+  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
+                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(), columns);
+}
+
+template <int Dim> void Scheme<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
+  scatter_stresses(world, chunk, chunk.matter.F_since);
+}
+template <int Dim> void Scheme<Dim>::collect_forces(World<Dim>& world) {
+  efree::collect_forces(world, world.nodes.force);
+}
 
 template <int Dim>
 StrainBounds Scheme<Dim>::examine(const World<Dim>& world, Chunk<Dim>& chunk, double /*dt*/, StrainBounds bounds) {
@@ -39,6 +64,16 @@ StrainBounds Scheme<Dim>::examine(const World<Dim>& world, Chunk<Dim>& chunk, do
                       world.time, fmt::join(matter.x.col(p), ", "), J));
     result.since_table = std::max(result.since_table, strain);
   }
+  return result;
+}
+
+template <int Dim> Points<Dim> Scheme<Dim>::point_velocities(const World<Dim>& world) const {
+  Points<Dim> result = Points<Dim>::Zero(Dim, world.num_points());
+  for_each_chunk(world, [&](const Chunk<Dim>& chunk) {
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (const auto& [a, entry] : chunk.table.row(p))
+        result.col(world.point_number(chunk, p)) += entry.N * world.nodes.v.col(a);
+  });
   return result;
 }
 

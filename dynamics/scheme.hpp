@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/core/packer.hpp"
+#include "efree/dynamics/contact/contact_points.hpp"
 #include "efree/dynamics/state.hpp"
 
 #include <optional>
@@ -33,11 +34,30 @@ template <int Dim> class Scheme {
   virtual void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) = 0;
   /// After the nodes have moved and before forces: tables that are due, and nodes that come or go.
   virtual void refresh(World<Dim>&, internal::StableStep<Dim>&) {}
+  /// Positions and deformation gradients of the points of a chunk where the nodes are now, as
+  /// internal::update_deformation leaves them; by default from its table.
+  virtual StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const;
+  /// From the Kirchhoff stresses of a chunk's points, in its columns, to its part of the nodes' forces (table.force).
+  virtual void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk);
+  /// nodes.force, by the parts of all chunks.
+  virtual void collect_forces(World<Dim>& world);
+  /// Whether nodes are of the material and stay with it. Else velocities are prescribed at places or at points, not at
+  /// nodes.
+  virtual bool nodes_persist() const { return true; }
+  /// The largest speed of a point, where nodes do not persist.
+  virtual double largest_speed(const World<Dim>&) const { return 0.0; }
+  /// Of a scheme whose nodes do not persist: the surface of bodies that is less than `reach` from a rigid one.
+  virtual ContactPoints<Dim> find_contact_points(const World<Dim>&, const RigidShape<Dim>& /*gap_at*/,
+                                                 double /*reach*/) const {
+    return {};
+  }
   /// Points of a chunk after their deformation was updated (columns: as internal::update_deformation leaves them).
   /// Throws NumericalError for points that are inverted, unless they break; returns the strains of the others.
   virtual StrainBounds examine(const World<Dim>& world, Chunk<Dim>& chunk, double dt, StrainBounds bounds);
   /// A point bears no stress from now on.
   virtual void point_eroded(World<Dim>&, Chunk<Dim>&, Index /*point*/) {}
+  /// Dim x M, velocities of the points half a step ago; by default those of the nodes by the tables.
+  virtual Points<Dim> point_velocities(const World<Dim>& world) const;
   /// Facets of nodes that are the surface of a body for contact, outwards, none on an axis: by default those of one
   /// cell only.
   virtual Facets<Dim> surface(const World<Dim>& world, Index body) const;

@@ -159,19 +159,26 @@ template <int Dim> void World<Dim>::find_free_axes() {
   if (consistent_mass.any()) consistent_mass.free_sum = (consistent_mass.coupling * nodes.free.transpose()).transpose();
 }
 
-template <int Dim> void World<Dim>::replace_nodes(const Points<Dim>& x, double spacing) {
+template <int Dim>
+void World<Dim>::replace_nodes(const Points<Dim>& x, const std::vector<Index>& bounds, double spacing) {
   const auto N = static_cast<Index>(x.cols());
   nodes.x = x;
   for (Points<Dim>* values : {&nodes.v, &nodes.force, &nodes.x_rest, &nodes.v_before}) values->setZero(Dim, N);
   nodes.mass.setZero(N);
   nodes.spacing.setConstant(N, spacing);
-  nodes.body.assign(N, 0);
+  nodes.body.resize(N);
+  for (Index b = 0; b < num_bodies(); ++b)
+    std::fill(nodes.body.begin() + bounds[b], nodes.body.begin() + bounds[b + 1], b);
   nodes.active.assign(N, 1);
-  std::fill(first_node.begin() + 1, first_node.end(), N);
+  first_node = bounds;
+  find_prescribed_places();
+}
+
+template <int Dim> void World<Dim>::find_prescribed_places() {
   prescribed.clear();
   for (const auto& [where, axis, velocity] : prescribed_places)
-    for (Index a = 0; a < N; ++a)
-      if (where(x.col(a))) prescribed.push_back({a, axis, velocity});
+    for (Index a = 0; a < nodes.size(); ++a)
+      if (where(nodes.x.col(a))) prescribed.push_back({a, axis, velocity});
   find_free_axes();
 }
 

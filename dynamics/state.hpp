@@ -206,6 +206,13 @@ struct PrescribedVelocity {
   double velocity;
 };
 
+/// Velocities along an axis of points, ascending, for schemes whose nodes do not stay with the material.
+struct PrescribedPoints {
+  std::vector<Index> points;
+  int axis;
+  Vector velocity;  ///< of each
+};
+
 /// Which chunks have a node in their table: row a of offsets, chunk and local number, and the forces there.
 struct NodeChunks {
   std::vector<Index> offsets;
@@ -231,6 +238,7 @@ template <int Dim> struct World {
     double velocity;
   };
   std::vector<PrescribedPlace> prescribed_places;
+  std::vector<PrescribedPoints> prescribed_points;
   Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
@@ -273,9 +281,11 @@ template <int Dim> struct World {
   void find_points();
   /// Finds nodes.free, after velocities were prescribed or nodes have changed.
   void find_free_axes();
-  /// Nodes of a scheme that makes them anew, at rest, all of one body: forgets prescribed velocities and finds those
-  /// by place.
-  void replace_nodes(const Points<Dim>& x, double spacing);
+  /// Nodes of a scheme that makes them anew, at rest. bounds: the first node of each body, and one past the last.
+  /// Velocities are prescribed by place.
+  void replace_nodes(const Points<Dim>& x, const std::vector<Index>& bounds, double spacing);
+  /// Forgets prescribed velocities of nodes and finds those by place.
+  void find_prescribed_places();
   /// Room for more nodes after those of a body, at rest and without mass; others get later numbers.
   void insert_nodes(Index body, const Points<Dim>& at, const Points<Dim>& velocity, const Vector& spacing);
 };

@@ -39,9 +39,10 @@ set(may_io_records files confined case pictures)
 
 # Within dynamics/: the driver knows no scheme, schemes know no other and no driver, contact and fracture neither.
 set(sources_of_dynamics "^dynamics/([a-z_]+[.]|internal/)" "^dynamics/contact/" "^dynamics/fracture/" "^dynamics/schemes/otm/"
-  "^dynamics/schemes/total_lagrangian/")
+  "^dynamics/schemes/total_lagrangian/" "^dynamics/schemes/mpm/")
 set(may_not_include "/schemes/" "/schemes/|/fracture/|/dynamics.hpp|/internal/world.hpp" "/schemes/|/contact/|/dynamics.hpp|/internal/world.hpp"
-  "/schemes/total_lagrangian/|/dynamics.hpp|/internal/world.hpp" "/schemes/otm/|/dynamics.hpp|/internal/world.hpp")
+  "/schemes/total_lagrangian/|/schemes/mpm/|/dynamics.hpp|/internal/world.hpp" "/schemes/otm/|/schemes/mpm/|/dynamics.hpp|/internal/world.hpp"
+  "/schemes/otm/|/schemes/total_lagrangian/|/dynamics.hpp|/internal/world.hpp")
 
 set(standard_headers
   algorithm array atomic bit bitset cassert cctype cfloat charconv chrono climits cmath complex concepts cstddef cstdint

@@ -176,10 +176,14 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     prescribe_motion(world, rigid.body, world.time + 0.5 * dt, rigid.now);
     if (rigid.body.mass > 0.0) rigid.now.velocity += kick * world.gravity;
     const Vec<Dim> without_contact = rigid.now.velocity;
-    apply_to_surface(world, rigid, dt);
-    find_gaps(world, rigid);
-    if (rigid.is_free()) solve_motion(world, rigid, dt);
-    apply_to_nodes(world, k, dt);
+    if (scheme_.nodes_persist()) {
+      apply_to_surface(world, rigid, dt);
+      find_gaps(world, rigid);
+      if (rigid.is_free()) solve_motion(world, rigid, dt);
+      apply_to_nodes(world, k, dt);
+    } else {
+      apply_to_points(world, rigid, dt);
+    }
     // Its momentum is that of the impulses, to rounding.
     const double radial = world.axisymmetric() ? 0.0 : 1.0;
     if (rigid.body.mass > 0.0) {
@@ -221,7 +225,7 @@ template <int Dim> double RigidContact<Dim>::longest_step(const World<Dim>& worl
   if (rigids_.empty()) return Interaction<Dim>::longest_step(world);
   std::vector<Vec<Dim>> velocities;
   add_velocities(world, velocities);
-  return step_of_half_spacing(world, velocities);
+  return step_of_half_spacing(world, velocities, scheme_.nodes_persist());
 }
 
 template <int Dim> void RigidContact<Dim>::add_velocities(const World<Dim>&, std::vector<Vec<Dim>>& velocities) const {

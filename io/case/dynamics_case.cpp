@@ -248,9 +248,17 @@ template <int Dim> void read_probes(const std::vector<Section>& entries, const S
 template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>& dynamics) {
   const Section section = root.section("dynamics", {"method", "courant", "imbalance", "shock"});
   const bool has_cloud = root.has("cloud");
-  dynamics.method = section.choice<DynamicsMethod>(
-      "method", {{"otm", DynamicsMethod::otm}, {"total_lagrangian", DynamicsMethod::total_lagrangian}},
-      has_cloud ? DynamicsMethod::total_lagrangian : DynamicsMethod::otm);
+  dynamics.method = section.choice<DynamicsMethod>("method",
+                                                   {{"otm", DynamicsMethod::otm},
+                                                    {"total_lagrangian", DynamicsMethod::total_lagrangian},
+                                                    {"mpm", DynamicsMethod::mpm}},
+                                                   has_cloud         ? DynamicsMethod::total_lagrangian
+                                                   : root.has("mpm") ? DynamicsMethod::mpm
+                                                                     : DynamicsMethod::otm);
+  if (dynamics.method == DynamicsMethod::mpm && has_cloud)
+    section.fail("method",
+                 "method \"mpm\" has its nodes on a grid, and there is a [cloud]: leave out [cloud], or take method = "
+                 "\"total_lagrangian\"");
   if (dynamics.method == DynamicsMethod::otm && has_cloud)
     section.fail("method",
                  "method \"otm\" has its nodes at the vertices of the mesh, and there is a [cloud]: leave out [cloud], "
@@ -277,8 +285,10 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
                            "insertion", "momentum", "stabilisation", "seizing"});
   if (root.has("otm") && dynamics.method != DynamicsMethod::otm)
     root.fail("otm",
-              "[otm] has options of the method \"otm\", and this case with a [cloud] has the method "
-              "\"total_lagrangian\": leave out [otm], or [cloud]");
+              dynamics.method == DynamicsMethod::mpm
+                  ? "[otm] has options of the method \"otm\", and this case has the method \"mpm\": leave out [otm]"
+                  : "[otm] has options of the method \"otm\", and this case with a [cloud] has the method "
+                    "\"total_lagrangian\": leave out [otm], or [cloud]");
   OtmOptions& options = dynamics.otm;
   options.lme.gamma = section.number("gamma", {0.1, 20.0, true, true}, options.lme.gamma);
   options.lme.cutoff = section.number("cutoff", {1e-16, 0.1, true, true}, options.lme.cutoff);
@@ -296,6 +306,53 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
       options.momentum);
   options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
   options.seizing = section.boolean("seizing", options.seizing);
+}
+
+/// [mpm]; after the material and the geometry.
+template <int Dim> void read_mpm(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  const Section section =
+      root.section("mpm", {"cell", "points", "degree", "transfer", "flip", "order", "remap", "frame"});
+  if (dynamics.method != DynamicsMethod::mpm) {
+    if (root.has("mpm"))
+      root.fail("mpm",
+                "[mpm] has options of the method \"mpm\", and this case has another one: leave out [mpm], or take "
+                "dynamics.method = \"mpm\"");
+    return;
+  }
+  if (dynamics.common.model.plane == Plane::axisymmetric)
+    root.fail("mpm",
+              "the material point method is of plane strain or in space, not of an axisymmetric section: take "
+              "dynamics.method = \"otm\", or all of the body in space");
+  if (!section.has("cell"))
+    section.fail(
+        "",
+        "key \"cell\" is missing in [mpm]: the edge of the grid's cells; about an eighth of the thickness of a "
+        "body resolves its bending");
+  MpmSettings& mpm = dynamics.mpm;
+  MpmOptions& options = mpm.options;
+  options.cell = section.number("cell", positive);
+  mpm.points_along = static_cast<Index>(section.integer("points", 1, 8, mpm.points_along));
+  options.degree = static_cast<int>(section.integer("degree", 1, 3, options.degree));
+  mpm.total = section.choice<bool>("frame", {{"updated", false}, {"total", true}}, mpm.total);
+  for (const char* key : {"transfer", "flip", "order", "remap"})
+    if (mpm.total && section.has(key))
+      section.fail(key, fmt::format("{} means nothing with frame = \"total\", whose nodes keep their velocities", key));
+  options.transfer = section.choice<Transfer>("transfer",
+                                              {{"pic", Transfer::pic},
+                                               {"flip", Transfer::flip},
+                                               {"apic", Transfer::apic},
+                                               {"rpic", Transfer::rpic},
+                                               {"aflip", Transfer::aflip},
+                                               {"polypic", Transfer::polypic},
+                                               {"xpic", Transfer::xpic}},
+                                              options.transfer);
+  if (section.has("flip") && options.transfer != Transfer::flip && options.transfer != Transfer::aflip)
+    section.fail("flip", "flip is for transfer = \"flip\" or \"aflip\"");
+  if (section.has("order") && options.transfer != Transfer::xpic)
+    section.fail("order", "order is for transfer = \"xpic\"");
+  options.flip = section.number("flip", {0.0, 1.0, true, true}, options.flip);
+  options.order = static_cast<int>(section.integer("order", 1, 16, options.order));
+  options.remap = section.boolean("remap", options.remap);
 }
 
 /// [contact]; after [otm].
@@ -367,7 +424,7 @@ std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path&
 Section::Keys dynamics_keys() {
   return {"title",    "definitions", "geometry", "cloud",      "quadrature", "analysis", "material",
           "velocity", "fracture",    "wall",     "rigid_body", "boundary",   "gas",      "contact",
-          "probe",    "time",        "dynamics", "otm",        "output"};
+          "probe",    "time",        "dynamics", "otm",        "mpm",        "output"};
 }
 
 template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
@@ -402,6 +459,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   read_cloud(root, places, result);
   read_dynamics(root, result);
   read_otm(root, result);
+  read_mpm(root, result);
   read_contact(root, result);
   read_gases(gases, places, result);
   read_times(time, output, result);

@@ -242,7 +242,8 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const C
 }
 template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const DynamicsCase<Dim>& dynamics_case) {
   ApproximationOptions options = dynamics_case.common.approximation;
-  if (dynamics_case.method == DynamicsMethod::otm) options.kind = BasisKind::p1;  // no nodes but the vertices
+  if (dynamics_case.method != DynamicsMethod::total_lagrangian)
+    options.kind = BasisKind::p1;  // no nodes but the vertices
   Inspection<Dim> inspection = inspect_case(path, prepare(dynamics_case), options, {});
   if (inspection.suggestion) inspection.suggestion->spacing = 0.0;  // no cloud comes with the mesh
   return inspection;

@@ -122,6 +122,8 @@ template <int Dim> void DynamicsRecord<Dim>::add_frame(const Dynamics<Dim>& dyna
     body_of_node.middleCols(first_node, dynamics.first_node(b + 1) - first_node).setConstant(b);
   }
   std::vector<PointValues> values{{"stress", stress, {"xx", "yy", "zz", "yz", "xz", "xy"}}, {"body", body_of_point}};
+  if (!dynamics.nodes_persist())
+    values.push_back({"velocity", dynamics.point_velocities(), std::vector<std::string>(axis_names, axis_names + Dim)});
   for (const auto& [name, scalar] : point_scalars(dynamics)) values.push_back({name, scalar.transpose()});
   const std::vector<std::string> components(axis_names, axis_names + Dim);
   points_.emplace_back(dynamics.time(), frame_name("points", points_.size()));

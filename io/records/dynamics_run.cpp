@@ -136,7 +136,8 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
                                .field = field->first,
                                .view = model.initial_box,
                                .axisymmetric = case_.common.model.plane == Plane::axisymmetric};
-  for (Index a = 0; a < dynamics.num_nodes(); ++a) picture.view.extend(Vec<Dim>(dynamics.nodes().col(a)));
+  const Points<Dim> extent = model.probes_points ? dynamics.points() : dynamics.nodes();
+  for (Index a = 0; a < extent.cols(); ++a) picture.view.extend(Vec<Dim>(extent.col(a)));
   for (const auto& [wall, where] : case_.walls) picture.walls.push_back(wall);
   const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
   for (std::size_t k = 0; k < states.size(); ++k)

@@ -125,7 +125,7 @@ TEST(DynamicsCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[dynamics]\nimbalance = 0\n"), says("imbalance"));
   EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[[gas]]\non = \"left\"\npressure = 1\n"),
-              says("leave out [cloud], and take dynamics.method = \"otm\""));
+              says("leave out [cloud] and [mpm], and take dynamics.method = \"otm\""));
   EXPECT_THAT(refuses(rubber + "[accuracy]\nenergy = 0.01\n"), says("[accuracy] is for static analyses"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
@@ -153,6 +153,23 @@ TEST(DynamicsCase, MethodsFitTheirTables) {
   EXPECT_EQ(method("[cloud]\nspacing = 0.5\n"), DynamicsMethod::total_lagrangian);
   EXPECT_EQ(method("[cloud]\nspacing = 0.5\n[dynamics]\nmethod = \"total_lagrangian\"\n"),
             DynamicsMethod::total_lagrangian);
+  EXPECT_EQ(method("[mpm]\ncell = 0.25\n"), DynamicsMethod::mpm);
+}
+
+TEST(DynamicsCase, TheMaterialPointMethodSaysWhatItNeedsAndWhatFitsItsFrame) {
+  EXPECT_THAT(refuses(rubber + "[dynamics]\nmethod = \"mpm\"\n"), says("key \"cell\" is missing in [mpm]"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = -1\n"), says("cell"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\ntransfer = \"apics\"\n"), says("polypic"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nflip = 0.9\n"), says("flip is for transfer"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nframe = \"total\"\ntransfer = \"pic\"\n"),
+              says("transfer means nothing with frame = \"total\""));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[cloud]\nspacing = 0.5\n"),
+              says("[mpm] has options of the method"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[otm]\ngamma = 2\n"), says("leave out [otm]"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[dynamics]\nmethod = \"otm\"\n"), says("leave out [mpm]"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 3\n"), says("thicker than the body"));
+  EXPECT_THAT(refuses(replaced(rubber, "plane = \"strain\"", "plane = \"axisymmetric\"") + "[mpm]\ncell = 0.25\n"),
+              says("not of an axisymmetric section"));
 }
 
 TEST(DynamicsCase, FormerKeysAreErrorsThatNameTheirPlace) {
@@ -444,6 +461,36 @@ TEST(DynamicsRun, NodesOnACloudFollowTheShapeFunctionsOfTheStaticSolver) {
   EXPECT_LT(result["counts"]["nodes"].get<int>(), 80);
   EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.2, 1e-12);
   EXPECT_EQ(result["probes"]["corner"]["displacement"][0].get<double>(), 0.0);
+}
+
+TEST(DynamicsRun, MaterialPointsOnAGridBounceAsTheirSplinesInTheReferenceConfigurationDo) {
+  const auto height = [](const std::string& more) {
+    const Workspace workspace;
+    workspace.write("case.toml", rubber + "[mpm]\ncell = 0.125\n" + more);
+    const auto done = workspace.efree({"run", "case.toml", "--out", "out", "--quiet"});
+    EXPECT_EQ(done.status, 0) << done.output;
+    const auto result = json(workspace / "out/result.json");
+    EXPECT_LT(std::abs(result["energy"]["largest_error"].get<double>()), 0.01);
+    EXPECT_GT(fs::file_size(workspace / "out/frame_0003.png"), 1000u);
+    return std::pair(result["probes"]["height"].get<double>(),
+                     result["probes"]["corner"]["displacement"][1].get<double>());
+  };
+  const auto updated = height(""), total = height("frame = \"total\"\n");
+  EXPECT_NEAR(updated.first, total.first, 0.02);
+  EXPECT_NEAR(updated.second, total.second, 0.03);
+  EXPECT_GT(total.second, 0.1);  // it has come back
+}
+
+TEST(DynamicsRun, PartsOfTheBoundaryTakeMaterialPointsAlong) {
+  for (const char* frame : {"updated", "total"}) {
+    const Workspace workspace;
+    const auto done =
+        run(workspace, without("[[wall]]\nnormal = [0, 2]\nlevel = -0.1") + "[mpm]\ncell = 0.125\nframe = \"" + frame +
+                           "\"\n[[boundary]]\non = \"top\"\nvelocity = [0, -0.2]\n");
+    ASSERT_EQ(done.status, 0) << done.output;
+    const auto result = json(workspace / "out/result.json");
+    EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.8, 1e-6) << frame;
+  }
 }
 
 TEST(DynamicsRun, PointsThatBreakAreCountedAndTheirEnergyIsInTheBalance) {

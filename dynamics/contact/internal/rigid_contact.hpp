@@ -5,12 +5,15 @@
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/points.hpp"
+#include "efree/dynamics/scheme.hpp"
 
 namespace efree::internal {
 
 /// Contact with walls and rigid bodies by impulses, one of them after the other.
 template <int Dim> class RigidContact : public Interaction<Dim> {
  public:
+  /// The scheme must outlive it.
+  explicit RigidContact(const Scheme<Dim>& scheme) : scheme_(scheme) {}
   /// Throws InputError for numbers that make no sense, and for a mass where bodies have surface points.
   void add(const World<Dim>& world, const RigidBody<Dim>& body, bool is_wall);
   /// Force of the bodies on each wall in the last step, in the order they were added.
@@ -65,11 +68,14 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   Vec<Dim> impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, Mat<Dim>* slope) const;
   void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
   void apply_to_nodes(World<Dim>& world, std::size_t k, double dt);
+  // Points of the material (point_impulses.cpp).
+  void apply_to_points(World<Dim>& world, Rigid& rigid, double dt);
   // Surface points (surface_impulses.cpp).
   void find_near_points(const World<Dim>& world);
   bool find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt);
   void apply_to_surface(World<Dim>& world, Rigid& rigid, double dt);
 
+  const Scheme<Dim>& scheme_;
   std::vector<Rigid> rigids_;
   Points<Dim> x_searched_;  ///< positions of the nodes when near points were found; empty: not yet
   // In this step.

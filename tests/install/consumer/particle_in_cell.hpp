@@ -72,7 +72,7 @@ class ParticleInCell final : public efree::Scheme<2> {
     }
     efree::Points<2> x(2, number.size());
     for (const auto& [corner, node] : number) x.col(node) << cell_ * corner.first, cell_ * corner.second;
-    world.replace_nodes(x, cell_);
+    world.replace_nodes(x, {0, static_cast<efree::Index>(number.size())}, cell_);
     for (std::size_t c = 0; c < world.chunks.size(); ++c) world.put_rows(world.chunks[c], rows[c]);
     world.find_node_chunks();
     efree::sum_lumped_masses(world);

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// bench_mpm NAME ...: rows of the material point method, one or several of transfers, energy, noise, crossing, vortex,
+// contact; `all` is all of them. Each prints what it measures beside its bar, and the exit status is 1 where
+// one is missed.
+
+#include "efree/core/error.hpp"
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+
+#include "clock.hpp"
+#include "mpm_scenes.hpp"
+
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <string>
+
+namespace efree {
+namespace {
+
+using namespace bench;
+
+/// Prints a measurement beside its bar; returns whether it is within.
+bool row(const char* name, const std::string& what, double measured, double low, double high) {
+  const bool within = measured >= low && measured <= high;
+  std::printf("%-10s %-58s %12.4g   [%g, %g]%s\n", name, what.c_str(), measured, low, high, within ? "" : "  MISSED");
+  std::fflush(stdout);
+  return within;
+}
+
+constexpr std::pair<Transfer, const char*> transfers_by_name[] = {
+    {Transfer::pic, "PIC"},     {Transfer::flip, "FLIP"},       {Transfer::apic, "APIC"},   {Transfer::rpic, "RPIC"},
+    {Transfer::aflip, "AFLIP"}, {Transfer::polypic, "PolyPIC"}, {Transfer::xpic, "XPIC(2)"}};
+
+template <int Dim, int Degree> double largest_spline_error() {
+  double worst = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    // Positions all over a cell, its edges among them.
+    const double position = 7.0 + 1e-3 * k;
+    internal::SplineRow<Degree> row;
+    internal::evaluate_spline<Degree>(position, row);
+    double sum = -1.0, first = -position, slope = 0.0, linear = -1.0;
+    for (int i = 0; i <= Degree; ++i) {
+      const double at = static_cast<double>(row.first) + i;
+      sum += row.N[i];
+      first += row.N[i] * at;
+      slope += row.dN[i];
+      linear += row.dN[i] * at;
+    }
+    for (const double error : {sum, first, slope, linear}) worst = std::max(worst, std::abs(error));
+  }
+  return worst;
+}
+
+bool transfers() {
+  bool good = true;
+  const double splines =
+      std::max({largest_spline_error<2, 1>(), largest_spline_error<2, 2>(), largest_spline_error<2, 3>()});
+  good &= row("transfers", "splines: sum, first moment, gradients", splines, 0.0, 1e-13);
+  const auto lost = [&]<int Dim>(Index steps) {
+    for (const auto& [transfer, name] : transfers_by_name) {
+      const auto [linear, angular] = lost_momenta<Dim>({.cell = 0.25, .transfer = transfer}, steps);
+      const std::string in =
+          std::string(name) + (Dim == 2 ? " in the plane, " : " in space, ") + std::to_string(steps) + " steps: ";
+      good &= row("transfers", in + "momentum", linear, 0.0, 1e-13);
+      if (transfer == Transfer::apic || transfer == Transfer::rpic || transfer == Transfer::polypic)
+        good &= row("transfers", in + "angular momentum", angular, 0.0, 1e-12);
+    }
+  };
+  lost.template operator()<2>(100000);
+  lost.template operator()<3>(100000);
+  return good;
+}
+
+bool energy() {
+  bool good = true;
+  std::vector<double> errors, losses;
+  for (const Index n : {16, 32, 64}) {
+    const Vibration bar = vibrate({.cell = 1.0 / n});
+    errors.push_back(std::abs(bar.frequency_error));
+    losses.push_back(bar.lost);
+    std::printf("energy     APIC, %d cells: frequency off by %.3g, energy lost in 4 periods %.3g, largest gain %.2g\n",
+                n, bar.frequency_error, bar.lost, bar.gained);
+    good &= row("energy", "largest gain of energy", bar.gained, 0.0, 1e-3);
+  }
+  good &= row("energy", "order of the frequency", std::log2(errors[1] / errors[2]), 1.8, 3.0);
+  good &= row("energy", "order of APIC's loss", std::log2(losses[1] / losses[2]), 0.8, 4.0);
+  return good;
+}
+
+bool noise() {
+  bool good = true;
+  for (const auto& [transfer, name] : transfers_by_name) {
+    const double left = noise_left(transfer);
+    const bool keeps = transfer == Transfer::flip || transfer == Transfer::aflip;
+    good &= keeps ? row("noise", std::string(name) + ": velocity without an image that is left", left, 0.9, 1.0)
+                  : row("noise", std::string(name) + ": velocity without an image that is left", left, 0.0, 1e-12);
+  }
+  return good;
+}
+
+bool crossing() {
+  bool good = true;
+  for (const int degree : {1, 2, 3}) {
+    const MpmOptions options{.cell = 1.0 / 32, .degree = degree, .transfer = Transfer::flip, .flip = 1.0};
+    const Vibration rest = vibrate(options, 0.0), drifts = vibrate(options, 100.0);
+    const double frequency = std::abs(drifts.frequency_error - rest.frequency_error);
+    const double stress = std::abs(drifts.stress / rest.stress - 1.0);
+    const std::string of = "degree " + std::to_string(degree) + ", 100 cells: ";
+    if (degree == 1) {
+      good &= row("crossing", of + "stress over that at rest, less one (fails)", stress, 0.01, 1e9);
+    } else {
+      good &= row("crossing", of + "frequency over that at rest, less one", frequency, 0.0, 0.01);
+      good &= row("crossing", of + "stress over that at rest, less one", stress, 0.0, 0.01);
+    }
+  }
+  return good;
+}
+
+bool vortex() {
+  bool good = true;
+  for (const bool total : {true, false}) {
+    std::vector<double> errors;
+    for (const Index n : {8, 16}) {
+      try {
+        errors.push_back(vortex_error({.cell = 0.5 / n}, total));
+      } catch (const NumericalError& error) {
+        std::printf("vortex     %s\n", error.what());
+        errors.push_back(1e9);
+      }
+      std::printf("vortex     %s, %d cells across: positions off by %.3g\n", total ? "total" : "updated", n,
+                  errors.back());
+      std::fflush(stdout);
+    }
+    if (total)
+      good &= row("vortex", "total: order", std::log2(errors[0] / errors[1]), 1.8, 4.0);
+    else
+      good &= row("vortex", "updated: error over that of cells twice as wide", errors[1] / errors[0], 0.0, 0.9);
+  }
+  return good;
+}
+
+bool contact() {
+  const double travel = sliding_travel(24.0, std::tan(15.0 * std::numbers::pi / 180.0), {.cell = 0.125});
+  bool good = row("contact", "block on a slope of 24 degrees, friction tan 15: travel", travel, 0.99, 1.01);
+  const Bounce bounce = bounce_discs({.cell = 0.05});
+  good &= row("contact", "discs: gap at the first force, over the cell", bounce.gap_at_first_force, -0.5, 0.5);
+  good &= row("contact", "discs: force once they are apart again", bounce.force_after, 0.0, 1e-12);
+  good &= row("contact", "discs: momentum", bounce.momentum_error, 0.0, 1e-13);
+  std::printf("contact    discs: restitution %.4f\n", bounce.restitution);
+  return good;
+}
+
+}  // namespace
+}  // namespace efree
+
+int main(int argc, char** argv) {
+  using Row = bool (*)();
+  const std::pair<const char*, Row> rows[] = {{"transfers", efree::transfers}, {"energy", efree::energy},
+                                              {"noise", efree::noise},         {"crossing", efree::crossing},
+                                              {"vortex", efree::vortex},       {"contact", efree::contact}};
+  bool good = argc > 1, known = argc > 1;
+  for (int i = 1; i < argc; ++i) {
+    bool found = false;
+    for (const auto& [name, run] : rows)
+      if (std::strcmp(argv[i], name) == 0 || std::strcmp(argv[i], "all") == 0) {
+        found = true;
+        good &= run();
+      }
+    known &= found;
+  }
+  if (!known) {
+    std::puts("bench_mpm transfers|energy|noise|crossing|vortex|contact|all ...");
+    return 2;
+  }
+  return good ? 0 : 1;
+}

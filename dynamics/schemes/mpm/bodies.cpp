@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Bodies of the material point method by a mesh.
+#include "efree/basis/internal/neighbours.hpp"
+#include "efree/core/error.hpp"
+#include "efree/dynamics/schemes/mpm/internal/sparse_grid.hpp"
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
+#include "efree/quadrature/lattice.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+namespace efree {
+namespace {
+
+using internal::GridBlock, internal::Site, internal::SparseGrid;
+
+template <int Dim> Vec<Dim> origin_of(const MpmOptions& options) {
+  Vec<Dim> origin;
+  for (int i = 0; i < Dim; ++i) origin[i] = options.origin[static_cast<std::size_t>(i)];
+  return origin;
+}
+
+/// Nodes around a position with their splines: site, N, dN.
+template <int Dim> struct SplineEntry {
+  Site<Dim> site;
+  double N;
+  Vec<Dim> dN;
+};
+
+template <int Dim, int Degree> std::vector<SplineEntry<Dim>> splines_of(const Vec<Dim>& position, double cell) {
+  internal::SplineRow<Degree> axis[Dim];
+  for (int i = 0; i < Dim; ++i) internal::evaluate_spline<Degree>(position[i], axis[i]);
+  std::vector<SplineEntry<Dim>> result;
+  std::array<int, 3> at{};
+  for (at[0] = 0; at[0] <= Degree; ++at[0])
+    for (at[1] = 0; at[1] <= Degree; ++at[1])
+      for (at[2] = 0; at[2] <= (Dim == 3 ? Degree : 0); ++at[2]) {
+        SplineEntry<Dim> entry{Site<Dim>::Zero(), 1.0, Vec<Dim>::Constant(1.0 / cell)};
+        for (int i = 0; i < Dim; ++i) {
+          const auto k = static_cast<std::size_t>(i);
+          entry.site[i] = static_cast<Index>(axis[i].first) + at[k];
+          entry.N *= axis[i].N[at[k]];
+          for (int j = 0; j < Dim; ++j) entry.dN[j] *= i == j ? axis[i].dN[at[k]] : axis[i].N[at[k]];
+        }
+        if (entry.N > 0.0) result.push_back(entry);
+      }
+  return result;
+}
+
+/// By the distance from the grid's origin, over the cell.
+template <int Dim> std::vector<SplineEntry<Dim>> splines_at(const Vec<Dim>& position, const MpmOptions& options) {
+  if (options.degree == 1) return splines_of<Dim, 1>(position, options.cell);
+  if (options.degree == 2) return splines_of<Dim, 2>(position, options.cell);
+  return splines_of<Dim, 3>(position, options.cell);
+}
+
+/// A table by rows of splines. Without gradients: of points of a surface, whose nodes are those of the grid there is.
+template <int Dim> ShapeTable<Dim> table_of(const std::vector<std::vector<SplineEntry<Dim>>>& rows,
+                                            const SparseGrid<Dim>& grid, bool gradients) {
+  std::vector<Offset> offsets{0};
+  std::vector<Index> nodes;
+  std::vector<double> N;
+  std::vector<Vec<Dim>> dN;
+  for (const auto& row : rows) {
+    std::vector<std::pair<Index, const SplineEntry<Dim>*>> sorted;
+    double sum = 0.0;
+    for (const auto& entry : row)
+      if (const Index node = grid.find(entry.site); node >= 0) {
+        sorted.emplace_back(node, &entry);
+        sum += entry.N;
+      }
+    std::ranges::sort(sorted, {}, [](const auto& pair) { return pair.first; });
+    for (const auto& [node, entry] : sorted) {
+      nodes.push_back(node);
+      N.push_back(entry->N / sum);
+      if (gradients) dN.push_back(entry->dN);
+    }
+    offsets.push_back(static_cast<Offset>(nodes.size()));
+  }
+  return {grid.end(), std::move(offsets), std::move(nodes), std::move(N), std::move(dN)};
+}
+
+/// Points on facets of the boundary, no further apart than that.
+template <int Dim>
+std::vector<Vec<Dim>> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double apart) {
+  std::vector<Vec<Dim>> result;
+  for (const Index f : facets) {
+    Mat<Dim> corners;
+    for (int i = 0; i < Dim; ++i) corners.col(i) = mesh.vertices().col(mesh.facets()(i, f));
+    double longest = 0.0;
+    for (int i = 0; i < Dim; ++i) longest = std::max(longest, (corners.col(i) - corners.col((i + 1) % Dim)).norm());
+    const int n = std::max(1, static_cast<int>(std::ceil(longest / apart)));
+    // Barycentric coordinates (a, b, n - a - b) / n; corners are shared with other facets, and once in each.
+    for (int a = 0; a <= n; ++a)
+      for (int b = 0; b <= (Dim == 3 ? n - a : 0); ++b) {
+        Vec<Dim> at = a * corners.col(0) + (n - a - b) * corners.col(Dim - 1);
+        if constexpr (Dim == 3) at += b * corners.col(1);
+        result.emplace_back(at / n);
+      }
+  }
+  const auto key = [](const Vec<Dim>& x) { return std::vector<double>(x.begin(), x.end()); };
+  std::ranges::sort(result, {}, key);
+  const auto same = [&](const Vec<Dim>& x, const Vec<Dim>& y) { return (x - y).norm() < 1e-6 * apart; };
+  result.erase(std::unique(result.begin(), result.end(), same), result.end());
+  return result;
+}
+
+}  // namespace
+
+template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
+                                                         Index points_along, SharedMaterial material, double density) {
+  require(points_along >= 1 && points_along <= 8, "points along a cell: expected 1 to 8");
+  require(options.cell > 0.0, "the material point method: expected a cell of positive length");
+  const auto along = static_cast<double>(points_along);
+  const LatticePieces<Dim> pieces = cut_by_lattice<Dim>(mesh, origin_of<Dim>(options), options.cell / along);
+  DeformableBody<Dim> body;
+  body.points = pieces.centroids;
+  body.volumes = pieces.volumes;
+  body.material = std::move(material);
+  body.density = density;
+  // The most that a cell of the grid has of the body: less than half of it where the body is thinner than the cell.
+  std::map<std::vector<Index>, std::pair<Index, double>> cells;
+  double fullest = 0.0;
+  for (Index p = 0; p < pieces.cell.cols(); ++p) {
+    std::vector<Index> cell;
+    for (int i = 0; i < Dim; ++i)
+      cell.push_back(static_cast<Index>(std::floor(static_cast<double>(pieces.cell(i, p)) / along)));
+    auto& [patch, volume] = cells.try_emplace(cell, static_cast<Index>(cells.size()), 0.0).first->second;
+    body.patches.push_back(patch);
+    volume += pieces.volumes[p];
+    fullest = std::max(fullest, volume / std::pow(options.cell, Dim));
+  }
+  if (fullest < 0.5)
+    throw InputError(fmt::format(
+        "the material point method: cell {:.6g} is thicker than the body, which fills no more than {:.2g} of any cell; "
+        "take a cell of half of the body's thickness, or less",
+        options.cell, fullest));
+  return body;
+}
+
+template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
+                                                          Index points_along, SharedMaterial material, double density) {
+  DeformableBody<Dim> body = points_on_lattice(mesh, options, points_along, std::move(material), density);
+  const Vec<Dim> origin = origin_of<Dim>(options);
+  const auto rows_at = [&](Index count, const auto& position) {
+    std::vector<std::vector<SplineEntry<Dim>>> rows;
+    for (Index p = 0; p < count; ++p)
+      rows.push_back(splines_at<Dim>(Vec<Dim>((position(p) - origin) / options.cell), options));
+    return rows;
+  };
+  const auto rows =
+      rows_at(static_cast<Index>(body.points.cols()), [&](Index p) { return Vec<Dim>(body.points.col(p)); });
+  std::vector<GridBlock> blocks;
+  for (const auto& row : rows)
+    for (const auto& entry : row) {
+      const auto [key, bit] = internal::locate_site<Dim>(entry.site);
+      if (blocks.empty() || blocks.back().key != key) blocks.push_back({key, 0});
+      blocks.back().nodes |= std::uint64_t{1} << bit;
+    }
+  const SparseGrid<Dim> grid(std::move(blocks), 0);
+  body.nodes.resize(Dim, grid.end());
+  grid.for_each([&](Index node, const Site<Dim>& site) {
+    body.nodes.col(node) = origin + options.cell * site.template cast<double>();
+  });
+  body.shape = table_of(rows, grid, true);
+  std::vector<Index> facets(mesh.facets().cols());
+  std::iota(facets.begin(), facets.end(), 0);
+  const std::vector<Vec<Dim>> surface = sample_facets(mesh, facets, 0.5 * options.cell);
+  body.surface =
+      table_of(rows_at(static_cast<Index>(surface.size()), [&](Index s) { return surface[s]; }), grid, false);
+  return body;
+}
+
+template <int Dim> std::vector<Index> points_near_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
+                                                         const Points<Dim>& points, double depth) {
+  const std::vector<Vec<Dim>> samples = sample_facets(mesh, facets, 0.25 * depth);
+  std::vector<Index> result;
+  if (samples.empty()) return result;
+  Points<Dim> at(Dim, static_cast<Index>(samples.size()));
+  for (std::size_t s = 0; s < samples.size(); ++s) at.col(static_cast<Index>(s)) = samples[s];
+  internal::Neighbours<Dim> tree;
+  tree.build(at);
+  for (Index p = 0; p < points.cols(); ++p)
+    if ((at.col(tree.nearest(points.col(p))) - points.col(p)).norm() <= depth) result.push_back(p);
+  return result;
+}
+
+template <int Dim>
+std::vector<Index> nodes_of_points(const DeformableBody<Dim>& body, const std::vector<Index>& points) {
+  std::vector<char> is_one(body.points.cols(), 0);
+  for (const Index p : points) is_one[p] = 1;
+  Vector all = Vector::Zero(body.nodes.cols()), of_these = all;
+  for (Index p = 0; p < body.points.cols(); ++p) {
+    const ShapeRow<Dim> row = body.shape->row(p);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) {
+      all[row.nodes[k]] += row.N[k] * body.volumes[p];
+      if (is_one[p] != 0) of_these[row.nodes[k]] += row.N[k] * body.volumes[p];
+    }
+  }
+  std::vector<Index> result;
+  for (Index a = 0; a < all.size(); ++a)
+    if (of_these[a] > 0.0 && of_these[a] >= 0.5 * all[a]) result.push_back(a);
+  return result;
+}
+
+#define EFREE_INSTANTIATE(Dim)                                                                                        \
+  template DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>&, const MpmOptions&, Index, SharedMaterial,      \
+                                                 double);                                                             \
+  template std::vector<Index> points_near_facets(const FineMesh<Dim>&, const std::vector<Index>&, const Points<Dim>&, \
+                                                 double);                                                             \
+  template std::vector<Index> nodes_of_points(const DeformableBody<Dim>&, const std::vector<Index>&);                 \
+  template DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>&, const MpmOptions&, Index, SharedMaterial,     \
+                                                  double);
+EFREE_INSTANTIATE(2)
+EFREE_INSTANTIATE(3)
+#undef EFREE_INSTANTIATE
+
+}  // namespace efree

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
+
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+
+#include <limits>
+#include <map>
+
+namespace efree::internal {
+namespace {
+
+/// A node of one body and one of another at the same place.
+template <int Dim> struct SharedNode {
+  Index node[2];
+  Vec<Dim> normal = Vec<Dim>::Zero();  ///< from the first body to the second; zero: neither has a direction
+  double front[2] = {-std::numeric_limits<double>::infinity(),
+                     -std::numeric_limits<double>::infinity()};  ///< of each, along and against the normal
+  Vec<Dim> impulse = Vec<Dim>::Zero();                           ///< on the first
+};
+
+template <int Dim> class GridContact final : public Interaction<Dim> {
+ public:
+  GridContact(const PointGrid<Dim>& grid, double friction) : grid_(grid), friction_(friction) {}
+  bool is_contact() const override { return true; }
+  void apply_impulses(World<Dim>& world, double kick, double dt) override;
+  void finish_kick(World<Dim>& world, double kick, double dt) override;
+
+ private:
+  void find_shared(const World<Dim>& world);
+  void find_normals(const World<Dim>& world);
+  void find_fronts(const World<Dim>& world);
+  /// Calls visit(point, slot, entry of shared_at_) for the points of a chunk and the shared nodes around them.
+  template <class Visit> void for_each_shared(const World<Dim>& world, std::size_t c, const Visit& visit) const;
+
+  const PointGrid<Dim>& grid_;
+  double friction_;
+  std::vector<SharedNode<Dim>> shared_;
+  std::vector<std::vector<std::pair<Index, int>>> at_node_;  ///< by node: shared nodes, and which of the two it is
+};
+
+template <int Dim> void GridContact<Dim>::find_shared(const World<Dim>& world) {
+  shared_.clear();
+  at_node_.assign(static_cast<std::size_t>(world.nodes.size()), {});
+  for (Index b = 0; b < world.num_bodies(); ++b)
+    for (Index c = b + 1; c < world.num_bodies(); ++c)
+      grid_.of_body(b).for_each([&](Index node, const Site<Dim>& site) {
+        const Index other = grid_.of_body(c).find(site);
+        if (other < 0 || !(world.nodes.mass[node] > 0.0) || !(world.nodes.mass[other] > 0.0)) return;
+        const auto k = static_cast<Index>(shared_.size());
+        shared_.push_back({.node = {node, other}});
+        at_node_[node].emplace_back(k, 0);
+        at_node_[other].emplace_back(k, 1);
+      });
+}
+
+template <int Dim> template <class Visit>
+void GridContact<Dim>::for_each_shared(const World<Dim>& world, std::size_t c, const Visit& visit) const {
+  const Chunk<Dim>& chunk = world.chunks[c];
+  const Particles<Dim>& of = grid_.particles[c];
+  const std::vector<Index>& nodes = chunk.table.nodes;
+  if (std::ranges::all_of(nodes, [&](Index a) { return at_node_[a].empty(); })) return;
+  thread_local std::vector<Index> node_at;
+  node_at.assign(of.marked.size(), -1);
+  for (std::size_t l = 0; l < nodes.size(); ++l) node_at[of.slots[l]] = nodes[l];
+  for (Index p = 0; p < chunk.size(); ++p)
+    for_each_site<Dim>(of.box, chunk.matter.x.col(p).data(),
+                       [&](const std::array<std::ptrdiff_t, 3>& place, double, const Vec<Dim>& dN) {
+                         std::ptrdiff_t slot = place[Dim - 1];
+                         for (int i = 0; i + 1 < Dim; ++i)
+                           slot += place[static_cast<std::size_t>(i)] * of.box.stride[i];
+                         for (const auto& [k, side] : at_node_[node_at[slot]]) visit(p, dN, k, side);
+                       });
+}
+
+/// Normals by the gradients of the mass: bodies end where it falls.
+template <int Dim> void GridContact<Dim>::find_normals(const World<Dim>& world) {
+  std::vector<std::array<Vec<Dim>, 2>> slope(shared_.size(), {Vec<Dim>::Zero(), Vec<Dim>::Zero()});
+  for (std::size_t c = 0; c < world.chunks.size(); ++c)
+    for_each_shared(world, c, [&](Index p, const Vec<Dim>& dN, Index k, int side) {
+      slope[k][side] -= world.chunks[c].matter.mass[p] * dN;  // with the node; dN is with the point
+    });
+  for (std::size_t k = 0; k < shared_.size(); ++k) {
+    // Of the two the one that is steeper for its mass knows better where it ends.
+    Vec<Dim> sum = Vec<Dim>::Zero();
+    for (const int side : {0, 1}) {
+      const Vec<Dim> by_mass = slope[k][side] / world.nodes.mass[shared_[k].node[side]];
+      sum += (side == 0 ? -1.0 : 1.0) * by_mass;
+    }
+    if (sum.norm() > 0.0) shared_[k].normal = sum.normalized();
+  }
+}
+
+/// How far points reach, from the node, along the normal (against it for the second body).
+template <int Dim> void GridContact<Dim>::find_fronts(const World<Dim>& world) {
+  for (std::size_t c = 0; c < world.chunks.size(); ++c) {
+    const Matter<Dim>& matter = world.chunks[c].matter;
+    for_each_shared(world, c, [&](Index p, const Vec<Dim>&, Index k, int side) {
+      SharedNode<Dim>& shared = shared_[k];
+      const Vec<Dim> along = side == 0 ? shared.normal : Vec<Dim>(-shared.normal);
+      const double reach =
+          along.dot(matter.x.col(p) - world.nodes.x.col(shared.node[side])) + half_size<Dim>(matter, p, along);
+      shared.front[side] = std::max(shared.front[side], reach);
+    });
+  }
+}
+
+template <int Dim> void GridContact<Dim>::apply_impulses(World<Dim>& world, double /*kick*/, double dt) {
+  find_shared(world);
+  if (shared_.empty()) return;
+  find_normals(world);
+  find_fronts(world);
+  Nodes<Dim>& nodes = world.nodes;
+  for (SharedNode<Dim>& shared : shared_) {
+    const auto [a, b] = shared.node;
+    const double gap = -(shared.front[0] + shared.front[1]);
+    // What overlaps is not pushed out, which would make it fast: where a body ends is known to a part of a cell.
+    const double allowed = std::max(gap, 0.0) / dt;
+    const Vec<Dim> relative = nodes.v.col(a) - nodes.v.col(b);
+    const double excess = relative.dot(shared.normal) - allowed;
+    if (!(excess > 0.0)) continue;
+    // Velocity along the normal by an impulse of one; none of what is prescribed.
+    const auto mobility_of = [&](Index node) {
+      return nodes.free.col(node).cwiseProduct(shared.normal).squaredNorm() / nodes.mass[node];
+    };
+    const double mobility = mobility_of(a) + mobility_of(b);
+    if (!(mobility > 0.0)) continue;
+    const Vec<Dim> slip = relative - relative.dot(shared.normal) * shared.normal;
+    const double sliding = slip.norm(), most = friction_ * excess;
+    shared.impulse = -(excess * shared.normal + (sliding > most ? most / sliding : 1.0) * slip) / mobility;
+    nodes.v.col(a) += nodes.free.col(a).cwiseProduct(shared.impulse) / nodes.mass[a];
+    nodes.v.col(b) -= nodes.free.col(b).cwiseProduct(shared.impulse) / nodes.mass[b];
+  }
+}
+
+template <int Dim> void GridContact<Dim>::finish_kick(World<Dim>& world, double /*kick*/, double /*dt*/) {
+  const Nodes<Dim>& nodes = world.nodes;
+  double lost = 0.0, held = 0.0;
+  for (const SharedNode<Dim>& shared : shared_) {
+    const auto [a, b] = shared.node;
+    for (const auto& [node, impulse] : {std::pair(a, shared.impulse), std::pair(b, Vec<Dim>(-shared.impulse))}) {
+      // Supports take what would change velocities that are prescribed.
+      const Vec<Dim> v = nodes.v.col(node), before = nodes.v_before.col(node),
+                     on_support = impulse - nodes.free.col(node).cwiseProduct(impulse);
+      held -= on_support.dot(v);
+      lost -= 0.5 * impulse.dot(v + before) - 0.5 * on_support.dot(before - v);
+    }
+  }
+  world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  world.ledger.add_energy("prescribed", EnergyKind::work, held);
+}
+
+}  // namespace
+
+template <int Dim> std::unique_ptr<Interaction<Dim>> grid_contact(const PointGrid<Dim>& grid, double friction) {
+  return std::make_unique<GridContact<Dim>>(grid, friction);
+}
+
+template std::unique_ptr<Interaction<2>> grid_contact(const PointGrid<2>&, double);
+template std::unique_ptr<Interaction<3>> grid_contact(const PointGrid<3>&, double);
+
+}  // namespace efree::internal

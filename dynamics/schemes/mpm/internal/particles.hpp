@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Velocities of the material points, and the grid's nodes around them.
+#pragma once
+
+#include "efree/core/packer.hpp"
+#include "efree/dynamics/contact/contact_points.hpp"
+#include "efree/dynamics/schemes/mpm/internal/sparse_grid.hpp"
+#include "efree/dynamics/schemes/mpm/internal/transfer_kernels.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
+
+namespace efree::internal {
+
+/// The points of a chunk: their velocities, and the box of grid nodes around them.
+template <int Dim> struct Particles {
+  Points<Dim> v;               ///< Dim x n, velocities half a step ago
+  Matrix motion;               ///< what is known of the velocity around each point, by Transfer
+  Points<Dim> moved;           ///< Dim x n, velocities of the step by which points move
+  Points<Dim * Dim> gradient;  ///< their gradients, by columns
+  /// Gradients of the nodes' velocities less `gradient` (MpmOptions::remap), and the sum of the powers of the stresses
+  /// in these before and after the step.
+  Points<Dim * Dim> not_strained;
+  double lost_power = 0.0;
+  Points<Dim> filtered;            ///< of Transfer::xpic
+  GridBox box;                     ///< its slots are nodes that may be there
+  Site<Dim> low, size;             ///< first site of the box, and number of sites along each axis
+  std::vector<char> marked;        ///< by slot, 1: there is such a node
+  std::vector<Index> slots;        ///< by local number of a node: its slot
+  AlignedVector<double> momentum;  ///< by local number: momentum and mass, four numbers
+  AlignedVector<double> held;      ///< likewise of points with prescribed velocity
+  double power = 0.0;              ///< of the stresses now, in the motion of the last step
+  double speed = 0.0;              ///< largest of a point
+  double fastest = 0.0;            ///< speed of pressure waves
+
+  /// Without what `rebuild` and every step find again.
+  friend auto fields(Particles& of) { return std::tie(of.v, of.motion, of.speed, of.fastest); }
+};
+
+/// The grid around the points of all bodies. Nodes of the world are its nodes.
+template <int Dim> class PointGrid {
+ public:
+  explicit PointGrid(const MpmOptions& options) : degree_(options.degree), cell_(options.cell) {
+    for (int i = 0; i < Dim; ++i) origin_[i] = options.origin[static_cast<std::size_t>(i)];
+  }
+  std::vector<Particles<Dim>> particles;  ///< by chunk
+
+  double cell() const { return cell_; }
+  int degree() const { return degree_; }
+  const SparseGrid<Dim>& of_body(Index body) const { return grids_[body]; }
+
+  /// Nodes where the points are now. replaces: the world gets new nodes, at rest. Throws NumericalError for points that
+  /// are nowhere, or further apart than a grid can number.
+  void rebuild(World<Dim>& world, bool replaces);
+  /// Calls visit(chunk, particles) for all chunks, concurrently.
+  template <class Visit> void for_each_chunk(World<Dim>& world, const Visit& visit) {
+    parallel_chunks(static_cast<Index>(particles.size()), 1,
+                    [&](Index c, Index) { visit(world.chunks[c], particles[c]); });
+  }
+
+  // Room of this thread, until its next call of the same.
+  /// As internal::gather writes it, of velocities by node.
+  const double* gather(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& velocity) const;
+  /// As internal::gather_values.
+  const double* gather_values(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& velocity) const;
+  /// As internal::gather_modes.
+  const double* gather_modes(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& velocity) const;
+  /// For internal::scatter, and of so many modes.
+  double* columns(const Chunk<Dim>& chunk) const;
+  double* modes(const Chunk<Dim>& chunk, int count) const;
+  /// Zeros, eight for every slot.
+  double* clear_slots(const Particles<Dim>& of) const;
+  /// From these to table.force and to the momenta.
+  void take_slots(Chunk<Dim>& chunk, Particles<Dim>& of) const;
+
+  /// nodes.mass and nodes.v by the momenta of all chunks.
+  void collect_velocities(World<Dim>& world) const;
+  /// Dim x N, velocities of the grid by those of the points.
+  Points<Dim> velocities_of(World<Dim>& world,
+                            const std::function<const Points<Dim>&(const Particles<Dim>&)>& of_points);
+  /// World::prescribed by World::prescribed_points: of nodes that have half of their mass and more from these.
+  void find_prescribed(World<Dim>& world);
+  Vec<Dim> position(const Site<Dim>& site) const { return origin_ + cell_ * site.template cast<double>(); }
+
+ private:
+  bool find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const;
+  void number_nodes(World<Dim>& world, bool replaces);
+  /// Velocities of the box, four numbers for each slot.
+  const double* slot_velocities(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& velocity) const;
+
+  int degree_;
+  double cell_;
+  Vec<Dim> origin_ = Vec<Dim>::Zero();
+  std::vector<SparseGrid<Dim>> grids_;  ///< by body
+  Points<Dim> x_;                       ///< Dim x N, positions of the nodes
+};
+
+/// Points whose surface, half of their size towards the rigid body, is nearer to it than that: bodies end where their
+/// points do, not at the last node.
+template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& world, const PointGrid<Dim>& grid,
+                                                          const RigidShape<Dim>& gap_at, double reach);
+
+/// Half of the size of a point along a unit vector.
+template <int Dim> double half_size(const Matter<Dim>& matter, Index p, const Vec<Dim>& normal) {
+  const Mat<3> F = matter.F_since[p] * Eigen::Map<const Mat<3>>(matter.F_table.col(p).data());
+  const double edge = Dim == 2 ? std::sqrt(matter.volume[p]) : std::cbrt(matter.volume[p]);
+  return 0.5 * edge * (F.template topLeftCorner<Dim, Dim>().transpose() * normal).norm();
+}
+
+}  // namespace efree::internal

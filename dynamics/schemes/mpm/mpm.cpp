@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
+
+#include "efree/dynamics/internal/kernels.hpp"
+#include "efree/dynamics/points.hpp"
+#include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
+#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+
+#include <fmt/ranges.h>
+#include <Eigen/LU>
+#include <limits>
+
+namespace efree {
+namespace {
+
+using internal::gathered_columns, internal::Particles, internal::scattered_columns;
+
+void require_options(const MpmOptions& options) {
+  const auto fail = [](const std::string& what) { throw InputError("the material point method: " + what); };
+  if (!(options.cell > 0.0) || !std::isfinite(options.cell))
+    fail(fmt::format("cell {}, expected a positive length", options.cell));
+  if (options.degree < 1 || options.degree > 3) fail(fmt::format("degree {}, expected 1, 2 or 3", options.degree));
+  if (!(options.flip >= 0.0) || options.flip > 1.0) fail(fmt::format("flip {}, expected 0 to 1", options.flip));
+  if (options.order < 1 || options.order > 16) fail(fmt::format("order {}, expected 1 to 16", options.order));
+  if (options.remap && options.transfer == Transfer::polypic)
+    fail("remap is not for polypic, whose modes the grid of remapped velocities does not get");
+  for (const double x : options.origin)
+    if (!std::isfinite(x)) fail("expected an origin");
+}
+
+template <int Dim> double kinetic_energy(const Nodes<Dim>& nodes) {
+  return 0.5 * nodes.mass.dot(nodes.v.colwise().squaredNorm().transpose());
+}
+
+/// Momentum of a body's nodes. Sums in more digits: what they miss would be drift.
+template <int Dim> std::array<long double, Dim> sum_momentum(const World<Dim>& world, Index body) {
+  std::array<long double, Dim> sum{};
+  for (const Index a : world.nodes_of(body))
+    for (int i = 0; i < Dim; ++i)
+      sum[i] += static_cast<long double>(world.nodes.mass[a]) * static_cast<long double>(world.nodes.v(i, a));
+  return sum;
+}
+
+template <int Dim> class Mpm final : public Scheme<Dim> {
+ public:
+  explicit Mpm(const MpmOptions& options) : options_(options), grid_(options) { require_options(options); }
+  std::string name() const override { return "mpm"; }
+  bool nodes_persist() const override { return false; }
+
+  void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
+  void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
+  StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const override;
+  void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) override;
+  void collect_forces(World<Dim>& world) override;
+  double largest_speed(const World<Dim>&) const override {
+    double speed = 0.0;
+    for (const Particles<Dim>& of : grid_.particles) speed = std::max(speed, of.speed);
+    return speed;
+  }
+  ContactPoints<Dim> find_contact_points(const World<Dim>& world, const RigidShape<Dim>& gap_at,
+                                         double reach) const override {
+    return internal::find_contact_points(world, grid_, gap_at, reach);
+  }
+  Points<Dim> point_velocities(const World<Dim>& world) const override {
+    Points<Dim> result(Dim, world.num_points());
+    for (std::size_t c = 0; c < world.chunks.size(); ++c)
+      for (Index p = 0; p < world.chunks[c].size(); ++p)
+        result.col(world.point_number(world.chunks[c], p)) = grid_.particles[c].v.col(p);
+    return result;
+  }
+  std::optional<double> stable_step(const World<Dim>& world) const override;
+  void pack(Archive& archive) override { archive(grid_.particles, owed_); }
+  void resume(World<Dim>& world) override { grid_.rebuild(world, false); }
+
+ private:
+  bool is_affine() const {
+    return options_.transfer == Transfer::apic || options_.transfer == Transfer::rpic ||
+           options_.transfer == Transfer::aflip;
+  }
+  bool is_polynomial() const { return options_.transfer == Transfer::polypic; }
+  void transfer_to_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
+  void filter_velocities(World<Dim>& world);
+  void find_gradients(World<Dim>& world);
+  void return_momentum(World<Dim>& world);
+  void move_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
+
+  MpmOptions options_;
+  internal::PointGrid<Dim> grid_;
+  // Of the grid that is left: its kinetic energy, and by body its momentum.
+  std::optional<double> energy_before_;
+  std::vector<std::array<long double, Dim>> momentum_before_;
+  Points<Dim> owed_;  ///< Dim x bodies, momentum that rounding has kept in transfers so far
+};
+
+template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
+  if (world.axisymmetric())
+    throw InputError("the material point method is of plane strain or in space, not of an axisymmetric section");
+  for (std::size_t b = 0; b < bodies.size(); ++b)
+    if (bodies[b].nodes.cols() != 0 || bodies[b].points.cols() == 0)
+      throw InputError(fmt::format("body {}: the material point method makes its own nodes, expected points only", b));
+  for (Chunk<Dim>& chunk : world.chunks) {
+    Particles<Dim>& of = grid_.particles.emplace_back();
+    const auto n = static_cast<Index>(chunk.size());
+    of.v.setZero(Dim, n);
+    if (const Points<Dim>& given = bodies[chunk.body].velocity; given.size() != 0)
+      of.v = given(Eigen::all, chunk.number);
+    if (is_affine()) of.motion.setZero(Dim * Dim, n);
+    if (is_polynomial()) of.motion.setZero(Dim * (internal::num_modes(Dim, options_.degree) - 1), n);
+  }
+  momentum_before_.resize(world.num_bodies());
+  owed_.setZero(Dim, world.num_bodies());
+  grid_.rebuild(world, true);
+  if (world.num_bodies() > 1 && world.options.contact.stiffness > 0.0) {
+    // After prescribed velocities, before walls and rigid bodies.
+    world.interactions.insert(world.interactions.begin() + 3,
+                              internal::grid_contact<Dim>(grid_, world.options.contact.friction));
+    world.options.contact.stiffness = 0.0;  // there are no facets
+  }
+}
+
+/// Velocities of the points and around them, by those of the nodes.
+template <int Dim> void Mpm<Dim>::transfer_to_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles) {
+  const Index n = chunk.size();
+  const double* columns = grid_.gather(chunk, particles, world.nodes.v);
+  const bool is_flip = options_.transfer == Transfer::flip || options_.transfer == Transfer::aflip;
+  const double* before = nullptr;
+  if (is_flip || options_.transfer == Transfer::xpic)
+    before = grid_.gather_values(chunk, particles, world.nodes.v_before);
+  for (Index p = 0; p < n; ++p) {
+    const double* column = columns + 4 * gathered_columns * p;
+    const Eigen::Map<const Vec<Dim>> now(column);
+    particles.moved.col(p) = now;
+    for (int j = 0; j < Dim; ++j)
+      particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
+    auto v = particles.v.col(p);
+    if (is_flip)
+      v = options_.flip * (v + now - Eigen::Map<const Vec<Dim>>(before + 4 * p)) + (1.0 - options_.flip) * now;
+    else if (options_.transfer == Transfer::xpic)
+      v = particles.filtered.col(p) + now - Eigen::Map<const Vec<Dim>>(before + 4 * p);
+    else
+      v = now;
+    if (!is_affine()) continue;
+    Eigen::Map<Mat<Dim>> C(particles.motion.col(p).data());
+    for (int j = 0; j < Dim; ++j) C.col(j) = Eigen::Map<const Vec<Dim>>(column + 4 * (4 + j));
+    if (options_.transfer == Transfer::rpic) C = Mat<Dim>(0.5 * (C - C.transpose()));
+  }
+  if (is_polynomial()) {
+    const int count = internal::num_modes(Dim, options_.degree);
+    const double* modes = grid_.gather_modes(chunk, particles, world.nodes.v);
+    for (Index p = 0; p < n; ++p)
+      for (int m = 1; m < count; ++m)
+        particles.motion.col(p).template segment<Dim>(Dim * (m - 1)) =
+            Eigen::Map<const Vec<Dim>>(modes + 4 * (count * p + m));
+  }
+}
+
+/// particles.filtered = (I - (I - S S+)^m) v.
+template <int Dim> void Mpm<Dim>::filter_velocities(World<Dim>& world) {
+  Points<Dim> on_nodes = world.nodes.v_before;  // S+ v
+  for (Particles<Dim>& of : grid_.particles) of.filtered = of.v;
+  for (int k = 1; k <= options_.order; ++k) {
+    if (k > 1)
+      on_nodes = grid_.velocities_of(world, [](const Particles<Dim>& of) -> const Points<Dim>& { return of.filtered; });
+    grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+      const double* values = grid_.gather_values(chunk, of, on_nodes);
+      for (Index p = 0; p < chunk.size(); ++p) of.filtered.col(p) -= Eigen::Map<const Vec<Dim>>(values + 4 * p);
+    });
+  }
+  for (Particles<Dim>& of : grid_.particles) of.filtered = of.v - of.filtered;
+}
+
+/// Gradients of the velocities that the points have now, on the grid. What the stresses would have done beyond in the
+/// motion of the nodes is lost.
+template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
+  Points<Dim> on_nodes =
+      grid_.velocities_of(world, [](const Particles<Dim>& of) -> const Points<Dim>& { return of.v; });
+  on_nodes = world.nodes.free.cwiseProduct(on_nodes) + world.nodes.v - world.nodes.free.cwiseProduct(world.nodes.v);
+  grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    const double* columns = grid_.gather(chunk, of, on_nodes);
+    of.not_strained = of.gradient;
+    of.lost_power = 0.0;
+    for (Index p = 0; p < chunk.size(); ++p) {
+      for (int j = 0; j < Dim; ++j)
+        of.gradient.col(p).template segment<Dim>(Dim * j) =
+            Eigen::Map<const Vec<Dim>>(columns + 4 * (gathered_columns * p + 1 + j));
+      of.not_strained.col(p) -= of.gradient.col(p);
+      const Mat<3> tau =
+          Eigen::Map<const Mat<3>>(chunk.matter.response.P.col(p).data()) * chunk.matter.now.gradient(p).transpose();
+      of.lost_power +=
+          chunk.matter.volume[p] * tau.template topLeftCorner<Dim, Dim>()
+                                       .cwiseProduct(Eigen::Map<const Mat<Dim>>(of.not_strained.col(p).data()))
+                                       .sum();
+    }
+  });
+}
+
+/// Positions and deformation gradients, by velocities and their gradients.
+template <int Dim> void Mpm<Dim>::move_points(World<Dim>&, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
+  Matter<Dim>& matter = chunk.matter;
+  matter.x += dt * particles.moved;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
+    F = Mat<3>(matter.F_since[p] * F);
+    matter.F_since[p].setIdentity();
+    if (!chunk.is_eroded(p))
+      matter.F_since[p].template topLeftCorner<Dim, Dim>() +=
+          dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data());
+  }
+}
+
+template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
+  auto start = std::chrono::steady_clock::now();
+  const double dt = world.last_step;
+  energy_before_ = kinetic_energy(world.nodes);
+  for (Index b = 0; b < world.num_bodies(); ++b) momentum_before_[b] = sum_momentum(world, b);
+  if (options_.transfer == Transfer::xpic) filter_velocities(world);
+  grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    transfer_to_points(world, chunk, of);
+    if (!options_.remap) move_points(world, chunk, of, dt);
+  });
+  if (options_.remap) {
+    find_gradients(world);
+    grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) { move_points(world, chunk, of, dt); });
+  }
+  world.ledger.add_time("transfers", seconds_since(start));
+  grid_.rebuild(world, true);
+  world.ledger.add_time("grid", seconds_since(start));
+}
+
+template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>&, Chunk<Dim>& chunk, double least) const {
+  Matter<Dim>& matter = chunk.matter;
+  double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p) {
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) columns[16 * p + 4 * i + j] = matter.F_since[p](i, j);
+    if (!chunk.is_eroded(p)) matter.F_since[p].setIdentity();
+  }
+  return internal::update_deformation(chunk.size(), Dim == 2 ? internal::PlaneKind::strain : internal::PlaneKind::none,
+                                      least, matter.volume.data(), matter.F_table.data(), matter.F_since.data(),
+                                      matter.now.F.data(), matter.J_ratio.data(), columns);
+}
+
+template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
+  share_patch_pressures(chunk);
+  Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  const Matter<Dim>& matter = chunk.matter;
+  const double* stress = chunk.columns();
+  double* columns = grid_.columns(chunk);
+  double fastest = 0.0, power = 0.0, lost = 0.0;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    double* column = columns + 4 * scattered_columns * p;
+    std::fill_n(column, 4 * scattered_columns, 0.0);
+    const double m = matter.mass[p], V = matter.volume[p];
+    Eigen::Map<Vec<Dim>>(column, Dim) = m * particles.v.col(p);
+    column[3] = m;
+    if (is_affine())
+      for (int j = 0; j < Dim; ++j)
+        Eigen::Map<Vec<Dim>>(column + 4 * (1 + j), Dim) = m * particles.motion.col(p).template segment<Dim>(Dim * j);
+    for (int j = 0; j < Dim; ++j)
+      for (int i = 0; i < Dim; ++i) column[4 * (4 + j) + i] = -V * stress[16 * p + 4 * j + i];
+    if (!(V > 0.0)) continue;
+    fastest = std::max(fastest, matter.modulus[p] * V / m);
+    // The power of the stresses now in the motion of the last step: F_since = I + dt gradient.
+    const Mat<Dim> inverse = matter.F_since[p].template topLeftCorner<Dim, Dim>().inverse();
+    const auto power_of = [&](const Points<Dim * Dim>& gradient) {
+      const Mat<Dim> rate = Eigen::Map<const Mat<Dim>>(gradient.col(p).data()) * inverse;
+      double sum = 0.0;
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i < Dim; ++i) sum += column[4 * (4 + j) + i] * rate(i, j);
+      return sum;
+    };
+    power += power_of(particles.gradient);
+    if (options_.remap && particles.not_strained.size() != 0) lost -= power_of(particles.not_strained);
+  }
+  particles.power = power - lost;
+  particles.lost_power += lost;
+  particles.fastest = std::sqrt(fastest);
+  particles.speed = std::sqrt(particles.v.colwise().squaredNorm().maxCoeff());
+  double* slots = grid_.clear_slots(particles);
+  internal::scatter(chunk.size(), particles.box, is_affine(), matter.x.data(), columns, slots);
+  if (is_polynomial()) {
+    const int count = internal::num_modes(Dim, options_.degree);
+    double* modes = grid_.modes(chunk, count);
+    for (Index p = 0; p < chunk.size(); ++p) {
+      std::fill_n(modes + 4 * count * p, 4, 0.0);
+      for (int m = 1; m < count; ++m) {
+        double* mode = modes + 4 * (count * p + m);
+        mode[3] = 0.0;
+        for (int i = 0; i < 3; ++i) mode[i] = i < Dim ? particles.motion(Dim * (m - 1) + i, p) : 0.0;
+      }
+    }
+    internal::scatter_modes(chunk.size(), particles.box, matter.x.data(), matter.mass.data(), modes, slots);
+  }
+  grid_.take_slots(chunk, particles);
+}
+
+/// Transfers round in much the same way in every step: what that comes to goes back to the nodes when they can hold it.
+template <int Dim> void Mpm<Dim>::return_momentum(World<Dim>& world) {
+  for (Index b = 0; b < world.num_bodies(); ++b) {
+    const auto nodes = world.nodes_of(b);
+    const auto after = sum_momentum(world, b);
+    double mass = 0.0, fastest = 0.0;
+    for (const Index a : nodes) {
+      mass += world.nodes.mass[a];
+      fastest = std::max(fastest, world.nodes.v.col(a).cwiseAbs().maxCoeff());
+    }
+    for (int i = 0; i < Dim; ++i) {
+      owed_(i, b) += static_cast<double>(momentum_before_[b][i] - after[i]);
+      const double change = owed_(i, b) / mass;
+      if (!(std::abs(change) > 4.0 * std::numeric_limits<double>::epsilon() * fastest)) continue;
+      for (const Index a : nodes) {
+        const double before = world.nodes.v(i, a);
+        world.nodes.v(i, a) += change;
+        owed_(i, b) -= world.nodes.mass[a] * (world.nodes.v(i, a) - before);
+      }
+    }
+  }
+}
+
+template <int Dim> void Mpm<Dim>::collect_forces(World<Dim>& world) {
+  efree::collect_forces(world, world.nodes.force);
+  grid_.collect_velocities(world);
+  grid_.find_prescribed(world);
+  if (!energy_before_) return;
+  return_momentum(world);
+  // Of velocities half a step ago, and half a step of the forces now, as everywhere in the balance: that half is of
+  // velocities before and after the transfer, too.
+  double power = -world.nodes.force.cwiseProduct(world.nodes.v).sum();
+  for (const Particles<Dim>& of : grid_.particles) power += of.power + of.lost_power;
+  world.ledger.add_energy("transfer", EnergyKind::transfer,
+                          *energy_before_ - kinetic_energy(world.nodes) + 0.5 * world.last_step * power);
+  energy_before_.reset();
+}
+
+template <int Dim> std::optional<double> Mpm<Dim>::stable_step(const World<Dim>& world) const {
+  double fastest = 0.0, speed = 0.0;
+  for (const Particles<Dim>& of : grid_.particles) {
+    fastest = std::max(fastest, of.fastest);
+    speed = std::max(speed, of.speed);
+  }
+  const double highest = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
+  // No point moves by more than a cell.
+  return std::min(world.options.courant * 2.0 / highest, options_.cell / speed);
+}
+
+}  // namespace
+
+template <int Dim> std::unique_ptr<Scheme<Dim>> mpm(const MpmOptions& options) {
+  return std::make_unique<Mpm<Dim>>(options);
+}
+
+template std::unique_ptr<Scheme<2>> mpm<2>(const MpmOptions&);
+template std::unique_ptr<Scheme<3>> mpm<3>(const MpmOptions&);
+
+}  // namespace efree

@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/error.hpp"
+#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+
+#include <fmt/ranges.h>
+#include <atomic>
+#include <limits>
+
+namespace efree::internal {
+namespace {
+
+/// Numbers of the first node along an axis of a point at so many cells from node 0.
+Index first_site(double position, int degree) {
+  return static_cast<Index>(std::floor(degree == 2 ? position - 0.5 : position)) - (degree == 3 ? 1 : 0);
+}
+
+/// Slots of a box beyond which the points of a chunk are too far apart.
+constexpr double most_slots = 3e5;
+/// Mass of a node, over that of a point, below which the point's contact does not act on it.
+constexpr double least_mass = 1e-6;
+/// Sites that a grid can number, on either side of its origin.
+constexpr double most_cells = 4e6;
+
+/// What rounding takes from a velocity that all nodes share is the same in every step, and drift: kernels get
+/// velocities less the mean of the points.
+template <int Dim> Vec<Dim> common_velocity(const Particles<Dim>& of) {
+  return of.v.rowwise().mean();
+}
+template <int Dim> void add_common(const Vec<Dim>& common, Index points, int stride, double* values) {
+  for (Index p = 0; p < points; ++p)
+    for (int i = 0; i < Dim; ++i) values[4 * stride * p + i] += common[i];
+}
+
+double* room(AlignedVector<double>& of, std::size_t size) {
+  if (of.size() < size) of.resize(size);
+  return of.data();
+}
+
+}  // namespace
+
+/// Whether its nodes are others than before.
+template <int Dim>
+bool PointGrid<Dim>::find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const {
+  const Points<Dim>& x = chunk.matter.x;
+  const Vec<Dim> low = (x.rowwise().minCoeff() - origin_) / cell_, high = (x.rowwise().maxCoeff() - origin_) / cell_;
+  const double slots = (high - low + Vec<Dim>::Constant(degree_ + 2)).prod();
+  if (!x.allFinite() || !(low.cwiseAbs().maxCoeff() < most_cells) || !(high.cwiseAbs().maxCoeff() < most_cells) ||
+      !(slots < most_slots)) {
+    Index at = 0;
+    for (Index p = 0; p < chunk.size(); ++p)
+      if (!x.col(p).allFinite() || (x.col(p) - x.rowwise().mean()).norm() > (x.col(at) - x.rowwise().mean()).norm())
+        at = p;
+    throw NumericalError(fmt::format(
+        "at time {:.6g} bodies fly apart: the material point {} at ({:.6g}) is {:.3g} cells away from the middle of "
+        "those that were its neighbours. "
+        "Try smaller steps (courant), or end the run earlier",
+        world.time, world.point_number(chunk, at), fmt::join(x.col(at), ", "),
+        (x.col(at) - x.rowwise().mean()).norm() / cell_));
+  }
+  Site<Dim> first, size;
+  for (int i = 0; i < Dim; ++i) {
+    // One more on either side: kernels round otherwise where a point is at a knot.
+    first[i] = first_site(low[i], degree_) - 1;
+    size[i] = first_site(high[i], degree_) + degree_ + 1 - first[i] + 1;
+  }
+  of.box.dim = Dim;
+  of.box.degree = degree_;
+  of.box.cell = cell_;
+  const Vec<Dim> corner = position(first);
+  for (int i = 0; i < Dim; ++i) of.box.low[i] = corner[i];
+  std::ptrdiff_t stride = 1;
+  for (int i = Dim - 1; i > 0; --i) of.box.stride[i - 1] = stride *= size[i];
+  thread_local std::vector<char> marked;
+  marked.assign(static_cast<std::size_t>(stride) * static_cast<std::size_t>(size[0]), 0);
+  mark_slots(chunk.size(), of.box, x.data(), marked.data());
+  const bool same = !of.marked.empty() && first == of.low && size == of.size && marked == of.marked;
+  if (same) return false;
+  of.low = first;
+  of.size = size;
+  of.marked = marked;
+  of.slots.clear();
+  for (std::size_t s = 0; s < marked.size(); ++s)
+    if (marked[s] != 0) of.slots.push_back(static_cast<Index>(s));
+  return true;
+}
+
+template <int Dim> void PointGrid<Dim>::rebuild(World<Dim>& world, bool replaces) {
+  std::atomic<bool> changed = grids_.empty();
+  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    if (find_box(world, chunk, of)) changed = true;
+  });
+  if (changed) {
+    number_nodes(world, replaces);
+  } else if (replaces) {
+    world.nodes.x = x_;
+    world.nodes.x_rest.setZero();
+  }
+}
+
+template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool replaces) {
+  // Sites of a chunk's nodes, in the order of their local numbers.
+  const auto site_at = [](const Particles<Dim>& of, Index slot) {
+    Site<Dim> site;
+    for (int i = Dim - 1; i >= 0; --i) {
+      site[i] = of.low[i] + slot % of.size[i];
+      slot /= of.size[i];
+    }
+    return site;
+  };
+  std::vector<std::vector<GridBlock>> blocks(particles.size());
+  parallel_chunks(static_cast<Index>(particles.size()), 1, [&](Index c, Index) {
+    std::vector<GridBlock>& own = blocks[c];
+    for (const Index slot : particles[c].slots) {
+      const auto [key, bit] = locate_site<Dim>(site_at(particles[c], slot));
+      const std::uint64_t mask = std::uint64_t{1} << bit;
+      if (own.empty() || own.back().key != key)
+        own.push_back({key, mask});
+      else
+        own.back().nodes |= mask;
+    }
+  });
+  grids_.clear();
+  std::vector<Index> first{0};
+  std::vector<std::vector<GridBlock>> of_body(world.num_bodies());
+  for (std::size_t c = 0; c < blocks.size(); ++c) {
+    auto& all = of_body[world.chunks[c].body];
+    all.insert(all.end(), blocks[c].begin(), blocks[c].end());
+  }
+  for (auto& all : of_body) {
+    grids_.emplace_back(std::move(all), first.back());
+    first.push_back(grids_.back().end());
+  }
+  x_.resize(Dim, first.back());
+  for (const SparseGrid<Dim>& grid : grids_)
+    grid.for_each([&](Index node, const Site<Dim>& site) { x_.col(node) = position(site); });
+  if (replaces) world.replace_nodes(x_, first, cell_);
+  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    PointTable<Dim>& table = chunk.table;
+    table.nodes.clear();
+    for (const Index slot : of.slots) table.nodes.push_back(grids_[chunk.body].find(site_at(of, slot)));
+    table.force.assign(4 * table.nodes.size(), 0.0);
+    of.momentum.assign(4 * table.nodes.size(), 0.0);
+    of.moved.resize(Dim, chunk.size());
+    if (of.gradient.size() == 0) of.gradient.setZero(Dim * Dim, chunk.size());
+  });
+  world.find_node_chunks();
+}
+
+template <int Dim> const double* PointGrid<Dim>::slot_velocities(const Chunk<Dim>& chunk, const Particles<Dim>& of,
+                                                                 const Points<Dim>& velocity) const {
+  thread_local AlignedVector<double> rooms;
+  double* slots = room(rooms, 4 * of.marked.size());
+  const Vec<Dim> common = common_velocity(of);
+  for (std::size_t l = 0; l < of.slots.size(); ++l) {
+    double* to = slots + 4 * of.slots[l];
+    const double* from = velocity.data() + static_cast<std::ptrdiff_t>(Dim) * chunk.table.nodes[l];
+    for (int i = 0; i < Dim; ++i) to[i] = from[i] - common[i];
+    for (int i = Dim; i < 4; ++i) to[i] = 0.0;
+  }
+  return slots;
+}
+
+template <int Dim> const double* PointGrid<Dim>::gather(const Chunk<Dim>& chunk, const Particles<Dim>& of,
+                                                        const Points<Dim>& velocity) const {
+  thread_local AlignedVector<double> rooms;
+  double* result = room(rooms, 4 * gathered_columns * static_cast<std::size_t>(chunk.size()));
+  internal::gather(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), chunk.size(), gathered_columns, result);
+  return result;
+}
+
+template <int Dim> const double* PointGrid<Dim>::gather_values(const Chunk<Dim>& chunk, const Particles<Dim>& of,
+                                                               const Points<Dim>& velocity) const {
+  thread_local AlignedVector<double> rooms;
+  double* result = room(rooms, 4 * static_cast<std::size_t>(chunk.size()));
+  internal::gather_values(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), chunk.size(), 1, result);
+  return result;
+}
+
+template <int Dim> const double* PointGrid<Dim>::gather_modes(const Chunk<Dim>& chunk, const Particles<Dim>& of,
+                                                              const Points<Dim>& velocity) const {
+  double* result = modes(chunk, num_modes(Dim, degree_));
+  internal::gather_modes(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), chunk.size(), num_modes(Dim, degree_), result);
+  return result;
+}
+
+template <int Dim> double* PointGrid<Dim>::columns(const Chunk<Dim>& chunk) const {
+  thread_local AlignedVector<double> rooms;
+  return room(rooms, 4 * scattered_columns * static_cast<std::size_t>(chunk.size()));
+}
+
+template <int Dim> double* PointGrid<Dim>::modes(const Chunk<Dim>& chunk, int count) const {
+  thread_local AlignedVector<double> rooms;
+  return room(rooms, 4 * static_cast<std::size_t>(count) * static_cast<std::size_t>(chunk.size()));
+}
+
+namespace {
+AlignedVector<double>& scatter_room() {
+  thread_local AlignedVector<double> rooms;
+  return rooms;
+}
+}  // namespace
+
+template <int Dim> double* PointGrid<Dim>::clear_slots(const Particles<Dim>& of) const {
+  double* slots = room(scatter_room(), 8 * of.marked.size());
+  std::fill_n(slots, 8 * of.marked.size(), 0.0);
+  return slots;
+}
+
+template <int Dim> void PointGrid<Dim>::take_slots(Chunk<Dim>& chunk, Particles<Dim>& of) const {
+  const double* slots = scatter_room().data();
+  for (std::size_t l = 0; l < of.slots.size(); ++l) {
+    const double* from = slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]);
+    std::copy_n(from, 4, of.momentum.data() + 4 * l);
+    std::copy_n(from + 4, 4, chunk.table.force.data() + 4 * l);
+  }
+}
+
+namespace {
+
+/// Four numbers of a node, by those of the chunks.
+template <int Dim> Eigen::Vector4d collect(const World<Dim>& world, const std::vector<Particles<Dim>>& particles,
+                                           AlignedVector<double> Particles<Dim>::*numbers, Index node) {
+  Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+  const NodeChunks& chunks = world.node_chunks;
+  for (Index k = chunks.offsets[node]; k < chunks.offsets[node + 1]; ++k) {
+    const auto [chunk, local] = chunks.places[k];
+    sum += Eigen::Map<const Eigen::Vector4d>((particles[chunk].*numbers).data() + 4 * local);
+  }
+  return sum;
+}
+
+}  // namespace
+
+template <int Dim> void PointGrid<Dim>::collect_velocities(World<Dim>& world) const {
+  Nodes<Dim>& nodes = world.nodes;
+  parallel_for(nodes.size(), [&](Index a) {
+    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::momentum, a);
+    nodes.mass[a] = sum[3];
+    nodes.v.col(a) = sum[3] > 0.0 ? Vec<Dim>(sum.template head<Dim>() / sum[3]) : Vec<Dim>::Zero();
+  });
+}
+
+template <int Dim>
+Points<Dim> PointGrid<Dim>::velocities_of(World<Dim>& world,
+                                          const std::function<const Points<Dim>&(const Particles<Dim>&)>& of_points) {
+  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    const Points<Dim>& v = of_points(of);
+    const bool is_affine = of.motion.rows() == Dim * Dim;
+    double* column = columns(chunk);
+    for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
+      std::fill_n(column, 4 * scattered_columns, 0.0);
+      const double m = chunk.matter.mass[p];
+      for (int i = 0; i < Dim; ++i) column[i] = m * v(i, p);
+      column[3] = m;
+      if (is_affine)
+        for (int j = 0; j < Dim; ++j)
+          for (int i = 0; i < Dim; ++i) column[4 * (1 + j) + i] = m * of.motion(i + Dim * j, p);
+    }
+    scatter(chunk.size(), of.box, is_affine, chunk.matter.x.data(), columns(chunk), clear_slots(of));
+    take_slots(chunk, of);
+  });
+  Points<Dim> result(Dim, world.nodes.size());
+  parallel_for(world.nodes.size(), [&](Index a) {
+    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::momentum, a);
+    result.col(a) = sum[3] > 0.0 ? Vec<Dim>(sum.template head<Dim>() / sum[3]) : Vec<Dim>::Zero();
+  });
+  return result;
+}
+
+template <int Dim> void PointGrid<Dim>::find_prescribed(World<Dim>& world) {
+  if (world.prescribed_points.empty()) return;
+  world.find_prescribed_places();
+  std::vector<double> speed(world.num_points());
+  std::vector<char> held(world.num_points());
+  for (int axis = 0; axis < Dim; ++axis) {
+    std::ranges::fill(held, 0);
+    for (const auto& group : world.prescribed_points)
+      if (group.axis == axis)
+        for (std::size_t k = 0; k < group.points.size(); ++k) {
+          held[group.points[k]] = 1;
+          speed[group.points[k]] = group.velocity[static_cast<Index>(k)];
+        }
+    for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+      of.held.assign(of.momentum.size(), 0.0);
+      double* column = columns(chunk);
+      bool any = false;
+      for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
+        std::fill_n(column, 4 * scattered_columns, 0.0);
+        const Index point = world.point_number(chunk, p);
+        if (held[point] == 0) continue;
+        column[3] = chunk.matter.mass[p];
+        column[0] = column[3] * speed[point];
+        any = true;
+      }
+      if (!any) return;
+      double* slots = clear_slots(of);
+      scatter(chunk.size(), of.box, false, chunk.matter.x.data(), columns(chunk), slots);
+      for (std::size_t l = 0; l < of.slots.size(); ++l)
+        std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.held.data() + 4 * l);
+    });
+    for (Index a = 0; a < world.nodes.size(); ++a) {
+      const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::held, a);
+      if (sum[3] >= 0.5 * world.nodes.mass[a] && sum[3] > 0.0) world.prescribed.push_back({a, axis, sum[0] / sum[3]});
+    }
+  }
+  world.find_free_axes();
+}
+
+template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& world, const PointGrid<Dim>& grid,
+                                                          const RigidShape<Dim>& gap_at, double reach) {
+  std::vector<ContactPoints<Dim>> near(world.chunks.size());
+  parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
+    const Chunk<Dim>& chunk = world.chunks[c];
+    const Points<Dim>& x = chunk.matter.x;
+    const Vec<Dim> low = x.rowwise().minCoeff(), high = x.rowwise().maxCoeff();
+    if (gap_at(0.5 * (low + high)).gap > 0.5 * (high - low).norm() + reach + grid.cell()) return;
+    const Particles<Dim>& of = grid.particles[c];
+    for (Index p = 0; p < chunk.size(); ++p) {
+      Gap<Dim> gap = gap_at(x.col(p));
+      if (!(gap.gap < reach + grid.cell())) continue;
+      const double half = half_size<Dim>(chunk.matter, p, gap.normal);
+      if (!((gap.gap -= half) < reach)) continue;
+      const Vec<Dim> at = x.col(p) - half * gap.normal;
+      near[c].begin_point(world.point_number(chunk, p), at, gap);
+      // Splines there, of the nodes that there are.
+      for_each_site<Dim>(of.box, at.data(), [&](const std::array<std::ptrdiff_t, 3>& place, double N, const Vec<Dim>&) {
+        Site<Dim> site = of.low;
+        for (int i = 0; i < Dim; ++i) site[i] += static_cast<Index>(place[static_cast<std::size_t>(i)]);
+        const Index node = N > 0.0 ? grid.of_body(chunk.body).find(site) : -1;
+        if (node >= 0 && world.nodes.mass[node] > least_mass * chunk.matter.mass[p]) near[c].add_node(node, N);
+      });
+      near[c].end_point();
+    }
+  });
+  ContactPoints<Dim> result;
+  for (const auto& part : near) result.append(part);
+  return result;
+}
+
+#define EFREE_INSTANTIATE(Dim)                                                                                      \
+  template class PointGrid<Dim>;                                                                                    \
+  template ContactPoints<Dim> find_contact_points(const World<Dim>&, const PointGrid<Dim>&, const RigidShape<Dim>&, \
+                                                  double);
+EFREE_INSTANTIATE(2)
+EFREE_INSTANTIATE(3)
+#undef EFREE_INSTANTIATE
+
+}  // namespace efree::internal
