@@ -45,9 +45,15 @@ template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, 
   const Index a = model.first_probed(node.body) + node.number;
   if (a >= model.first_probed(node.body + 1))
     return std::vector<double>(2 * Dim, std::numeric_limits<double>::quiet_NaN());
-  const Points<Dim> x = model.probes_points ? dynamics.points() : dynamics.nodes();
-  const Points<Dim> velocities = model.probes_points ? dynamics.point_velocities() : dynamics.velocities();
-  const Vec<Dim> u = x.col(a) - node.start, v = velocities.col(a);
+  Vec<Dim> u = -node.start, v;
+  if (model.probes_points) {
+    const auto [chunk, p] = dynamics.world().locate(a);
+    u += chunk.matter.x.col(p);
+    v = dynamics.point_velocities().col(a);
+  } else {
+    u += dynamics.nodes().col(a);
+    v = dynamics.velocities().col(a);
+  }
   std::vector<double> both(u.begin(), u.end());
   both.insert(both.end(), v.begin(), v.end());
   return both;

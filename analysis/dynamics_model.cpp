@@ -219,6 +219,7 @@ template <int Dim> struct MeshBodies {
 template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                                 const Monitor& monitor) {
   const FineMesh<Dim>& all = *mesh.mesh;
+  const MpmOptions grid = mpm_options(all, settings);
   MeshBodies<Dim> result;
   for (Index r = 0; r < all.num_regions(); ++r) {
     std::vector<char> kept(all.num_cells());
@@ -226,8 +227,7 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
     if (std::ranges::count(kept, 1) == 0) continue;
     result.names.push_back(all.region_names()[r]);
     const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
-    result.regions.push_back(
-        build_body(part, result.names.back(), mesh.materials[r], settings, mpm_options(all, settings), monitor));
+    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, grid, monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
     if (settings.method == DynamicsMethod::otm &&

@@ -30,31 +30,16 @@ template <int Dim> struct SplineEntry {
   Vec<Dim> dN;
 };
 
-template <int Dim, int Degree> std::vector<SplineEntry<Dim>> splines_of(const Vec<Dim>& position, double cell) {
-  internal::SplineRow<Degree> axis[Dim];
-  for (int i = 0; i < Dim; ++i) internal::evaluate_spline<Degree>(position[i], axis[i]);
-  std::vector<SplineEntry<Dim>> result;
-  std::array<int, 3> at{};
-  for (at[0] = 0; at[0] <= Degree; ++at[0])
-    for (at[1] = 0; at[1] <= Degree; ++at[1])
-      for (at[2] = 0; at[2] <= (Dim == 3 ? Degree : 0); ++at[2]) {
-        SplineEntry<Dim> entry{Site<Dim>::Zero(), 1.0, Vec<Dim>::Constant(1.0 / cell)};
-        for (int i = 0; i < Dim; ++i) {
-          const auto k = static_cast<std::size_t>(i);
-          entry.site[i] = static_cast<Index>(axis[i].first) + at[k];
-          entry.N *= axis[i].N[at[k]];
-          for (int j = 0; j < Dim; ++j) entry.dN[j] *= i == j ? axis[i].dN[at[k]] : axis[i].N[at[k]];
-        }
-        if (entry.N > 0.0) result.push_back(entry);
-      }
-  return result;
-}
-
-/// By the distance from the grid's origin, over the cell.
 template <int Dim> std::vector<SplineEntry<Dim>> splines_at(const Vec<Dim>& position, const MpmOptions& options) {
-  if (options.degree == 1) return splines_of<Dim, 1>(position, options.cell);
-  if (options.degree == 2) return splines_of<Dim, 2>(position, options.cell);
-  return splines_of<Dim, 3>(position, options.cell);
+  internal::GridBox all{.dim = Dim, .degree = options.degree, .cell = options.cell};
+  std::ranges::copy(options.origin, all.low);
+  std::vector<SplineEntry<Dim>> result;
+  internal::for_each_site<Dim>(all, position.data(), [&](const auto& place, double N, const Vec<Dim>& dN) {
+    SplineEntry<Dim> entry{Site<Dim>::Zero(), N, dN};
+    for (int i = 0; i < Dim; ++i) entry.site[i] = static_cast<Index>(place[static_cast<std::size_t>(i)]);
+    if (N > 0.0) result.push_back(entry);
+  });
+  return result;
 }
 
 /// A table by rows of splines. Without gradients: of points of a surface, whose nodes are those of the grid there is.
@@ -147,8 +132,7 @@ template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& m
   const Vec<Dim> origin = origin_of<Dim>(options);
   const auto rows_at = [&](Index count, const auto& position) {
     std::vector<std::vector<SplineEntry<Dim>>> rows;
-    for (Index p = 0; p < count; ++p)
-      rows.push_back(splines_at<Dim>(Vec<Dim>((position(p) - origin) / options.cell), options));
+    for (Index p = 0; p < count; ++p) rows.push_back(splines_at<Dim>(position(p), options));
     return rows;
   };
   const auto rows =

@@ -42,6 +42,12 @@ template <int Dim> std::array<long double, Dim> sum_momentum(const World<Dim>& w
   return sum;
 }
 
+/// The gradient of a point's velocity, from what was gathered for it.
+template <int Dim> void take_gradient(const double* column, Particles<Dim>& particles, Index p) {
+  for (int j = 0; j < Dim; ++j)
+    particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
+}
+
 template <int Dim> class Mpm final : public Scheme<Dim> {
  public:
   explicit Mpm(const MpmOptions& options) : options_(options), grid_(options) { require_options(options); }
@@ -131,8 +137,7 @@ template <int Dim> void Mpm<Dim>::transfer_to_points(World<Dim>& world, Chunk<Di
     const double* column = columns + 4 * gathered_columns * p;
     const Eigen::Map<const Vec<Dim>> now(column);
     particles.moved.col(p) = now;
-    for (int j = 0; j < Dim; ++j)
-      particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
+    take_gradient(column, particles, p);
     auto v = particles.v.col(p);
     if (is_flip)
       v = options_.flip * (v + now - Eigen::Map<const Vec<Dim>>(before + 4 * p)) + (1.0 - options_.flip) * now;
@@ -181,9 +186,7 @@ template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
     of.not_strained = of.gradient;
     of.lost_power = 0.0;
     for (Index p = 0; p < chunk.size(); ++p) {
-      for (int j = 0; j < Dim; ++j)
-        of.gradient.col(p).template segment<Dim>(Dim * j) =
-            Eigen::Map<const Vec<Dim>>(columns + 4 * (gathered_columns * p + 1 + j));
+      take_gradient(columns + 4 * gathered_columns * p, of, p);
       of.not_strained.col(p) -= of.gradient.col(p);
       const Mat<3> tau =
           Eigen::Map<const Mat<3>>(chunk.matter.response.P.col(p).data()) * chunk.matter.now.gradient(p).transpose();
@@ -246,21 +249,15 @@ template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
   const Matter<Dim>& matter = chunk.matter;
   const double* stress = chunk.columns();
-  double* columns = grid_.columns(chunk);
+  double* columns = grid_.put_momenta(chunk, particles, particles.v);
   double fastest = 0.0, power = 0.0, lost = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
     double* column = columns + 4 * scattered_columns * p;
-    std::fill_n(column, 4 * scattered_columns, 0.0);
-    const double m = matter.mass[p], V = matter.volume[p];
-    Eigen::Map<Vec<Dim>>(column, Dim) = m * particles.v.col(p);
-    column[3] = m;
-    if (is_affine())
-      for (int j = 0; j < Dim; ++j)
-        Eigen::Map<Vec<Dim>>(column + 4 * (1 + j), Dim) = m * particles.motion.col(p).template segment<Dim>(Dim * j);
+    const double V = matter.volume[p];
     for (int j = 0; j < Dim; ++j)
       for (int i = 0; i < Dim; ++i) column[4 * (4 + j) + i] = -V * stress[16 * p + 4 * j + i];
     if (!(V > 0.0)) continue;
-    fastest = std::max(fastest, matter.modulus[p] * V / m);
+    fastest = std::max(fastest, matter.modulus[p] * V / matter.mass[p]);
     // The power of the stresses now in the motion of the last step: F_since = I + dt gradient.
     const Mat<Dim> inverse = matter.F_since[p].template topLeftCorner<Dim, Dim>().inverse();
     const auto power_of = [&](const Points<Dim * Dim>& gradient) {
@@ -334,14 +331,11 @@ template <int Dim> void Mpm<Dim>::collect_forces(World<Dim>& world) {
 }
 
 template <int Dim> std::optional<double> Mpm<Dim>::stable_step(const World<Dim>& world) const {
-  double fastest = 0.0, speed = 0.0;
-  for (const Particles<Dim>& of : grid_.particles) {
-    fastest = std::max(fastest, of.fastest);
-    speed = std::max(speed, of.speed);
-  }
+  double fastest = 0.0;
+  for (const Particles<Dim>& of : grid_.particles) fastest = std::max(fastest, of.fastest);
   const double highest = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
   // No point moves by more than a cell.
-  return std::min(world.options.courant * 2.0 / highest, options_.cell / speed);
+  return std::min(world.options.courant * 2.0 / highest, options_.cell / largest_speed(world));
 }
 
 }  // namespace

@@ -34,14 +34,14 @@ struct MpmOptions {
   bool remap = false;
 };
 
-/// The scheme with a grid that is made anew in every step (updated Lagrangian). Bodies have points and no nodes;
+/// The scheme with a new grid in every step (updated Lagrangian). Bodies have points and no nodes;
 /// DeformableBody::velocity is that of the points. Bodies have grid nodes of their own, which act on each other by
 /// contact where their points meet. Throws InputError for options out of range.
 template <int Dim> std::unique_ptr<Scheme<Dim>> mpm(const MpmOptions& options);
 
 /// Points of a body for mpm(): its mesh cut by a lattice of so many points along the edges of the grid's cells. Points
-/// of a cell are a pressure patch. Throws InputError as cut_by_lattice does, and for cells of which none is inside of
-/// the body (MpmOptions::cell is more than its thickness).
+/// of a cell are a pressure patch. Throws InputError as cut_by_lattice does, and where the body fills less than half of
+/// every cell (MpmOptions::cell is more than its thickness).
 template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
                                                          Index points_along, SharedMaterial material, double density);
 /// The same points with their splines in the reference configuration, which stay (total Lagrangian: de Vaucorbeil,

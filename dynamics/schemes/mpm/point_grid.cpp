@@ -192,6 +192,21 @@ template <int Dim> double* PointGrid<Dim>::columns(const Chunk<Dim>& chunk) cons
   return room(rooms, 4 * scattered_columns * static_cast<std::size_t>(chunk.size()));
 }
 
+template <int Dim>
+double* PointGrid<Dim>::put_momenta(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& v) const {
+  double* column = columns(chunk);
+  for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
+    std::fill_n(column, 4 * scattered_columns, 0.0);
+    const double m = chunk.matter.mass[p];
+    for (int i = 0; i < Dim; ++i) column[i] = m * v(i, p);
+    column[3] = m;
+    if (of.is_affine())
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i < Dim; ++i) column[4 * (1 + j) + i] = m * of.motion(i + Dim * j, p);
+  }
+  return columns(chunk);
+}
+
 template <int Dim> double* PointGrid<Dim>::modes(const Chunk<Dim>& chunk, int count) const {
   thread_local AlignedVector<double> rooms;
   return room(rooms, 4 * static_cast<std::size_t>(count) * static_cast<std::size_t>(chunk.size()));
@@ -248,19 +263,8 @@ template <int Dim>
 Points<Dim> PointGrid<Dim>::velocities_of(World<Dim>& world,
                                           const std::function<const Points<Dim>&(const Particles<Dim>&)>& of_points) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    const Points<Dim>& v = of_points(of);
-    const bool is_affine = of.motion.rows() == Dim * Dim;
-    double* column = columns(chunk);
-    for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
-      std::fill_n(column, 4 * scattered_columns, 0.0);
-      const double m = chunk.matter.mass[p];
-      for (int i = 0; i < Dim; ++i) column[i] = m * v(i, p);
-      column[3] = m;
-      if (is_affine)
-        for (int j = 0; j < Dim; ++j)
-          for (int i = 0; i < Dim; ++i) column[4 * (1 + j) + i] = m * of.motion(i + Dim * j, p);
-    }
-    scatter(chunk.size(), of.box, is_affine, chunk.matter.x.data(), columns(chunk), clear_slots(of));
+    const double* column = put_momenta(chunk, of, of_points(of));
+    scatter(chunk.size(), of.box, of.is_affine(), chunk.matter.x.data(), column, clear_slots(of));
     take_slots(chunk, of);
   });
   Points<Dim> result(Dim, world.nodes.size());

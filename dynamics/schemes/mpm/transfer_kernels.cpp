@@ -33,6 +33,12 @@ EFREE_INLINE void for_each_row(const GridBox& box, const Stencil<Dim, Degree>& s
   }
 }
 
+/// The slot of a node in the middle of those around the point.
+template <int Dim, int Degree>
+EFREE_INLINE std::ptrdiff_t middle_slot(const GridBox& box, const Stencil<Dim, Degree>& stencil) {
+  return stencil.slot + (Degree + 1) / 2 * (Dim == 3 ? box.stride[0] + box.stride[1] + 1 : box.stride[0] + 1);
+}
+
 template <int Dim, int Degree> EFREE_INLINE void gather_of(Index points, const GridBox& box, const double* x,
                                                            const double* velocity, double* columns) {
   const double over_cell = 1.0 / box.cell;
@@ -200,8 +206,7 @@ EFREE_INLINE void scatter_of(Index points, const GridBox& box, const double* x, 
       }
     });
     // What the nodes did not get by rounding: over many steps all of it would be drift.
-    double* middle =
-        slots + 8 * (at.slot + (Degree + 1) / 2 * (Dim == 3 ? box.stride[0] + box.stride[1] + 1 : box.stride[0] + 1));
+    double* middle = slots + 8 * middle_slot(box, at);
     Four l, f;
     load(l, middle);
     load(f, middle + 4);
@@ -243,8 +248,7 @@ template <int Dim, int Degree> EFREE_INLINE void scatter_modes_of(Index points, 
         store(to, now);
       }
     });
-    double* middle =
-        slots + 8 * (at.slot + (Degree + 1) / 2 * (Dim == 3 ? box.stride[0] + box.stride[1] + 1 : box.stride[0] + 1));
+    double* middle = slots + 8 * middle_slot(box, at);
     Four l;
     load(l, middle);
     l -= total;

@@ -31,6 +31,8 @@ template <int Dim> struct Particles {
   double speed = 0.0;              ///< largest of a point
   double fastest = 0.0;            ///< speed of pressure waves
 
+  /// Whether `motion` is the gradient of an affine velocity.
+  bool is_affine() const { return motion.rows() == Dim * Dim; }
   /// Without what `rebuild` and every step find again.
   friend auto fields(Particles& of) { return std::tie(of.v, of.motion, of.speed, of.fastest); }
 };
@@ -44,7 +46,6 @@ template <int Dim> class PointGrid {
   std::vector<Particles<Dim>> particles;  ///< by chunk
 
   double cell() const { return cell_; }
-  int degree() const { return degree_; }
   const SparseGrid<Dim>& of_body(Index body) const { return grids_[body]; }
 
   /// Nodes where the points are now. replaces: the world gets new nodes, at rest. Throws NumericalError for points that
@@ -66,6 +67,8 @@ template <int Dim> class PointGrid {
   /// For internal::scatter, and of so many modes.
   double* columns(const Chunk<Dim>& chunk) const;
   double* modes(const Chunk<Dim>& chunk, int count) const;
+  /// The same columns, with masses and momenta of points of these velocities, and no stresses.
+  double* put_momenta(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& v) const;
   /// Zeros, eight for every slot.
   double* clear_slots(const Particles<Dim>& of) const;
   /// From these to table.force and to the momenta.

@@ -27,7 +27,7 @@ constexpr int num_modes(int dim, int degree) {
 /// affine part by three columns (sum N v (x) d over the second moment; of degree 1 the gradient).
 inline constexpr int gathered_columns = 7;
 /// Columns that `scatter` takes of a point: its momentum and mass; mass times the affine part of its velocity by three
-/// columns; and three columns of which gradients of splines make forces.
+/// columns; and three columns whose products with the gradients of splines are forces.
 inline constexpr int scattered_columns = 7;
 
 /// From velocities of the slots (four numbers each) to the points, at x (box.dim numbers each).
