@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/analyse.hpp"
+#include "efree/analysis/comparison.hpp"
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/mesh_source.hpp"
 #include "efree/analysis/prepare.hpp"
@@ -83,9 +84,11 @@
 #include "efree/io/confined/reading.hpp"
 #include "efree/io/files/child_process.hpp"
 #include "efree/io/files/output_directory.hpp"
+#include "efree/io/pictures/comparison_charts.hpp"
 #include "efree/io/pictures/history_chart.hpp"
 #include "efree/io/pictures/picture.hpp"
 #include "efree/io/pictures/study_charts.hpp"
+#include "efree/io/records/comparison.hpp"
 #include "efree/io/records/convergence.hpp"
 #include "efree/io/records/dynamics_record.hpp"
 #include "efree/io/records/dynamics_report.hpp"

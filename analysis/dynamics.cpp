@@ -39,8 +39,10 @@ template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(con
 
 namespace {
 
-/// NaN where the scheme has no such node any more.
-template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, const DynamicsModel<Dim>& model) {
+/// NaN where the scheme has no such node any more. Of a material point: displacement of the probe's position, which
+/// moves with the point.
+template <int Dim> std::vector<double> measure_node(const DynamicsProbe<Dim>& probe, const ProbeNode<Dim>& node,
+                                                    const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const Index a = model.first_probed(node.body) + node.number;
   if (a >= model.first_probed(node.body + 1))
@@ -48,7 +50,12 @@ template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, 
   Vec<Dim> u = -node.start, v;
   if (model.probes_points) {
     const auto [chunk, p] = dynamics.world().locate(a);
-    u += chunk.matter.x.col(p);
+    const Mat<Dim> F = chunk.matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
+    Vec<Dim> from_point = probe.at - node.start;
+    // Not further than a corner of the point: nothing is known of what is there.
+    const double reach = 0.5 * std::sqrt(static_cast<double>(Dim)) * model.point_sizes[a];
+    if (from_point.norm() > reach) from_point *= reach / from_point.norm();
+    u += chunk.matter.x.col(p) + (F - Mat<Dim>::Identity()) * from_point;
     v = dynamics.point_velocities().col(a);
   } else {
     u += dynamics.nodes().col(a);
@@ -57,6 +64,22 @@ template <int Dim> std::vector<double> measure_node(const ProbeNode<Dim>& node, 
   std::vector<double> both(u.begin(), u.end());
   both.insert(both.end(), v.begin(), v.end());
   return both;
+}
+
+/// The largest of a coordinate, times a sign, at the corners of a material point: of a square (cube) that is deformed
+/// as the point is. Bodies end there.
+template <int Dim> double largest_at_corners(const DynamicsModel<Dim>& model, const ScalarField<Dim>& coordinate,
+                                             Index point, double sign) {
+  const auto [chunk, p] = model.dynamics.world().locate(point);
+  const Mat<Dim> F = chunk.matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
+  double largest = -std::numeric_limits<double>::infinity();
+  for (int corner = 0; corner < 1 << Dim; ++corner) {
+    Vec<Dim> half = Vec<Dim>::Constant(0.5 * model.point_sizes[point]);
+    for (int i = 0; i < Dim; ++i)
+      if ((corner >> i & 1) != 0) half[i] = -half[i];
+    largest = std::max(largest, sign * coordinate(chunk.matter.x.col(p) + F * half));
+  }
+  return largest;
 }
 
 /// Of nodes or material points, as the probe has it.
@@ -75,6 +98,11 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
     for (Index k = begin; k < end; ++k) {
       const Vec<Dim> at = points.col(k);
       if (!probe.box.isEmpty() && !probe.box.contains(at)) continue;
+      if (probe.field.empty() && model.probes_points) {
+        smallest = std::min(smallest, -largest_at_corners(model, probe.coordinate, k, -1.0));
+        largest = std::max(largest, largest_at_corners(model, probe.coordinate, k, 1.0));
+        continue;
+      }
       const double value = probe.field.empty() ? probe.coordinate(at) : field->second[k];
       smallest = std::min(smallest, value);
       largest = std::max(largest, value);
@@ -97,7 +125,7 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
     const DynamicsProbe<Dim>& probe = settings.probes[k];
     const auto& node = model.probe_nodes[k];
     result.emplace_back(probe.name,
-                        node ? measure_node(*node, model) : std::vector{measure_extreme(probe, model, scalars)});
+                        node ? measure_node(probe, *node, model) : std::vector{measure_extreme(probe, model, scalars)});
   }
   return result;
 }
@@ -204,11 +232,10 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
       outcome.stop_reason = check_energy(dynamics, settings);
     } else if (now >= settings.time_limit) {
       call(observer.checkpoint);
-      outcome.can_resume = true;
-      outcome.stop_reason = fmt::format(
-          "the time limit of {:.6g} s ended the run at time {:.6g} of {:.6g}; --resume "
-          "continues it",
-          settings.time_limit, dynamics.time(), settings.end);
+      outcome.can_resume = static_cast<bool>(observer.checkpoint);
+      outcome.stop_reason =
+          fmt::format("the time limit of {:.6g} s ended the run at time {:.6g} of {:.6g}{}", settings.time_limit,
+                      dynamics.time(), settings.end, outcome.can_resume ? "; --resume continues it" : "");
       break;
     } else if (now >= next_checkpoint) {
       call(observer.checkpoint);

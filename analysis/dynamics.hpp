@@ -64,8 +64,9 @@ template <int Dim> struct DynamicsProbe {
   std::string field{};            ///< of material points, as in point_scalars; empty: of nodes, by `coordinate`
   ScalarField<Dim> coordinate{};  ///< by the positions of nodes
   Vec<Dim> at = Vec<Dim>::Zero();
-  std::string region{};    ///< empty: all of them
-  BoundingBox<Dim> box{};  ///< only nodes or points in it at the time count; empty: all do
+  std::optional<double> truth{};  ///< of a number: what it would be without errors, where that is known
+  std::string region{};           ///< empty: all of them
+  BoundingBox<Dim> box{};         ///< only nodes or points in it at the time count; empty: all do
   std::string where{};
 };
 
@@ -110,6 +111,12 @@ template <int Dim> struct DynamicsSettings {
   double checkpoint_interval = 60.0;  ///< [s]; infinity: no checkpoint but where a run is stopped
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which it is stopped
 };
+
+/// Whether bodies pass through each other.
+template <int Dim> bool lacks_contact(const DynamicsSettings<Dim>& settings) {
+  return settings.method == DynamicsMethod::total_lagrangian ||
+         (settings.method == DynamicsMethod::mpm && settings.mpm.total);
+}
 
 /// The mesh with its materials, as `prepare` makes it for static analyses; bodies that nothing holds stay, and
 /// materials may be fluids. Throws InputError beginning with the place in the case file.
@@ -181,5 +188,9 @@ struct DynamicsOutcome {
 /// as Dynamics does. Stage: dynamics.
 template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const DynamicsSettings<Dim>& settings,
                                                 const DynamicsObserver& observer, const Monitor& monitor = {});
+
+/// Why the result may be inaccurate; those of the model come first.
+template <int Dim>
+std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model);
 
 }  // namespace efree

@@ -8,6 +8,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/materials/equation_of_state.hpp"
+#include "efree/materials/rankine.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
@@ -77,6 +78,17 @@ template <int Dim> bool has_pressure_patches(const DynamicsSettings<Dim>& settin
   return settings.pressure_patches.value_or(!is_shocked_fluid);
 }
 
+/// Whether moving least squares, or splines, lock without pressure patches.
+bool locks(const Material& material) {
+  const auto rest = respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);
+  const bool keeps_volume = !material.elastic() && dynamic_cast<const Rankine*>(&material) == nullptr;  // as it flows
+  return keeps_volume || incompressibility(rest.tangent_at(0)) > bearable_incompressibility(BasisKind::mls);
+}
+
+template <int Dim> bool averages_dilatation(const DynamicsSettings<Dim>& settings, const Material& material) {
+  return settings.pressure_patches.value_or(has_pressure_patches(settings, material) && locks(material));
+}
+
 template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material,
                                                     bool axisymmetric, const DynamicsSettings<Dim>& settings) {
   RegionBody<Dim> result{deformable_body(mesh, material, 0.0, axisymmetric)};
@@ -93,18 +105,12 @@ template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, c
   return result;
 }
 
-/// Whether the shape functions of the static solver lock without pressure patches.
-bool locks(const Material& material) {
-  const auto rest = respond(material, Deformation::none(Points<3>::Zero(3, 1), material.history_size()), true);
-  return !material.elastic() || incompressibility(rest.tangent_at(0)) > bearable_incompressibility(BasisKind::mls);
-}
-
 template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material,
                                                  const DynamicsSettings<Dim>& settings, const Monitor& monitor) {
   ApproximationOptions options = settings.common.approximation;
   if (options.support == 0.0) options.support = dynamics_support;
   options.axisymmetric = is_axisymmetric(settings);
-  options.dilatation = averaged_if(has_pressure_patches(settings, *material) && locks(*material));
+  options.dilatation = averaged_if(averages_dilatation(settings, *material));
   options.pressures = PressureKind::constant;
   std::erase_if(options.grading.boundaries, [&](const auto& graded) { return !facets_of(mesh, graded.boundary); });
   // Shape functions of other nodes vanish where velocities are prescribed: there they are those of the nodes.
@@ -133,7 +139,7 @@ template <int Dim> RegionBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, co
                  "take a larger mpm.cell, or fewer mpm.points");
   RegionBody<Dim> result{mpm.total ? splines_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)
                                    : points_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)};
-  if (!has_pressure_patches(settings, *material)) result.body.patches.clear();
+  if (!averages_dilatation(settings, *material)) result.body.patches.clear();
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
       const auto near = points_near_facets<Dim>(mesh, *facets, result.body.points, options.cell);
@@ -407,12 +413,6 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
           [&] { model.dynamics.set_gravity(settings.gravity); });
   add_cavities(settings, regions, model);
   prescribe_velocities(settings, regions, model);
-}
-
-/// Whether bodies meet each other nowhere.
-template <int Dim> bool lacks_contact(const DynamicsSettings<Dim>& settings) {
-  return settings.method == DynamicsMethod::total_lagrangian ||
-         (settings.method == DynamicsMethod::mpm && settings.mpm.total);
 }
 
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/study.hpp"
 
+#include "efree/analysis/internal/element_size.hpp"
 #include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/internal/scaled.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -14,9 +16,6 @@
 
 namespace efree {
 namespace {
-
-/// Elements of this size have about as many vertices as a cloud of spacing 1 has nodes.
-template <int Dim> constexpr double element_size_per_spacing = Dim == 2 ? 0.85 : 1.5;
 
 Method method_of(BasisKind kind, SecondaryKind secondary, double ratio) {
   if (kind == BasisKind::p1) return {"p1", "P1 finite elements", kind, SecondaryKind::full, 0.0};
@@ -66,21 +65,10 @@ template <int Dim> std::vector<double> sizes_for(double mesh_ratio, const Method
   std::ranges::sort(sizes, std::greater{});
   if (!options.compare || method.kind == BasisKind::mls) return sizes;
   const double finest = mesh_ratio > 0.0 ? sizes.back() / mesh_ratio : sizes.back();
-  for (double& size : sizes) size *= element_size_per_spacing<Dim>;
+  for (double& size : sizes) size *= internal::element_size<Dim>;
   const double last = method.kind == BasisKind::p1 ? finest : 2.0 * finest;
   while (sizes.back() / 2.0 > 0.9 * last) sizes.push_back(sizes.back() / 2.0);
   return sizes;
-}
-
-/// The grading of a case for clouds `factor` times as wide: spacings asked for at places, and how fast they grow from
-/// there, so that the clouds of a study are similar.
-Grading scaled(Grading grading, double factor) {
-  if (!grading.has_places()) return grading;
-  for (auto& part : grading.boxes) part.spacing *= factor;
-  for (auto& part : grading.regions) part.spacing *= factor;
-  for (auto& part : grading.boundaries) part.spacing *= factor;
-  grading.growth *= factor;
-  return grading;
 }
 
 template <int Dim> Variant<Dim> configured(Variant<Dim> variant, const Method& method, double size) {
@@ -92,7 +80,7 @@ template <int Dim> Variant<Dim> configured(Variant<Dim> variant, const Method& m
     options.dilatation = Dilatation::pointwise;
   } else {
     source.ratio = variant.mesh_ratio();
-    if (options.spacing > 0.0) options.grading = scaled(std::move(options.grading), size / options.spacing);
+    if (options.spacing > 0.0) options.grading = internal::scaled(std::move(options.grading), size / options.spacing);
   }
   settings.estimated = settings.corrected = false;  // a study is of the methods themselves
   settings.accuracy = 0.0;

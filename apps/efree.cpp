@@ -8,16 +8,20 @@
 #include "efree/io/case/case_file.hpp"
 #include "efree/io/case/inspect.hpp"
 #include "efree/io/files/output_directory.hpp"
+#include "efree/io/pictures/comparison_charts.hpp"
 #include "efree/io/pictures/picture.hpp"
 #include "efree/io/pictures/study_charts.hpp"
+#include "efree/io/records/comparison.hpp"
 #include "efree/io/records/convergence.hpp"
 #include "efree/io/records/writers.hpp"
 #include "on_interrupt.hpp"
 #include "run_case.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <vtkObject.h>
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -38,6 +42,7 @@ struct Options {
   std::string accuracy;
   double time_limit = 0.0;
   StudyOptions study;
+  ComparisonOptions comparison;
 };
 
 /// What a file has put into a message cannot fill the terminal, nor tell it what to do.
@@ -79,6 +84,28 @@ template <int Dim> void convergence(const Case<Dim>& analysis, const Options& op
   out.commit();
   if (!options.run.quiet) display.say(fmt::format("results in {}", options.run.out));
   if (analysis.has_exact()) fmt::print("{}", order_table(study));
+}
+
+template <int Dim> void compare(const DynamicsCase<Dim>& dynamics_case, const Options& options, Display& display) {
+  OutputDirectory out(options.run.out);
+  const OnInterrupt clean_up([&out] { out.discard(); });
+  const Comparison comparison =
+      compare_methods<Dim>(dynamics_case.geometry, dynamics_case, options.comparison, {.progress = display.runs()});
+  write_comparison_csv(out.file("comparison.csv"), comparison);
+  write_comparison_json(out.file("comparison.json"), dynamics_case.common.title, comparison);
+  const std::string no_charts = write_charts(out, comparison);
+  if (!no_charts.empty()) display.say(no_charts);
+  if (comparison.probes.empty()) display.say("the case has no [[probe]]: energies are compared, and nothing else");
+  out.commit();
+  if (!options.run.quiet) display.say(fmt::format("results in {}", options.run.out));
+  fmt::print("{}", comparison_table(comparison));
+  if (std::ranges::none_of(comparison.rows, [](const ComparisonRow& row) { return row.failure.empty(); }))
+    throw NumericalError("no run came to its end; the table says why");
+}
+template <int Dim> void compare(const Case<Dim>&, const Options& options, Display&) {
+  throw InputError(fmt::format(
+      "{}: methods of explicit dynamics are compared, and this case is static: see efree convergence --compare",
+      options.case_file));
 }
 
 /// 0.02 or 2%; 0 if it is no such number.
@@ -168,6 +195,7 @@ int run(int argc, char** argv) {
                   "cloud spacings H, separated by commas (element sizes if basis.kind is p1 or p2)")
       ->required()
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->type_name("H")
       ->check(positive);
   CLI::Option* seeds =
@@ -177,6 +205,26 @@ int run(int argc, char** argv) {
   convergence_command.add_flag("--compare", options.study.compare,
                                "all methods: both secondary bases at M/N = 1, 2, 4 (MLS also at 6), full integration, "
                                "P1 and P2 finite elements");
+  CLI::App& compare_command = *app.add_subcommand(
+      "compare", "run a case of explicit dynamics by several methods, coarse to fine: errors and energies over time");
+  add_common(compare_command, options);
+  std::vector<std::string> method_names;
+  for (const ComparedMethod& method : compared_methods()) method_names.push_back(method.name);
+  compare_command
+      .add_option("--methods", options.comparison.methods,
+                  fmt::format("of {}, separated by commas; default: all", fmt::join(method_names, ", ")))
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("METHODS");
+  compare_command
+      .add_option("--resolutions", options.comparison.resolutions,
+                  "runs of each method: that of the case and coarser ones, spacings times the root of two each")
+      ->check(CLI::Range(1, 10))
+      ->capture_default_str();
+  compare_command
+      .add_option("--time-limit", options.time_limit, "seconds after which a run is stopped and counts as failed")
+      ->type_name("SECONDS")
+      ->check(CLI::PositiveNumber);
   CLI::App& inspect_command = *app.add_subcommand(
       "inspect", "say what a file holds: bodies, named parts of the boundary, smallest feature, faults");
   inspect_command
@@ -209,6 +257,11 @@ int run(int argc, char** argv) {
     if (convergence_command.parsed()) {
       std::visit([&](const auto& analysis) { convergence(analysis, options, display); },
                  read_static_case(options.case_file, options.reading, reading));
+      return 0;
+    }
+    if (compare_command.parsed()) {
+      std::visit([&](auto any) { compare(with_options(std::move(any), options), options, display); },
+                 read_case(options.case_file, options.reading, reading));
       return 0;
     }
     std::visit([&](auto any) { run_case(with_options(std::move(any), options), options.run, display); },

@@ -5,7 +5,11 @@
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 
+#include "efree/materials/rankine.hpp"
+
+#include "clock.hpp"
 #include "elastic_block.hpp"
+#include "taylor_bar.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -156,18 +160,30 @@ class PointForce final : public Interaction<2> {
   MpmOptions options_;
 };
 
+/// A force of that much times the mass against the velocity of every node [1/time].
+class Damping final : public Interaction<2> {
+ public:
+  explicit Damping(double rate) : rate_(rate) {}
+  void add_forces(World<2>& world) override {
+    world.nodes.force -= rate_ * world.nodes.v * world.nodes.mass.asDiagonal();
+  }
+
+ private:
+  double rate_;
+};
+
 /// A ring that turns about itself by g(t) k(r), by a body force that makes this the exact motion (de Vaucorbeil, Nguyen
 /// & Hutchinson 2020): root mean square of the error of the points' positions, the largest at quarters
 /// of the time until then.
-inline double vortex_error(const MpmOptions& options, bool total, double until = 1.0) {
+inline double vortex_error(const MpmOptions& options, bool total, double until = 1.0, Index points_along = 2) {
   constexpr double E = 1e6, nu = 0.3, rho = 1050.0, m = E / (2.0 * (1.0 + nu)) / rho, pi = std::numbers::pi;
   const auto k = [](double r) { return 1.0 - 32.0 * std::pow(r - 1.0, 2) + 256.0 * std::pow(r - 1.0, 4); };
   const auto k1 = [](double r) { return -64.0 * (r - 1.0) + 1024.0 * std::pow(r - 1.0, 3); };
   const auto k2 = [](double r) { return -64.0 + 3072.0 * std::pow(r - 1.0, 2); };
   const FineMesh<2> mesh = triangulate(shapes::annulus(0.75, 1.25, 0.02, 1e-5), {.size = 0.02});
   const SharedMaterial material = NeoHookean({.E = E, .nu = nu});
-  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, 2, material, rho)
-                                 : points_on_lattice<2>(mesh, options, 2, material, rho);
+  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, points_along, material, rho)
+                                 : points_on_lattice<2>(mesh, options, points_along, material, rho);
   body.patches.clear();
   const auto start = [&](const Vec<2>& x) { return Vec<2>(pi * k(x.norm()) * Vec<2>(-x[1], x[0])); };
   // The parts of the force at a point are means over a square of its area: taken at its middle they would turn the
@@ -282,6 +298,161 @@ inline Bounce bounce_discs(const MpmOptions& options) {
   }
   result.restitution = -before[0] / start[0];
   return result;
+}
+
+/// A strip 20 by 40 points whose ends move apart at a fiftieth of the speed of sound.
+struct StretchedStrip {
+  double scatter;      ///< standard deviation over mean of the axial stress in the middle half at a stretch of 1.3
+  double reported_at;  ///< stretch at the first report of points that lose each other; 0: none until a stretch of `to`
+  double gap_at;       ///< stretch at which a distance of neighbours along the axis is twice the mean; 0: none
+};
+inline StretchedStrip stretch_strip(const MpmOptions& options, bool total, double to, Index points_along = 2) {
+  constexpr double rate = 1e-3;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 20.0, 40.0), {.size = 2.0});
+  const SharedMaterial material = NeoHookean({.E = 1.0, .nu = 0.3});
+  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, points_along, material, 1.0)
+                                 : points_on_lattice<2>(mesh, options, points_along, material, 1.0);
+  body.patches.clear();  // it does not lock
+  const Points<2> X = body.points, &moving = total ? body.nodes : body.points;
+  body.velocity.setZero(2, moving.cols());
+  for (Index a = 0; a < moving.cols(); ++a) body.velocity(1, a) = rate * (moving(1, a) - 20.0);
+  std::vector<Index> ends;
+  for (Index p = 0; p < X.cols(); ++p)
+    if (std::abs(X(1, p) - 20.0) > 18.0) ends.push_back(p);
+  Dynamics<2> dynamics({body}, total ? total_lagrangian<2>() : mpm<2>(options));
+  if (total) {
+    for (const Index a : nodes_of_points(body, ends)) dynamics.prescribe(a, 1, body.velocity(1, a));
+  } else {
+    Vector speeds(static_cast<Index>(ends.size()));
+    for (std::size_t k = 0; k < ends.size(); ++k) speeds[static_cast<Index>(k)] = body.velocity(1, ends[k]);
+    dynamics.prescribe_points(ends, 1, speeds);
+  }
+  StretchedStrip result{0.0, 0.0, 0.0};
+  const auto stretch = [&] { return 1.0 + rate * dynamics.time(); };
+  for (double next = 1.02; next < to + 1e-9; next += 0.02) {
+    dynamics.run((next - 1.0) / rate);
+    if (result.reported_at == 0.0 && dynamics.count("separated points") > 0) result.reported_at = stretch();
+    std::vector<double> along;
+    const Points<2> x = dynamics.points();
+    for (Index p = 0; p < X.cols(); ++p)
+      if (std::abs(X(0, p) - X(0, X.cols() / 2)) < 0.1) along.push_back(x(1, p));
+    std::ranges::sort(along);
+    for (std::size_t k = 1; k < along.size(); ++k)
+      if (result.gap_at == 0.0 &&
+          along[k] - along[k - 1] > 2.0 * stretch() * options.cell / static_cast<double>(points_along))
+        result.gap_at = stretch();
+    if (std::abs(next - 1.3) > 1e-9) continue;
+    const Tensors sigma = dynamics.cauchy_stress();
+    double count = 0.0, sum = 0.0, squares = 0.0;
+    for (Index p = 0; p < X.cols(); ++p) {
+      if (std::abs(X(1, p) - 20.0) > 10.0) continue;
+      ++count;
+      sum += sigma(4, p);
+      squares += sigma(4, p) * sigma(4, p);
+    }
+    result.scatter = std::sqrt(std::max(squares / count - sum * sum / (count * count), 0.0)) / (sum / count);
+  }
+  return result;
+}
+
+/// Taylor's bar at 227 m/s.
+struct TaylorRun {
+  TaylorBar::Shape shape;  ///< of points, that end half of their size further
+  Index points, steps;
+  double energy_error, seconds;
+};
+inline TaylorRun run_taylor(const MpmOptions& options, bool total, double until) {
+  const FineMesh<3> mesh = TaylorBar::mesh<3>(0.8e-3);
+  DeformableBody<3> body = total ? splines_on_lattice<3>(mesh, options, 2, TaylorBar::copper(), TaylorBar::density)
+                                 : points_on_lattice<3>(mesh, options, 2, TaylorBar::copper(), TaylorBar::density);
+  body.velocity.setZero(3, total ? body.nodes.cols() : body.points.cols());
+  body.velocity.row(2).setConstant(-227.0);
+  Dynamics<3> dynamics({body}, total ? total_lagrangian<3>() : mpm<3>(options));
+  dynamics.add_wall({.normal = Vec<3>::UnitZ()});
+  const double start = cpu_seconds();
+  dynamics.run(until);
+  TaylorRun run{{0.0, 0.0, dynamics.history(0).row(6).maxCoeff()},
+                dynamics.num_points(),
+                dynamics.steps(),
+                dynamics.energy().largest_error(),
+                cpu_seconds() - start};
+  const Points<3> x = dynamics.points();
+  const Tensors F = dynamics.deformation();
+  for (Index p = 0; p < x.cols(); ++p) {
+    // Half of the point's extent along the axis and along the radius.
+    const Mat<3> deformation = Eigen::Map<const Mat<3>>(F.col(p).data());
+    const double half = 0.5 * std::cbrt(body.volumes[p]);
+    const auto extent = [&](const Vec<3>& normal) { return half * (deformation.transpose() * normal).norm(); };
+    run.shape.length = std::max(run.shape.length, x(2, p) + extent(Vec<3>::UnitZ()));
+    const Vec<3> radial(x(0, p), x(1, p), 0.0);
+    if (x(2, p) - extent(Vec<3>::UnitZ()) < 0.01 * TaylorBar::length)
+      run.shape.foot = std::max(run.shape.foot, radial.norm() + extent(radial.normalized()));
+  }
+  return run;
+}
+
+/// A strip 1 by 1, strong at its ends, with a notch, 0.3 deep, that is torn through the ligament of 0.7 left of it:
+/// what Rankine's material dissipates over strength^2 / E times the ligament, at a strength of 0.01.
+inline double torn_strip_dissipation(const MpmOptions& options, double softening, Index points_along = 2) {
+  constexpr double strength = 0.01, speed = 0.003, ligament = 0.7;
+  const Polyline outline{.name = "",
+                         .points = {{0.0, 0.0},
+                                    {1.0, 0.0},
+                                    {1.0, 1.0},
+                                    {0.0, 1.0},
+                                    {0.0, 0.53},
+                                    {0.3, 0.53},
+                                    {0.3, 0.47},
+                                    {0.0, 0.47},
+                                    {0.0, 0.0}}};
+  const FineMesh<2> mesh = triangulate({.boundary = {outline}}, {.size = 0.1});
+  const SharedMaterial material =
+      Rankine({.moduli = {.E = 1.0, .nu = 0.2},
+               .strength = Parameter([](const Vec<3>& at) { return std::abs(at[1] - 0.5) > 0.3 ? 1.0 : 0.01; }),
+               .softening = softening});
+  DeformableBody<2> body = points_on_lattice<2>(mesh, options, points_along, material, 1.0);
+  body.patches.clear();
+  const Points<2> X = body.points;
+  std::vector<Index> ends[2];
+  for (Index p = 0; p < X.cols(); ++p)
+    if (std::abs(X(1, p) - 0.5) > 0.5 - options.cell) ends[X(1, p) > 0.5 ? 1 : 0].push_back(p);
+  body.velocity = velocity_of_points<2>(body, [&](const Vec<2>& x) { return Vec<2>(0.0, speed * (2.0 * x[1] - 1.0)); });
+  Dynamics<2> dynamics({body}, mpm<2>(options));
+  for (const int side : {0, 1})
+    dynamics.prescribe_points(ends[side], 1, Vector::Constant(std::ssize(ends[side]), side == 0 ? -speed : speed));
+  dynamics.run(0.045 / speed);
+  return dynamics.balance()["dissipated"] / ligament;
+}
+
+/// Cook's membrane (cook.hpp) under a thousandth of its load, relaxed by damping: a thousand times the deflection of
+/// the middle of the right side. nu: Poisson's ratio; patches: points of a cell share their mean dilatation.
+inline double cook_deflection(double cell, double nu, bool total, bool patches = true) {
+  constexpr double load = 0.1, density = 1.0, height = 16.0;
+  const MpmOptions options{.cell = cell};
+  const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 1.0});
+  const SharedMaterial material = NeoHookean({.E = 240.565, .nu = nu});
+  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, 2, material, density)
+                                 : points_on_lattice<2>(mesh, options, 2, material, density);
+  if (!patches) body.patches.clear();
+  const Points<2> X = body.points;
+  // On the last layer of points; about 1.3 periods of the slowest motion, damped nearly critically.
+  double loaded = 0.0;
+  for (Index p = 0; p < X.cols(); ++p)
+    if (X(0, p) > 48.0 - 0.5 * cell) loaded += density * body.volumes[p];
+  Dynamics<2> dynamics({body}, total ? total_lagrangian<2>() : mpm<2>(options), {.imbalance = 1e30});
+  dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 0, 0.0);
+  dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 1, 0.0);
+  dynamics.add_interaction(std::make_unique<PointForce>(
+      [=](Index p, double) { return X(0, p) > 48.0 - 0.5 * cell ? Vec<2>(0.0, load / loaded) : Vec<2>(0.0, 0.0); },
+      options));
+  dynamics.add_interaction(std::make_unique<Damping>(0.35));
+  dynamics.run(70.0);
+  const Vec<2> place(48.0, 52.0);
+  Index tip = 0;
+  (X.colwise() - place).colwise().norm().minCoeff(&tip);
+  const Tensors F = dynamics.deformation();
+  const double change = F(1, tip) * (place[0] - X(0, tip)) + (F(4, tip) - 1.0) * (place[1] - X(1, tip));
+  return 1e3 * (dynamics.points()(1, tip) - X(1, tip) + change);
 }
 
 }  // namespace efree::bench

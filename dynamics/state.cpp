@@ -153,6 +153,19 @@ template <int Dim> void World<Dim>::find_points() {
       place_of_point[first_point[chunks[c].body] + chunks[c].number[p]] = {static_cast<Index>(c), p};
 }
 
+template <int Dim> void World<Dim>::split_chunk(std::size_t chunk, const std::vector<Index>& points) {
+  Chunk<Dim> part = chunks[chunk];
+  std::vector<Index> rest;
+  for (Index p = 0; p < part.size(); ++p)
+    if (!std::ranges::binary_search(points, p)) rest.push_back(p);
+  chunks[chunk].take(rest);
+  part.take(points);
+  // What it has counted so far is of the points before.
+  part.dissipated = part.viscous = part.lost = 0.0;
+  part.seconds = {};
+  chunks.push_back(std::move(part));
+}
+
 template <int Dim> void World<Dim>::find_free_axes() {
   nodes.free.setOnes(Dim, nodes.size());
   for (const auto& [node, axis, velocity] : prescribed) nodes.free(axis, node) = 0.0;

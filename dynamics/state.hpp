@@ -279,6 +279,9 @@ template <int Dim> struct World {
   void find_node_chunks();
   /// Finds first_point and place_of_point, after cells and points were added or taken away.
   void find_points();
+  /// A chunk gives these points, ascending and of whole pressure patches, to a new one after the last. Call find_points
+  /// afterwards.
+  void split_chunk(std::size_t chunk, const std::vector<Index>& points);
   /// Finds nodes.free, after velocities were prescribed or nodes have changed.
   void find_free_axes();
   /// Nodes of a scheme that makes them anew, at rest. bounds: the first node of each body, and one past the last.

@@ -2,7 +2,6 @@
 #include "efree/materials/j2.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/materials/internal/eight_metals.hpp"
 #include "efree/materials/internal/return_mapping.hpp"
 
 #include <fmt/format.h>
@@ -116,12 +115,7 @@ void J2::respond_in_axes(Index p, const Deformation& given, MaterialResponse& re
 void J2::respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
                                const Deformation& given, MaterialResponse& response) const {
   EightMetals points;
-  for (int l = 0; l < 8; ++l) {
-    const Index p = begin + std::min(l, count - 1);  // the last again where there are fewer
-    const double *F = given.F.col(p).data(), *history = given.history.col(p).data();
-    for (int k = 0; k < 9; ++k) points.F[k][l] = F[k];
-    for (int k = 0; k < 6; ++k) points.metric[k][l] = history[k];
-  }
+  take_points(given, begin, count, points);
   try_elastic(points);
   std::array<Flow, 8> flows;
   std::array<ElasticConstants, 8> elastic;

@@ -87,11 +87,55 @@ bool Rankine::homogeneous() const {
   return Plastic::homogeneous() && strength_.is_constant() && softening_.is_constant();
 }
 
-void Rankine::respond(const Deformation& given, MaterialResponse& response) const {
-  respond_by_return(moduli_, strain_, 0.0, given, response,
+/// In principal axes: any strain, and tangents.
+void Rankine::respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const {
+  respond_by_return(p, moduli_, strain_, 0.0, given, response,
                     [&](const Vec<3>& trial, double a, const ElasticConstants& elastic, const Vec<3>& X) {
                       return torn(trial, a, elastic, law_at(strength_, softening_, elastic.kappa, X));
                     });
+}
+
+/// The same law for points begin .. begin + count, eight at the most, without principal axes where elastic strains are
+/// small and nothing tears: no principal stress is more than the mean by sqrt(2/3) of the deviator's length.
+void Rankine::respond_near_identity(Index begin, int count, const Deformation& given,
+                                    MaterialResponse& response) const {
+  EightMetals points;
+  take_points(given, begin, count, points);
+  try_elastic(points);
+  points.pressure = points.shear = points.length = Eight{};
+  for (int l = 0; l < count; ++l) {
+    if (points.near[l] != 1.0) continue;
+    const Index p = begin + l;
+    const Vec<3> X = given.X.col(p);
+    const ElasticConstants elastic = moduli_.at(X);
+    const double mean = elastic.kappa * points.theta[l], e = points.e[l];
+    const double limit = law_at(strength_, softening_, elastic.kappa, X).at(given.history(6, p)).stress;
+    points.near[l] = mean + std::sqrt(2.0 / 3.0) * 2.0 * elastic.mu * e <= limit ? 1.0 : 0.0;
+    points.pressure[l] = mean;
+    points.shear[l] = 2.0 * elastic.mu;
+    response.energy[p] = 0.5 * mean * points.theta[l] + elastic.mu * e * e;
+  }
+  flow_back(points, false);
+  for (int l = 0; l < count; ++l) {
+    const Index p = begin + l;
+    if (points.near[l] != 1.0) {
+      respond_in_axes(p, given, response);
+      continue;
+    }
+    for (int k = 0; k < 9; ++k) response.P(k, p) = points.P[k][l];
+    response.history.col(p) = given.history.col(p);
+    response.dissipated[p] = 0.0;
+  }
+}
+
+void Rankine::respond(const Deformation& given, MaterialResponse& response) const {
+  const Index n = given.size();
+  if (strain_ == Strain::small || response.tangent) {
+    for (Index p = 0; p < n; ++p) respond_in_axes(p, given, response);
+    return;
+  }
+  for (Index p = 0; p < n; p += 8)
+    respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), given, response);
 }
 
 double softening_modulus(double strength, double fracture_energy, double length) {

@@ -28,6 +28,9 @@ class Rankine final : public Plastic {
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
+  void respond_near_identity(Index begin, int count, const Deformation& given, MaterialResponse& response) const;
+  void respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const;
+
   Parameter strength_, softening_;
 };
 

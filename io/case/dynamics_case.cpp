@@ -213,6 +213,7 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
   DynamicsProbe<Dim> probe{.name = entry.text("name"), .region = entry.text("region", ""), .where = entry.where(key)};
   if (key == "at") {
     if (entry.has("box")) entry.fail("box", "box means nothing for a single node");
+    if (entry.has("truth")) entry.fail("truth", "truth is of a single number, not of the motion of a node");
     probe.kind = Kind::node;
     probe.at = entry.template point<Dim>("at");
     return probe;
@@ -231,6 +232,7 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
     const auto [a, b] = entry.template corners<Dim>("box");
     probe.box = BoundingBox<Dim>(a.cwiseMin(b), a.cwiseMax(b));
   }
+  if (entry.has("truth")) probe.truth = entry.number("truth", any_number);
   return probe;
 }
 
@@ -440,7 +442,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
                                    "velocity", "spin", "mass", "inertia"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
-  const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region"});
+  const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region", "truth"});
 
   DynamicsCase<Dim> result;
   read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,

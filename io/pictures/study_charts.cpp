@@ -1,19 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/pictures/study_charts.hpp"
 
-#include "efree/core/error.hpp"
-#include "efree/io/files/child_process.hpp"
-#include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/pictures/internal/gnuplot.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <fstream>
-#include <limits>
 
 namespace efree {
 namespace {
+
+using internal::log_axis, internal::quoted, internal::Range;
 
 /// How a method looks in every chart: a colour for each family (Okabe & Ito 2008, safe for the colour-blind), a point
 /// and a dash for each ratio within it.
@@ -38,19 +35,6 @@ Look look_of(const Method& method) {
   return {"#D55E00", mls_points[step], dashes[step]};
 }
 constexpr const char* stage_colours[] = {"#999999", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"};
-
-/// Text for gnuplot's enhanced mode inside double quotes, where gnuplot would run what stands between backquotes.
-std::string quoted(const std::string& text) {
-  std::string result;
-  for (char c : text) {
-    if (c == '`') c = '\'';
-    if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
-    if (c == '"' || c == '\\') result += '\\';
-    if (c == '_' || c == '^' || c == '{' || c == '}' || c == '@' || c == '&' || c == '~') result += "\\\\";
-    result += c;
-  }
-  return '"' + result + '"';
-}
 
 /// In pixels: a panel for each kind of error and a column for the key.
 int chart_width(std::size_t panels) {
@@ -84,16 +68,6 @@ std::string data_blocks(const Study& study) {
 /// A chart's axes.
 enum class Against { nodes, seconds };
 
-/// Smallest and largest values of all methods, with a margin for the axes.
-struct Range {
-  double low = std::numeric_limits<double>::infinity(), high = 0.0;
-  void cover(double from, double to) {
-    low = std::min(low, from);
-    high = std::max(high, to);
-  }
-  double at(double fraction) const { return low * std::pow(high / low, fraction); }  ///< on a logarithmic axis
-  Range widened(double factor) const { return {low / factor, high * factor}; }
-};
 struct Frame {
   Range x, y;
 };
@@ -108,23 +82,6 @@ Frame frame_of(const Study& study, std::size_t kind, Against against) {
       frame.y.cover(point.errors[kind]->low, point.errors[kind]->high);
     }
   return {frame.x.widened(1.4), frame.y.widened(1.5)};
-}
-
-/// Range and tics of a logarithmic axis: decades have labels, and 2 and 5 as well where there are few decades.
-std::string log_axis(char axis, const Range& range) {
-  const bool few_decades = range.high < 30.0 * range.low;
-  std::string tics;
-  for (int decade = static_cast<int>(std::floor(std::log10(range.low))); std::pow(10.0, decade) < range.high; ++decade)
-    for (int digit = 1; digit < 10; ++digit) {
-      const double value = digit * std::pow(10.0, decade);
-      if (value < range.low || value > range.high) continue;
-      const bool labelled = digit == 1 || (few_decades && (digit == 2 || digit == 5));
-      const std::string label = !labelled     ? ""
-                                : few_decades ? fmt::format("{:g}", value)
-                                              : fmt::format("10^{{{}}}", decade);
-      tics += fmt::format("{}'{}' {:g} {}", tics.empty() ? "" : ", ", label, value, labelled ? 0 : 1);
-    }
-  return fmt::format("set {0}range [{1}:{2}]; set {0}tics ({3})\n", axis, range.low, range.high, tics);
 }
 
 /// A triangle in the lower left corner whose side falls like H^order, H = nodes^(-1/dimension).
@@ -256,13 +213,7 @@ std::string script(const Study& study) {
   const auto bars = bars_of(study);
   text += data_blocks(study) + bar_block(bars);
   text += "do for [type in 'svg png'] {\nreset\n";
-  text += fmt::format(
-      "if (type eq 'png') {{ set terminal pngcairo size {0},640 font 'DejaVu Sans,15' enhanced }} "
-      "else {{ set terminal svg size {0},640 dynamic font 'DejaVu Sans,Helvetica,sans-serif,15' enhanced background "
-      "'white' }}\n",
-      chart_width(kinds.size()));
-  text +=
-      "set border 3 lw 1.2 lc rgb '#333333'; set tics nomirror tc rgb '#333333'; set grid lw 0.6 lc rgb '#dddddd'\n";
+  text += internal::chart_style(chart_width(kinds.size()), 640);
   text += "set bars 0; set pointsize 1.2\n";
   if (!kinds.empty()) {
     text += "set logscale xy\n";
@@ -276,20 +227,7 @@ std::string script(const Study& study) {
 }  // namespace
 
 std::string write_charts(OutputDirectory& out, const Study& study) {
-  std::ofstream file(out.file("charts.gp"));
-  file << script(study);
-  file.close();
-  if (!file) internal::cannot_write(out.file("charts.gp"));
-  std::string output;
-  const int status = run_program(out.staging(), {"gnuplot", "charts.gp"}, &output);
-  for (const char* chart : {"convergence", "error_against_time", "stages"})
-    for (const char* type : {".svg", ".png"}) {
-      out.supersede(std::string(chart) + type);
-      if (status != 0) std::filesystem::remove(out.file(std::string(chart) + type));
-    }
-  if (status == 0) return "";
-  if (status == 127) return "no charts: gnuplot is not installed (charts.gp draws them later)";
-  return fmt::format("no charts: gnuplot failed with status {}: {}", status, output);
+  return internal::draw_with_gnuplot(out, script(study), {"convergence", "error_against_time", "stages"});
 }
 
 }  // namespace efree

@@ -61,38 +61,6 @@ std::vector<std::string> describe_run(const DynamicsSettings<Dim>& settings, con
   return lines;
 }
 
-template <int Dim>
-std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
-  const Dynamics<Dim>& dynamics = model.dynamics;
-  std::vector<std::string> warnings = model.warnings;
-  const EnergyWatch energy = dynamics.energy();
-  if (const double error = energy.largest_error(); std::abs(error) > warned_imbalance)
-    warnings.push_back(
-        fmt::format("Velocities and stresses may be inaccurate: the energy is off by up to {:.2g} %. Try smaller steps "
-                    "(dynamics.courant) or a finer mesh",
-                    100.0 * error));
-  if (const double lost = dynamics.balance()["reconnection"]; lost > warned_reconnection * energy.scale)
-    warnings.push_back(fmt::format(
-        "Bodies may be too slow: reconnection has dissipated {:.2g} % of the energy, as where parts of a body meet and "
-        "stick to each other, points reconnect often, or shocks have no artificial viscosity. Try dynamics.shock, a "
-        "larger otm.reconnection_strain or more otm.stabilisation",
-        100.0 * lost / energy.scale));
-  if (const auto shared = dynamics.count("shared supports") + dynamics.num_inverted(); shared > 0)
-    warnings.push_back(fmt::format(
-        "Stresses may be wrong at single points: {} times one of {} material points had no shape functions, or would "
-        "have been inverted, and shares those of a neighbour. Try a finer mesh",
-        shared, dynamics.num_points()));
-  if (const auto penetrated = dynamics.count("penetrated points"); penetrated > 0)
-    warnings.push_back(fmt::format(
-        "Bodies penetrate each other: {} of {} material points have passed the surface of another body. Try "
-        "artificial viscosity (dynamics.shock), a larger contact.stiffness or a finer mesh",
-        penetrated, dynamics.num_points()));
-  for (const auto& [name, values] : measure_probes(settings, model))
-    if (std::isnan(values[0]))
-      warnings.push_back(fmt::format("Probe \"{}\" has no value: no node or point is in its box at the end", name));
-  return warnings;
-}
-
 namespace {
 
 template <int Dim> ordered_json counts_json(const Dynamics<Dim>& dynamics, const Ledger& ledger) {
@@ -182,12 +150,11 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   if (!stream.flush()) internal::cannot_write(file);
 }
 
-#define EFREE_INSTANTIATE(Dim)                                                                                 \
-  template std::string describe_model(const DynamicsModel<Dim>&);                                              \
-  template std::vector<std::string> describe_run(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&);     \
-  template std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&); \
-  template void write_dynamics_result(const std::filesystem::path&, const DynamicsCase<Dim>&,                  \
-                                      const DynamicsModel<Dim>&, const DynamicsOutcome&,                       \
+#define EFREE_INSTANTIATE(Dim)                                                                             \
+  template std::string describe_model(const DynamicsModel<Dim>&);                                          \
+  template std::vector<std::string> describe_run(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&); \
+  template void write_dynamics_result(const std::filesystem::path&, const DynamicsCase<Dim>&,              \
+                                      const DynamicsModel<Dim>&, const DynamicsOutcome&,                   \
                                       const std::vector<std::string>&, const StageTimes&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)

@@ -18,10 +18,6 @@ template <int Dim> std::string describe_model(const DynamicsModel<Dim>& model);
 template <int Dim>
 std::vector<std::string> describe_run(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model);
 
-/// Why the result may be inaccurate; those of the model come first.
-template <int Dim>
-std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model);
-
 /// Counts, energies, momenta, rigid bodies, probes, extremes of all fields, shares of the time: the format is in
 /// docs/case-file.md. Probes without a value are left out. Throws InputError if the file cannot be written.
 template <int Dim> void write_dynamics_result(const std::filesystem::path& file, const DynamicsCase<Dim>& dynamics_case,

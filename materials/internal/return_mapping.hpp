@@ -3,11 +3,13 @@
 #pragma once
 
 #include "efree/core/error.hpp"
+#include "efree/materials/internal/eight_metals.hpp"
 #include "efree/materials/internal/finite_deformation.hpp"
 #include "efree/materials/internal/principal.hpp"
 #include "efree/materials/moduli.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -85,6 +87,17 @@ struct Meridian {
 /// kappa / 2 tr(eps)^2 + mu |dev(eps)|^2 of principal strains.
 inline double elastic_energy(const Vec<3>& strain, const ElasticConstants& elastic) {
   return 0.5 * PrincipalStress::linear(strain, elastic.kappa, elastic.mu).stress.dot(strain);
+}
+
+/// Deformations and histories of points begin .. begin + count, eight at the most; the last again where there are
+/// fewer.
+inline void take_points(const Deformation& given, Index begin, int count, EightMetals& points) {
+  for (int l = 0; l < 8; ++l) {
+    const Index p = begin + std::min(l, count - 1);
+    const double *F = given.F.col(p).data(), *history = given.history.col(p).data();
+    for (int k = 0; k < 9; ++k) points.F[k][l] = F[k];
+    for (int k = 0; k < 6; ++k) points.metric[k][l] = history[k];
+  }
 }
 
 /// Answers for a point by `returned(principal trial strains, ascending; equivalent plastic strain; constants; X)`. At

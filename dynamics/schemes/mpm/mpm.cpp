@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 
+#include "efree/core/internal/spectrum.hpp"
 #include "efree/dynamics/internal/kernels.hpp"
 #include "efree/dynamics/points.hpp"
+#include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
 #include "efree/dynamics/schemes/mpm/internal/particles.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
@@ -10,6 +12,7 @@
 #include <fmt/ranges.h>
 #include <Eigen/LU>
 #include <limits>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -76,8 +79,13 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     return result;
   }
   std::optional<double> stable_step(const World<Dim>& world) const override;
-  void pack(Archive& archive) override { archive(grid_.particles, owed_); }
-  void resume(World<Dim>& world) override { grid_.rebuild(world, false); }
+  void pack(Archive& archive) override {
+    archive(grid_.particles, owed_, fastest_, highest_frequency_, wave_speed_, strain_, strain_since_estimate_);
+  }
+  void resume(World<Dim>& world) override {
+    for (Particles<Dim>& of : grid_.particles) of.marked.clear();  // of other points
+    grid_.rebuild(world, false);
+  }
 
  private:
   bool is_affine() const {
@@ -89,10 +97,16 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   void filter_velocities(World<Dim>& world);
   void find_gradients(World<Dim>& world);
   void return_momentum(World<Dim>& world);
+  void find_separated(const Chunk<Dim>& chunk, const double* stress, Particles<Dim>& particles) const;
+  void estimate_frequency(World<Dim>& world);
   void move_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
 
   MpmOptions options_;
   internal::PointGrid<Dim> grid_;
+  internal::FastestMode<Dim> fastest_;
+  double highest_frequency_ = 0.0;                     ///< angular [1/time]
+  double wave_speed_ = 0.0;                            ///< largest, of pressure waves
+  double strain_ = 0.0, strain_since_estimate_ = 0.0;  ///< of a point, at most: in the last step, since then
   // Of the grid that is left: its kinetic energy, and by body its momentum.
   std::optional<double> energy_before_;
   std::vector<std::array<long double, Dim>> momentum_before_;
@@ -109,6 +123,7 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
     Particles<Dim>& of = grid_.particles.emplace_back();
     const auto n = static_cast<Index>(chunk.size());
     of.v.setZero(Dim, n);
+    of.separated.assign(static_cast<std::size_t>(n), 0);
     if (const Points<Dim>& given = bodies[chunk.body].velocity; given.size() != 0)
       of.v = given(Eigen::all, chunk.number);
     if (is_affine()) of.motion.setZero(Dim * Dim, n);
@@ -202,6 +217,7 @@ template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
 template <int Dim> void Mpm<Dim>::move_points(World<Dim>&, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
   Matter<Dim>& matter = chunk.matter;
   matter.x += dt * particles.moved;
+  particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
   for (Index p = 0; p < chunk.size(); ++p) {
     Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
     F = Mat<3>(matter.F_since[p] * F);
@@ -209,6 +225,38 @@ template <int Dim> void Mpm<Dim>::move_points(World<Dim>&, Chunk<Dim>& chunk, Pa
     if (!chunk.is_eroded(p))
       matter.F_since[p].template topLeftCorner<Dim, Dim>() +=
           dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data());
+  }
+}
+
+/// Separated points are too far from their neighbours for the grid to hold them together (numerical fracture): a strip
+/// that is pulled apart, with 2 to 5 points along a cell, breaks where these are 0.63 to 0.94 of a cell apart, with
+/// splines of degree 3 0.93 to 0.99.
+template <int Dim>
+void Mpm<Dim>::find_separated(const Chunk<Dim>& chunk, const double* stress, Particles<Dim>& particles) const {
+  constexpr double failed = 1e-6;  // tension over the modulus that is none
+  const double most = std::pow((options_.degree == 3 ? 0.75 : 0.6) * options_.cell, Dim);
+  const Matter<Dim>& matter = chunk.matter;
+  particles.newly_separated = 0;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    if (particles.separated[p] != 0 || chunk.is_eroded(p)) continue;
+    // Neighbours are as far away as a cube of the point's volume is long, stretched as the point is.
+    const auto is_far = [&](double squared) {
+      return matter.volume[p] * squared * (Dim == 2 ? 1.0 : std::sqrt(squared)) > most;
+    };
+    const Mat<Dim> F = matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
+    const Mat<Dim> C = F.transpose() * F;
+    const double mean = C.trace() / Dim, spread = (C - mean * Mat<Dim>::Identity()).norm();
+    if (!is_far(mean + std::sqrt((Dim - 1.0) / Dim) * spread)) continue;  // no less than the largest stretch squared
+    const auto [stretches, axes] = internal::spectrum<Dim>(C);
+    if (!is_far(stretches[Dim - 1])) continue;
+    // A material that has failed lets go of them itself.
+    const Vec<Dim> along = F * axes.col(Dim - 1);
+    double tension = 0.0;
+    for (int i = 0; i < Dim; ++i)
+      for (int j = 0; j < Dim; ++j) tension += along[i] * stress[16 * p + 4 * j + i] * along[j];
+    if (!(tension > failed * matter.modulus[p] * along.squaredNorm())) continue;
+    particles.separated[p] = 1;
+    ++particles.newly_separated;
   }
 }
 
@@ -229,6 +277,9 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
   world.ledger.add_time("transfers", seconds_since(start));
   grid_.rebuild(world, true);
   world.ledger.add_time("grid", seconds_since(start));
+  strain_ = 0.0;
+  for (const Particles<Dim>& of : grid_.particles) strain_ = std::max(strain_, of.strain);
+  strain_since_estimate_ += strain_;
 }
 
 template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>&, Chunk<Dim>& chunk, double least) const {
@@ -270,6 +321,7 @@ template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<
     power += power_of(particles.gradient);
     if (options_.remap && particles.not_strained.size() != 0) lost -= power_of(particles.not_strained);
   }
+  find_separated(chunk, stress, particles);
   particles.power = power - lost;
   particles.lost_power += lost;
   particles.fastest = std::sqrt(fastest);
@@ -319,6 +371,10 @@ template <int Dim> void Mpm<Dim>::collect_forces(World<Dim>& world) {
   efree::collect_forces(world, world.nodes.force);
   grid_.collect_velocities(world);
   grid_.find_prescribed(world);
+  estimate_frequency(world);
+  Index separated = 0;
+  for (Particles<Dim>& of : grid_.particles) separated += std::exchange(of.newly_separated, 0);
+  world.ledger.add_count("separated points", separated);
   if (!energy_before_) return;
   return_momentum(world);
   // Of velocities half a step ago, and half a step of the forces now, as everywhere in the balance: that half is of
@@ -330,12 +386,32 @@ template <int Dim> void Mpm<Dim>::collect_forces(World<Dim>& world) {
   energy_before_.reset();
 }
 
-template <int Dim> std::optional<double> Mpm<Dim>::stable_step(const World<Dim>& world) const {
+template <int Dim> void Mpm<Dim>::estimate_frequency(World<Dim>& world) {
+  constexpr Index interval = 16;     // steps
+  constexpr double margin = 1.25;    // points and grid move until the next estimate, which is from below
+  constexpr double most = 0.1;       // strain of a point since the last estimate
+  constexpr double violent = 0.03;   // strain of a point in a step, beyond which modes change too fast for estimates
+  constexpr double forgotten = 0.9;  // what is left of the last estimate where the next one is lower
+  auto start = std::chrono::steady_clock::now();
   double fastest = 0.0;
   for (const Particles<Dim>& of : grid_.particles) fastest = std::max(fastest, of.fastest);
-  const double highest = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
+  const double bound = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
+  if (options_.degree == 1 || strain_ > violent) {
+    highest_frequency_ = bound;  // of degree 1 nodes with next to no mass come and go faster than estimates
+  } else if (highest_frequency_ == 0.0 || world.steps % interval == 0 || strain_since_estimate_ > most) {
+    strain_since_estimate_ = 0.0;
+    const double estimate = margin * std::sqrt(fastest_.estimate(world, grid_, highest_frequency_ == 0.0 ? 8 : 2));
+    highest_frequency_ = std::min(bound, std::max(estimate, forgotten * highest_frequency_));
+  } else if (fastest > wave_speed_) {
+    highest_frequency_ *= fastest / wave_speed_;  // stiffer than at the last step
+  }
+  wave_speed_ = fastest;
+  world.ledger.add_time("stability", seconds_since(start));
+}
+
+template <int Dim> std::optional<double> Mpm<Dim>::stable_step(const World<Dim>& world) const {
   // No point moves by more than a cell.
-  return std::min(world.options.courant * 2.0 / highest, options_.cell / largest_speed(world));
+  return std::min(world.options.courant * 2.0 / highest_frequency_, options_.cell / largest_speed(world));
 }
 
 }  // namespace

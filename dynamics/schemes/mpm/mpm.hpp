@@ -26,7 +26,7 @@ struct MpmOptions {
   double cell = 0.0;               ///< edge of the grid's cells [length]
   std::array<double, 3> origin{};  ///< position of one of its nodes
   int degree = 2;                  ///< of the B-splines, 1 to 3
-  Transfer transfer = Transfer::apic;
+  Transfer transfer = Transfer::aflip;
   double flip = 0.99;  ///< a of Transfer::flip and Transfer::aflip, 0 to 1
   int order = 2;       ///< m of Transfer::xpic, 1 to 16
   /// Strains by velocities that went to the points and back to the grid (MUSL: Sulsky, Zhou & Schreyer 1995; not for

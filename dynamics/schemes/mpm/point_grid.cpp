@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 #include <atomic>
 #include <limits>
+#include <numeric>
 
 namespace efree::internal {
 namespace {
@@ -15,8 +16,8 @@ Index first_site(double position, int degree) {
   return static_cast<Index>(std::floor(degree == 2 ? position - 0.5 : position)) - (degree == 3 ? 1 : 0);
 }
 
-/// Slots of a box beyond which the points of a chunk are too far apart.
-constexpr double most_slots = 3e5;
+/// Slots of a box beyond which a chunk is split: clearing them takes as long as the step of its points.
+constexpr double most_slots = 4096;
 /// Mass of a node, over that of a point, below which the point's contact does not act on it.
 constexpr double least_mass = 1e-6;
 /// Sites that a grid can number, on either side of its origin.
@@ -39,25 +40,22 @@ double* room(AlignedVector<double>& of, std::size_t size) {
 
 }  // namespace
 
-/// Whether its nodes are others than before.
-template <int Dim>
-bool PointGrid<Dim>::find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const {
+template <int Dim> typename PointGrid<Dim>::Box PointGrid<Dim>::find_box(const World<Dim>& world,
+                                                                         const Chunk<Dim>& chunk,
+                                                                         Particles<Dim>& of) const {
   const Points<Dim>& x = chunk.matter.x;
   const Vec<Dim> low = (x.rowwise().minCoeff() - origin_) / cell_, high = (x.rowwise().maxCoeff() - origin_) / cell_;
-  const double slots = (high - low + Vec<Dim>::Constant(degree_ + 2)).prod();
-  if (!x.allFinite() || !(low.cwiseAbs().maxCoeff() < most_cells) || !(high.cwiseAbs().maxCoeff() < most_cells) ||
-      !(slots < most_slots)) {
+  if (!x.allFinite() || !(low.cwiseAbs().maxCoeff() < most_cells) || !(high.cwiseAbs().maxCoeff() < most_cells)) {
     Index at = 0;
-    for (Index p = 0; p < chunk.size(); ++p)
-      if (!x.col(p).allFinite() || (x.col(p) - x.rowwise().mean()).norm() > (x.col(at) - x.rowwise().mean()).norm())
-        at = p;
+    const auto distance = [&](Index p) { return ((x.col(p) - origin_) / cell_).cwiseAbs().maxCoeff(); };
+    for (Index p = 1; p < chunk.size() && std::isfinite(distance(at)); ++p)
+      if (!(distance(p) <= distance(at))) at = p;
     throw NumericalError(fmt::format(
-        "at time {:.6g} bodies fly apart: the material point {} at ({:.6g}) is {:.3g} cells away from the middle of "
-        "those that were its neighbours. "
-        "Try smaller steps (courant), or end the run earlier",
-        world.time, world.point_number(chunk, at), fmt::join(x.col(at), ", "),
-        (x.col(at) - x.rowwise().mean()).norm() / cell_));
+        "at time {:.6g} bodies fly apart: the material point {} is at ({:.6g}), {:.3g} cells away from where the grid "
+        "began, which has no more than {:.3g}. Try smaller steps (courant), or end the run earlier",
+        world.time, world.point_number(chunk, at), fmt::join(x.col(at), ", "), distance(at), most_cells));
   }
+  if (chunk.size() > 1 && (high - low + Vec<Dim>::Constant(degree_ + 4)).prod() > most_slots) return Box::too_large;
   Site<Dim> first, size;
   for (int i = 0; i < Dim; ++i) {
     // One more on either side: kernels round otherwise where a point is at a knot.
@@ -75,21 +73,63 @@ bool PointGrid<Dim>::find_box(const World<Dim>& world, const Chunk<Dim>& chunk, 
   marked.assign(static_cast<std::size_t>(stride) * static_cast<std::size_t>(size[0]), 0);
   mark_slots(chunk.size(), of.box, x.data(), marked.data());
   const bool same = !of.marked.empty() && first == of.low && size == of.size && marked == of.marked;
-  if (same) return false;
+  if (same) return Box::same;
   of.low = first;
   of.size = size;
   of.marked = marked;
   of.slots.clear();
   for (std::size_t s = 0; s < marked.size(); ++s)
     if (marked[s] != 0) of.slots.push_back(static_cast<Index>(s));
-  return true;
+  return Box::changed;
+}
+
+/// Where the gap between its pressure patches is widest along the longest axis of its box, or in the middle; a single
+/// patch into its points, which share no dilatation any more.
+template <int Dim> void PointGrid<Dim>::split(World<Dim>& world, std::size_t c) {
+  Chunk<Dim>& chunk = world.chunks[c];
+  const Points<Dim>& x = chunk.matter.x;
+  int axis = 0;
+  (x.rowwise().maxCoeff() - x.rowwise().minCoeff()).maxCoeff(&axis);
+  if (chunk.patches.size() == 2) {
+    chunk.patches.resize(static_cast<std::size_t>(chunk.size()) + 1);
+    std::iota(chunk.patches.begin(), chunk.patches.end(), 0);
+  }
+  std::vector<std::pair<double, std::size_t>> along;  // patches, by where they begin
+  for (std::size_t k = 0; k + 1 < chunk.patches.size(); ++k) along.emplace_back(x(axis, chunk.patches[k]), k);
+  std::ranges::sort(along);
+  std::size_t cut = along.size() / 2;
+  double widest = 2.0 * cell_;
+  for (std::size_t k = 1; k < along.size(); ++k)
+    if (const double gap = along[k].first - along[k - 1].first; gap > widest) {
+      widest = gap;
+      cut = k;
+    }
+  std::vector<Index> kept, given;
+  for (std::size_t k = 0; k < along.size(); ++k)
+    for (Index p = chunk.patches[along[k].second]; p < chunk.patches[along[k].second + 1]; ++p)
+      (k < cut ? kept : given).push_back(p);
+  std::ranges::sort(kept);
+  std::ranges::sort(given);
+  world.split_chunk(c, given);
+  const double lost_power = particles[c].lost_power;
+  particles.push_back(particles[c].of(given));
+  particles[c] = particles[c].of(kept);
+  particles[c].lost_power = lost_power;
 }
 
 template <int Dim> void PointGrid<Dim>::rebuild(World<Dim>& world, bool replaces) {
   std::atomic<bool> changed = grids_.empty();
-  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    if (find_box(world, chunk, of)) changed = true;
+  std::vector<char> too_large(particles.size(), 0);
+  parallel_chunks(static_cast<Index>(particles.size()), 1, [&](Index c, Index) {
+    const Box box = find_box(world, world.chunks[c], particles[c]);
+    if (box != Box::same) changed = true;
+    too_large[c] = box == Box::too_large ? 1 : 0;
   });
+  const std::size_t before = particles.size();
+  for (std::size_t c = 0; c < particles.size(); ++c)
+    while ((c >= before || too_large[c] != 0) && find_box(world, world.chunks[c], particles[c]) == Box::too_large)
+      split(world, c);
+  if (particles.size() > before) world.find_points();
   if (changed) {
     number_nodes(world, replaces);
   } else if (replaces) {
@@ -142,7 +182,7 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
     table.force.assign(4 * table.nodes.size(), 0.0);
     of.momentum.assign(4 * table.nodes.size(), 0.0);
     of.moved.resize(Dim, chunk.size());
-    if (of.gradient.size() == 0) of.gradient.setZero(Dim * Dim, chunk.size());
+    if (of.gradient.cols() != chunk.size()) of.gradient.setZero(Dim * Dim, chunk.size());
   });
   world.find_node_chunks();
 }

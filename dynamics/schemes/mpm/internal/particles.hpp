@@ -23,18 +23,31 @@ template <int Dim> struct Particles {
   Points<Dim> filtered;            ///< of Transfer::xpic
   GridBox box;                     ///< its slots are nodes that may be there
   Site<Dim> low, size;             ///< first site of the box, and number of sites along each axis
+  std::vector<char> separated;     ///< by point, 1: was too far from its neighbours
+  Index newly_separated = 0;       ///< points in this step
   std::vector<char> marked;        ///< by slot, 1: there is such a node
   std::vector<Index> slots;        ///< by local number of a node: its slot
   AlignedVector<double> momentum;  ///< by local number: momentum and mass, four numbers
   AlignedVector<double> held;      ///< likewise of points with prescribed velocity
+  double strain = 0.0;             ///< largest norm of the gradient of displacements of the last step
   double power = 0.0;              ///< of the stresses now, in the motion of the last step
   double speed = 0.0;              ///< largest of a point
   double fastest = 0.0;            ///< speed of pressure waves
 
+  /// Those of these points, without sums.
+  Particles of(const std::vector<Index>& points) const {
+    Particles result;
+    result.v = v(Eigen::all, points);
+    if (motion.size() != 0) result.motion = motion(Eigen::all, points);
+    if (gradient.size() != 0) result.gradient = gradient(Eigen::all, points);
+    if (not_strained.size() != 0) result.not_strained = not_strained(Eigen::all, points);
+    for (const Index p : points) result.separated.push_back(separated[p]);
+    return result;
+  }
   /// Whether `motion` is the gradient of an affine velocity.
   bool is_affine() const { return motion.rows() == Dim * Dim; }
   /// Without what `rebuild` and every step find again.
-  friend auto fields(Particles& of) { return std::tie(of.v, of.motion, of.speed, of.fastest); }
+  friend auto fields(Particles& of) { return std::tie(of.v, of.motion, of.separated, of.speed, of.fastest); }
 };
 
 /// The grid around the points of all bodies. Nodes of the world are its nodes.
@@ -48,8 +61,8 @@ template <int Dim> class PointGrid {
   double cell() const { return cell_; }
   const SparseGrid<Dim>& of_body(Index body) const { return grids_[body]; }
 
-  /// Nodes where the points are now. replaces: the world gets new nodes, at rest. Throws NumericalError for points that
-  /// are nowhere, or further apart than a grid can number.
+  /// Nodes where the points are now. replaces: the world gets new nodes, at rest. Chunks whose points have drifted
+  /// apart are split. Throws NumericalError for points that are nowhere, or further away than a grid can number.
   void rebuild(World<Dim>& world, bool replaces);
   /// Calls visit(chunk, particles) for all chunks, concurrently.
   template <class Visit> void for_each_chunk(World<Dim>& world, const Visit& visit) {
@@ -84,7 +97,9 @@ template <int Dim> class PointGrid {
   Vec<Dim> position(const Site<Dim>& site) const { return origin_ + cell_ * site.template cast<double>(); }
 
  private:
-  bool find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const;
+  enum class Box { same, changed, too_large };
+  Box find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const;
+  void split(World<Dim>& world, std::size_t chunk);
   void number_nodes(World<Dim>& world, bool replaces);
   /// Velocities of the box, four numbers for each slot.
   const double* slot_velocities(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& velocity) const;

@@ -6,6 +6,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 namespace efree::internal {
@@ -18,6 +19,7 @@ struct GridBlock {
   std::uint64_t key;    ///< of its place; blocks are sorted by it
   std::uint64_t nodes;  ///< a bit for each node that there is
   Index first = 0;      ///< number of the first of these
+  friend auto fields(GridBlock& of) { return std::tie(of.key, of.nodes, of.first); }
 };
 
 /// Key of the block of a site, and its bit there. Sites are from -2^22 to 2^22 along every axis.
@@ -64,6 +66,7 @@ template <int Dim> class SparseGrid {
         visit(number++, site_of<Dim>(block.key, std::countr_zero(rest)));
     }
   }
+  friend auto fields(SparseGrid& of) { return std::tie(of.blocks_, of.first_, of.end_); }
 
  private:
   std::vector<GridBlock> blocks_;

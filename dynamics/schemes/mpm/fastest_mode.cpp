@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
+
+#include "efree/dynamics/points.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+namespace {
+
+/// Random part mixed into the mode at each estimate, over its root mean square: another mode may become the fastest.
+constexpr double mixed_in = 0.05;
+
+/// A number from -1 to 1 for a site of a body (Steele, Lea & Flood 2014).
+template <int Dim> double random_at(const Site<Dim>& site, Index body, int axis, std::int64_t estimate) {
+  std::uint64_t z = static_cast<std::uint64_t>(4 * (estimate * 1021 + body) + axis);
+  for (int i = 0; i < Dim; ++i) {
+    z = (z ^ static_cast<std::uint64_t>(site[i] + (std::int64_t{1} << 32))) * 0x9e3779b97f4a7c15u;
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+  }
+  return static_cast<double>((z ^ z >> 31) >> 11) * 0x1p-52 - 1.0;
+}
+
+}  // namespace
+
+/// Moves the mode to the current grid: it keeps its values at sites of the previous grid, and gets a small random part
+/// everywhere.
+template <int Dim> void FastestMode<Dim>::follow(const World<Dim>& world, const PointGrid<Dim>& grid) {
+  const double mean = mode_.size() == 0 ? 0.0 : std::sqrt(mode_.squaredNorm() / static_cast<double>(mode_.size()));
+  const double amount = mean > 0.0 && std::isfinite(mean) ? mixed_in * mean : 1.0;
+  Points<Dim> mode(Dim, world.nodes.size());
+  std::vector<SparseGrid<Dim>> grids;
+  for (Index b = 0; b < world.num_bodies(); ++b) {
+    grids.push_back(grid.of_body(b));
+    grids.back().for_each([&](Index node, const Site<Dim>& site) {
+      const Index before = mean > 0.0 && std::isfinite(mean) ? grids_[b].find(site) : -1;
+      for (int i = 0; i < Dim; ++i)
+        mode(i, node) = (before < 0 ? 0.0 : mode_(i, before)) + amount * random_at<Dim>(site, b, i, estimates_);
+    });
+  }
+  mode_ = std::move(mode);
+  grids_ = std::move(grids);
+  ++estimates_;
+}
+
+template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGrid<Dim>& grid, int products) {
+  follow(world, grid);
+  // Forces and momenta of the chunks, which may be summed again.
+  std::vector<std::pair<AlignedVector<double>, AlignedVector<double>>> kept;
+  for (std::size_t c = 0; c < world.chunks.size(); ++c)
+    kept.emplace_back(world.chunks[c].table.force, grid.particles[c].momentum);
+  Points<Dim> forces(Dim, world.nodes.size());
+  double squared = 0.0;
+  for (int k = 0; k < products; ++k) {
+    grid.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+      const Matter<Dim>& matter = chunk.matter;
+      const double* gathered = grid.gather(chunk, of, mode_);
+      double* column = grid.columns(chunk);
+      for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns, gathered += 4 * gathered_columns) {
+        std::fill_n(column, 4 * scattered_columns, 0.0);
+        const double stiffness = matter.volume[p] * matter.modulus[p];
+        for (int j = 0; j < Dim; ++j)
+          for (int i = 0; i < Dim; ++i) column[4 * (4 + j) + i] = stiffness * gathered[4 * (1 + j) + i];
+      }
+      scatter(chunk.size(), of.box, false, matter.x.data(), grid.columns(chunk), grid.clear_slots(of));
+      grid.take_slots(chunk, of);
+    });
+    collect_forces(world, forces);
+    double work = 0.0, norm = 0.0;
+    for (Index a = 0; a < world.nodes.size(); ++a) {
+      const double mass = world.nodes.mass[a];
+      work += forces.col(a).dot(mode_.col(a));
+      mode_.col(a) = mass > 0.0 ? Vec<Dim>(forces.col(a) / mass) : Vec<Dim>::Zero();
+      norm += forces.col(a).dot(mode_.col(a));
+    }
+    squared = work > 0.0 ? norm / work : 0.0;
+    if (!(norm > 0.0)) break;
+    mode_ /= std::sqrt(norm);
+  }
+  for (std::size_t c = 0; c < world.chunks.size(); ++c) {
+    std::ranges::copy(kept[c].first, world.chunks[c].table.force.begin());
+    std::ranges::copy(kept[c].second, grid.particles[c].momentum.begin());
+  }
+  return squared;
+}
+
+template class FastestMode<2>;
+template class FastestMode<3>;
+
+}  // namespace efree::internal
