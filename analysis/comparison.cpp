@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/comparison.hpp"
 
-#include "efree/analysis/internal/element_size.hpp"
 #include "efree/analysis/internal/located.hpp"
-#include "efree/analysis/internal/scaled.hpp"
+#include "efree/analysis/internal/resolutions.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
 
@@ -144,9 +143,7 @@ ProbeReference find_reference(const DynamicsProbe<Dim>& probe, std::size_t k, co
     for (std::size_t i = 0; i < finest.front().size(); ++i) {
       std::vector<double> along;
       for (const auto& value : finest) along.push_back(value[i]);
-      std::ranges::sort(along);
-      const std::size_t middle = along.size() / 2;
-      reference.value.push_back(along.size() % 2 == 1 ? along[middle] : 0.5 * (along[middle - 1] + along[middle]));
+      reference.value.push_back(internal::median(along));
     }
   }
   double largest = 0.0;
@@ -189,6 +186,10 @@ const std::vector<ComparedMethod>& compared_methods() {
   return all;
 }
 
+bool Comparison::has_results() const {
+  return std::ranges::any_of(rows, [](const ComparisonRow& row) { return row.failure.empty(); });
+}
+
 std::optional<double> Comparison::error(const ComparisonRow& row, std::size_t probe) const {
   const ProbeReference& reference = probes[probe];
   if (!row.failure.empty() || row.probes[probe].empty() || reference.value.empty()) return {};
@@ -198,7 +199,7 @@ std::optional<double> Comparison::error(const ComparisonRow& row, std::size_t pr
 template <int Dim> Comparison compare_methods(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                               const ComparisonOptions& options, const Monitor& monitor) {
   require(options.resolutions >= 1, "expected at least one resolution");
-  Comparison result{.dimension = Dim, .methods = choose_methods(options.methods)};
+  Comparison result{.methods = choose_methods(options.methods)};
   const double finest = spacing_of(source, settings);
   const double runs = static_cast<double>(result.methods.size()) * options.resolutions;
   std::string first_failure;

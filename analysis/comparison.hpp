@@ -30,7 +30,7 @@ struct ComparisonRow {
   std::size_t method = 0;    ///< index into Comparison::methods
   double spacing = 0.0;      ///< of nodes [length]
   std::string failure{};     ///< why it ended before its time or was rejected; empty: neither
-  bool has_numbers = false;  ///< whether it began; else there are no numbers but the time
+  bool has_numbers = false;  ///< whether it began; else only cpu_seconds is measured
   Index nodes = 0, points = 0, steps = 0;
   double time = 0.0;                          ///< that it reached
   double cpu_seconds = 0.0;                   ///< of all threads, from the mesh to the end
@@ -45,24 +45,25 @@ struct ProbeReference {
   /// DynamicsProbe::truth, or the medians of the finest runs of all methods that came to their end; empty: none did.
   std::vector<double> value{};
   bool given = false;        ///< it is DynamicsProbe::truth
-  int runs = 0;              ///< of which it is the median
+  int runs = 0;              ///< number of runs whose median the value is
   double uncertainty = 0.0;  ///< largest relative distance of these runs from it; of a truth 0
   double scale = 1.0;        ///< norm of the reference, or the largest of all runs where that is next to nothing
 };
 
 struct Comparison {
-  int dimension = 2;
   std::vector<ComparedMethod> methods{};
   std::vector<ComparisonRow> rows{};  ///< by method, coarse to fine
   std::vector<ProbeReference> probes{};
 
+  /// Whether a run came to its end.
+  bool has_results() const;
   /// Relative error of a probe in a row; empty where either has no value, or the run failed.
   std::optional<double> error(const ComparisonRow& row, std::size_t probe) const;
 };
 
-/// Runs every method at every resolution. Methods that cannot run the scene, or
-/// fail, have rows that say why. Throws InputError for unknown methods, a case without a spacing (mesh_size of OTM,
-/// spacing of a cloud, cell of the material point method), or input with which no method can begin; Cancelled.
+/// Runs every method at every resolution. Methods that cannot run the scene, or fail, have rows that say why. Throws
+/// InputError for unknown methods, a case without a spacing (mesh_size of OTM, spacing of a cloud, cell of the material
+/// point method), or input with which no method can begin; Cancelled.
 template <int Dim> Comparison compare_methods(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                               const ComparisonOptions& options, const Monitor& monitor = {});
 

@@ -52,7 +52,7 @@ template <int Dim> std::vector<double> measure_node(const DynamicsProbe<Dim>& pr
     const auto [chunk, p] = dynamics.world().locate(a);
     const Mat<Dim> F = chunk.matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
     Vec<Dim> from_point = probe.at - node.start;
-    // Not further than a corner of the point: nothing is known of what is there.
+    // At most to a corner of the point: F is not known beyond.
     const double reach = 0.5 * std::sqrt(static_cast<double>(Dim)) * model.point_sizes[a];
     if (from_point.norm() > reach) from_point *= reach / from_point.norm();
     u += chunk.matter.x.col(p) + (F - Mat<Dim>::Identity()) * from_point;
@@ -66,20 +66,22 @@ template <int Dim> std::vector<double> measure_node(const DynamicsProbe<Dim>& pr
   return both;
 }
 
-/// The largest of a coordinate, times a sign, at the corners of a material point: of a square (cube) that is deformed
+/// Smallest and largest value of a coordinate at the corners of a material point: of a square (cube) that is deformed
 /// as the point is. Bodies end there.
-template <int Dim> double largest_at_corners(const DynamicsModel<Dim>& model, const ScalarField<Dim>& coordinate,
-                                             Index point, double sign) {
+template <int Dim> std::pair<double, double> extremes_at_corners(const DynamicsModel<Dim>& model,
+                                                                 const ScalarField<Dim>& coordinate, Index point) {
   const auto [chunk, p] = model.dynamics.world().locate(point);
   const Mat<Dim> F = chunk.matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
-  double largest = -std::numeric_limits<double>::infinity();
+  double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
   for (int corner = 0; corner < 1 << Dim; ++corner) {
     Vec<Dim> half = Vec<Dim>::Constant(0.5 * model.point_sizes[point]);
     for (int i = 0; i < Dim; ++i)
       if ((corner >> i & 1) != 0) half[i] = -half[i];
-    largest = std::max(largest, sign * coordinate(chunk.matter.x.col(p) + F * half));
+    const double value = coordinate(chunk.matter.x.col(p) + F * half);
+    smallest = std::min(smallest, value);
+    largest = std::max(largest, value);
   }
-  return largest;
+  return {smallest, largest};
 }
 
 /// Of nodes or material points, as the probe has it.
@@ -98,14 +100,12 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
     for (Index k = begin; k < end; ++k) {
       const Vec<Dim> at = points.col(k);
       if (!probe.box.isEmpty() && !probe.box.contains(at)) continue;
-      if (probe.field.empty() && model.probes_points) {
-        smallest = std::min(smallest, -largest_at_corners(model, probe.coordinate, k, -1.0));
-        largest = std::max(largest, largest_at_corners(model, probe.coordinate, k, 1.0));
-        continue;
-      }
       const double value = probe.field.empty() ? probe.coordinate(at) : field->second[k];
-      smallest = std::min(smallest, value);
-      largest = std::max(largest, value);
+      const auto [low, high] = probe.field.empty() && model.probes_points
+                                   ? extremes_at_corners(model, probe.coordinate, k)
+                                   : std::pair(value, value);
+      smallest = std::min(smallest, low);
+      largest = std::max(largest, high);
     }
   }
   if (smallest > largest) return std::numeric_limits<double>::quiet_NaN();

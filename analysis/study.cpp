@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/study.hpp"
 
-#include "efree/analysis/internal/element_size.hpp"
 #include "efree/analysis/internal/located.hpp"
-#include "efree/analysis/internal/scaled.hpp"
+#include "efree/analysis/internal/resolutions.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -111,16 +110,15 @@ template <int Dim> StudyRow row_of(std::size_t method, double size, std::uint64_
   return row;
 }
 
-StudyPoint::Spread spread(std::vector<double> values) {
-  std::ranges::sort(values);
-  const std::size_t n = values.size();
-  return {values.front(), 0.5 * (values[(n - 1) / 2] + values[n / 2]), values.back()};
+StudyPoint::Spread spread(const std::vector<double>& values) {
+  const auto [low, high] = std::ranges::minmax(values);
+  return {low, internal::median(values), high};
 }
 
 template <class Value> StudyPoint::Spread spread_of(const std::vector<const StudyRow*>& rows, const Value& value) {
   std::vector<double> values;
   for (const StudyRow* row : rows) values.push_back(value(*row));
-  return spread(std::move(values));
+  return spread(values);
 }
 
 StudyPoint summary(const std::vector<const StudyRow*>& rows) {

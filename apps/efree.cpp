@@ -3,6 +3,7 @@
 #include "blas_kernels.hpp"
 #include "display.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/printable.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/case/case_file.hpp"
@@ -21,7 +22,6 @@
 #include <fmt/ranges.h>
 #include <vtkObject.h>
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -48,8 +48,7 @@ struct Options {
 /// What a file has put into a message cannot fill the terminal, nor tell it what to do.
 std::string presentable(std::string message) {
   constexpr std::size_t longest = 1500;
-  for (char& c : message)
-    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  message = internal::printable(std::move(message));
   if (message.size() <= longest) return message;
   return fmt::format("{} ... {}", message.substr(0, longest / 2), message.substr(message.size() - longest / 2));
 }
@@ -99,8 +98,7 @@ template <int Dim> void compare(const DynamicsCase<Dim>& dynamics_case, const Op
   out.commit();
   if (!options.run.quiet) display.say(fmt::format("results in {}", options.run.out));
   fmt::print("{}", comparison_table(comparison));
-  if (std::ranges::none_of(comparison.rows, [](const ComparisonRow& row) { return row.failure.empty(); }))
-    throw NumericalError("no run came to its end; the table says why");
+  if (!comparison.has_results()) throw NumericalError("no run came to its end; the table says why");
 }
 template <int Dim> void compare(const Case<Dim>&, const Options& options, Display&) {
   throw InputError(fmt::format(

@@ -194,10 +194,9 @@ bool rankine() {
     point.F.col(0)[0] = stretch;
     const MaterialResponse response = respond(material, point, false);
     const double opening = std::max(0.0, (stiff * strain - strength) / (stiff - softening));
-    const bool torn = softening * opening > strength;
-    const double axial = torn ? 0.0 : stiff * (strain - opening);
-    const double across = torn ? lambda * (axial / stiff) : lambda * (strain - opening);
-    worst = std::max({worst, std::abs(response.P(0, 0) * stretch - axial), std::abs(response.P(4, 0) - across)});
+    const double elastic = softening * opening > strength ? 0.0 : strain - opening;
+    worst = std::max(
+        {worst, std::abs(response.P(0, 0) * stretch - stiff * elastic), std::abs(response.P(4, 0) - lambda * elastic)});
     point.history = response.history;
   }
   bool good = row("rankine", "a point: stresses over the strength less closed form", worst / strength, 0.0, 1e-10);
@@ -208,9 +207,10 @@ bool rankine() {
     options.origin = {0.25 * cell, 0.25 * cell, 0.0};
     const double energy =
         torn_strip_dissipation(options, softening_modulus(strength, fracture_energy, 2.0 * cell)) / fracture_energy;
-    const double bare = torn_strip_dissipation(options, coarse) / fracture_energy;
     good &= row("rankine", "notched strip, " + std::to_string(static_cast<int>(cells)) + " cells: energy over G_c",
                 energy, 0.9, 1.1);
+    if (cells == 32.0) continue;
+    const double bare = torn_strip_dissipation(options, coarse) / fracture_energy;
     std::printf("rankine    with the softening modulus of 32 cells: %.3f\n", bare);
     if (cells == 64.0) good &= row("rankine", "the same: drifts", bare, 0.0, 0.85);
   }

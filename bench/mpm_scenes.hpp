@@ -2,9 +2,9 @@
 /// Scenes of the material point method with closed forms, for tests and benchmarks.
 #pragma once
 
+#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
-
 #include "efree/materials/rankine.hpp"
 
 #include "clock.hpp"
@@ -21,6 +21,18 @@
 #include <vector>
 
 namespace efree::bench {
+
+/// A body of material points, with splines of the reference configuration (total) or of a new grid in every step, and
+/// its scheme.
+template <int Dim> DeformableBody<Dim> body_of_points(const FineMesh<Dim>& mesh, const MpmOptions& options, bool total,
+                                                      Index points_along, const SharedMaterial& material,
+                                                      double density) {
+  return total ? splines_on_lattice<Dim>(mesh, options, points_along, material, density)
+               : points_on_lattice<Dim>(mesh, options, points_along, material, density);
+}
+template <int Dim> std::unique_ptr<Scheme<Dim>> scheme_of_points(const MpmOptions& options, bool total) {
+  return total ? total_lagrangian<Dim>() : mpm<Dim>(options);
+}
 
 /// Velocities of the points of a body, by place.
 template <int Dim, class Velocity> Points<Dim> velocity_of_points(const DeformableBody<Dim>& body, const Velocity& at) {
@@ -182,8 +194,7 @@ inline double vortex_error(const MpmOptions& options, bool total, double until =
   const auto k2 = [](double r) { return -64.0 + 3072.0 * std::pow(r - 1.0, 2); };
   const FineMesh<2> mesh = triangulate(shapes::annulus(0.75, 1.25, 0.02, 1e-5), {.size = 0.02});
   const SharedMaterial material = NeoHookean({.E = E, .nu = nu});
-  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, points_along, material, rho)
-                                 : points_on_lattice<2>(mesh, options, points_along, material, rho);
+  DeformableBody<2> body = body_of_points<2>(mesh, options, total, points_along, material, rho);
   body.patches.clear();
   const auto start = [&](const Vec<2>& x) { return Vec<2>(pi * k(x.norm()) * Vec<2>(-x[1], x[0])); };
   // The parts of the force at a point are means over a square of its area: taken at its middle they would turn the
@@ -209,7 +220,7 @@ inline double vortex_error(const MpmOptions& options, bool total, double until =
   const Points<2> X = body.points, &moving = total ? body.nodes : body.points;
   body.velocity.resize(2, moving.cols());
   for (Index a = 0; a < moving.cols(); ++a) body.velocity.col(a) = start(moving.col(a));
-  Dynamics<2> dynamics({body}, total ? total_lagrangian<2>() : mpm<2>(options), {.imbalance = 1e30});
+  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total), {.imbalance = 1e30});
   dynamics.add_interaction(std::make_unique<PointForce>(force, options));
   dynamics.step(1e-9);  // with the forces of the start
   double worst = 0.0;
@@ -310,8 +321,7 @@ inline StretchedStrip stretch_strip(const MpmOptions& options, bool total, doubl
   constexpr double rate = 1e-3;
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 20.0, 40.0), {.size = 2.0});
   const SharedMaterial material = NeoHookean({.E = 1.0, .nu = 0.3});
-  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, points_along, material, 1.0)
-                                 : points_on_lattice<2>(mesh, options, points_along, material, 1.0);
+  DeformableBody<2> body = body_of_points<2>(mesh, options, total, points_along, material, 1.0);
   body.patches.clear();  // it does not lock
   const Points<2> X = body.points, &moving = total ? body.nodes : body.points;
   body.velocity.setZero(2, moving.cols());
@@ -319,7 +329,7 @@ inline StretchedStrip stretch_strip(const MpmOptions& options, bool total, doubl
   std::vector<Index> ends;
   for (Index p = 0; p < X.cols(); ++p)
     if (std::abs(X(1, p) - 20.0) > 18.0) ends.push_back(p);
-  Dynamics<2> dynamics({body}, total ? total_lagrangian<2>() : mpm<2>(options));
+  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total));
   if (total) {
     for (const Index a : nodes_of_points(body, ends)) dynamics.prescribe(a, 1, body.velocity(1, a));
   } else {
@@ -363,11 +373,10 @@ struct TaylorRun {
 };
 inline TaylorRun run_taylor(const MpmOptions& options, bool total, double until) {
   const FineMesh<3> mesh = TaylorBar::mesh<3>(0.8e-3);
-  DeformableBody<3> body = total ? splines_on_lattice<3>(mesh, options, 2, TaylorBar::copper(), TaylorBar::density)
-                                 : points_on_lattice<3>(mesh, options, 2, TaylorBar::copper(), TaylorBar::density);
+  DeformableBody<3> body = body_of_points<3>(mesh, options, total, 2, TaylorBar::copper(), TaylorBar::density);
   body.velocity.setZero(3, total ? body.nodes.cols() : body.points.cols());
   body.velocity.row(2).setConstant(-227.0);
-  Dynamics<3> dynamics({body}, total ? total_lagrangian<3>() : mpm<3>(options));
+  Dynamics<3> dynamics({body}, scheme_of_points<3>(options, total));
   dynamics.add_wall({.normal = Vec<3>::UnitZ()});
   const double start = cpu_seconds();
   dynamics.run(until);
@@ -377,16 +386,13 @@ inline TaylorRun run_taylor(const MpmOptions& options, bool total, double until)
                 dynamics.energy().largest_error(),
                 cpu_seconds() - start};
   const Points<3> x = dynamics.points();
-  const Tensors F = dynamics.deformation();
   for (Index p = 0; p < x.cols(); ++p) {
-    // Half of the point's extent along the axis and along the radius.
-    const Mat<3> deformation = Eigen::Map<const Mat<3>>(F.col(p).data());
-    const double half = 0.5 * std::cbrt(body.volumes[p]);
-    const auto extent = [&](const Vec<3>& normal) { return half * (deformation.transpose() * normal).norm(); };
-    run.shape.length = std::max(run.shape.length, x(2, p) + extent(Vec<3>::UnitZ()));
+    const auto [chunk, k] = dynamics.world().locate(p);
+    const auto half = [&](const Vec<3>& normal) { return internal::half_size<3>(chunk.matter, k, normal); };
+    run.shape.length = std::max(run.shape.length, x(2, p) + half(Vec<3>::UnitZ()));
     const Vec<3> radial(x(0, p), x(1, p), 0.0);
-    if (x(2, p) - extent(Vec<3>::UnitZ()) < 0.01 * TaylorBar::length)
-      run.shape.foot = std::max(run.shape.foot, radial.norm() + extent(radial.normalized()));
+    if (x(2, p) - half(Vec<3>::UnitZ()) < 0.01 * TaylorBar::length)
+      run.shape.foot = std::max(run.shape.foot, radial.norm() + half(radial.normalized()));
   }
   return run;
 }
@@ -427,19 +433,18 @@ inline double torn_strip_dissipation(const MpmOptions& options, double softening
 /// Cook's membrane (cook.hpp) under a thousandth of its load, relaxed by damping: a thousand times the deflection of
 /// the middle of the right side. nu: Poisson's ratio; patches: points of a cell share their mean dilatation.
 inline double cook_deflection(double cell, double nu, bool total, bool patches = true) {
-  constexpr double load = 0.1, density = 1.0, height = 16.0;
+  constexpr double load = 0.1, density = 1.0;
   const MpmOptions options{.cell = cell};
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 1.0});
   const SharedMaterial material = NeoHookean({.E = 240.565, .nu = nu});
-  DeformableBody<2> body = total ? splines_on_lattice<2>(mesh, options, 2, material, density)
-                                 : points_on_lattice<2>(mesh, options, 2, material, density);
+  DeformableBody<2> body = body_of_points<2>(mesh, options, total, 2, material, density);
   if (!patches) body.patches.clear();
   const Points<2> X = body.points;
   // On the last layer of points; about 1.3 periods of the slowest motion, damped nearly critically.
   double loaded = 0.0;
   for (Index p = 0; p < X.cols(); ++p)
     if (X(0, p) > 48.0 - 0.5 * cell) loaded += density * body.volumes[p];
-  Dynamics<2> dynamics({body}, total ? total_lagrangian<2>() : mpm<2>(options), {.imbalance = 1e30});
+  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total), {.imbalance = 1e30});
   dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 0, 0.0);
   dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 1, 0.0);
   dynamics.add_interaction(std::make_unique<PointForce>(

@@ -95,20 +95,13 @@ std::string chart(const Comparison& comparison, const std::vector<Panel>& panels
                 ? fmt::format("set key at screen {:.4f},0.89 left top Left reverse vertical spacing 1.4 samplen 2.5\n",
                               (x0 + panel_width + 20.0) / total)
                 : std::string("unset key\n");
+    text += "unset label; unset object\n";
+    // Where methods disagree among themselves an error says nothing.
     if (panel.uncertainty > 0.0)
       text += fmt::format(
-          "set label 1 'finest runs differ' at screen {:.4f},0.18 left front font ',11' tc rgb "
-          "'#777777'\n",
-          (x0 + 8.0) / total);
-    else
-      text += "unset label\n";
-    // Where methods disagree among themselves an error says nothing.
-    text += panel.uncertainty > 0.0
-                ? fmt::format(
-                      "set object 1 rectangle from {},{} to {},{} fc rgb '#eeeeee' fillstyle solid noborder "
-                      "behind\n",
-                      x.low, y.low, x.high, panel.uncertainty)
-                : std::string("unset object\n");
+          "set label 1 'finest runs differ' at screen {:.4f},0.18 left front font ',11' tc rgb '#777777'\n"
+          "set object 1 rectangle from {},{} to {},{} fc rgb '#eeeeee' fillstyle solid noborder behind\n",
+          (x0 + 8.0) / total, x.low, y.low, x.high, panel.uncertainty);
     text += "plot ";
     for (std::size_t m = 0; m < comparison.methods.size(); ++m)
       text += fmt::format("{}{} with linespoints lw 2 ps 1.4 pt {} lc rgb '{}' title {}", m == 0 ? "" : ", \\\n     ",
@@ -124,6 +117,7 @@ std::string chart(const Comparison& comparison, const std::vector<Panel>& panels
 
 std::string write_charts(OutputDirectory& out, const Comparison& comparison) {
   for (const char* old : {"probes.svg", "probes.png", "energy.svg", "energy.png", "charts.gp"}) out.supersede(old);
+  if (!comparison.has_results()) return "no charts: no run came to its end";
   std::vector<Panel> panels;
   for (std::size_t k = 0; k < comparison.probes.size(); ++k)
     panels.push_back({comparison.probes[k].name,
@@ -136,8 +130,6 @@ std::string write_charts(OutputDirectory& out, const Comparison& comparison) {
   const std::vector<Panel> energy{{"energy balance", [](const ComparisonRow& row) {
                                      return row.failure.empty() ? std::optional(row.energy_error) : std::nullopt;
                                    }}};
-  if (std::ranges::none_of(comparison.rows, [](const ComparisonRow& row) { return row.failure.empty(); }))
-    return "no charts: no run came to its end";
   std::vector<Panel> all = panels;
   all.insert(all.end(), energy.begin(), energy.end());
   std::string script = "# Charts of a comparison; run with: gnuplot charts.gp\n" + data_blocks(comparison, all);

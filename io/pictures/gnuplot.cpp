@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/pictures/internal/gnuplot.hpp"
 
+#include "efree/core/internal/printable.hpp"
 #include "efree/io/files/child_process.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 
 #include <fmt/format.h>
-#include <cctype>
 #include <fstream>
 
 namespace efree::internal {
 
 std::string quoted(const std::string& text) {
   std::string result;
-  for (char c : text) {
+  for (char c : printable(text)) {
     if (c == '`') c = '\'';
-    if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
     if (c == '"' || c == '\\') result += '\\';
     if (c == '_' || c == '^' || c == '{' || c == '}' || c == '@' || c == '&' || c == '~') result += "\\\\";
     result += c;

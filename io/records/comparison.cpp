@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/comparison.hpp"
 
+#include "efree/core/internal/printable.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
@@ -10,24 +12,18 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 namespace efree {
 namespace {
 
+using internal::printable;
+
 /// A text as a field of a CSV file.
 std::string csv_text(std::string text) {
   for (std::size_t i = 0; (i = text.find('"', i)) != std::string::npos; i += 2) text.insert(i, 1, '"');
   return '"' + text + '"';
-}
-
-/// Without control characters.
-std::string printable(std::string text) {
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
-  return text;
 }
 
 }  // namespace
@@ -79,9 +75,7 @@ void write_comparison_json(const std::filesystem::path& file, const std::string&
   }
   json["threads"] = num_threads();
   json["version"] = version();
-  std::ofstream stream(file);
-  stream << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-  if (!stream.flush()) internal::cannot_write(file);
+  internal::write_json(file, json);
 }
 
 std::string comparison_table(const Comparison& comparison) {

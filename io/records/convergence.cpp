@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
@@ -52,9 +53,7 @@ void write_study_json(const std::filesystem::path& file, const std::string& titl
   }
   json["threads"] = num_threads();
   json["version"] = version();
-  std::ofstream stream(file);
-  stream << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-  if (!stream.flush()) internal::cannot_write(file);
+  internal::write_json(file, json);
 }
 
 std::string order_table(const Study& study) {

@@ -3,15 +3,14 @@
 
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/json_array.hpp"
 #include "efree/io/records/internal/snake_case.hpp"
+#include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 namespace efree {
@@ -145,9 +144,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   json["peak_memory_mb"] = peak_memory_mb();
   json["threads"] = num_threads();
   json["version"] = version();
-  std::ofstream stream(file);
-  stream << json.dump(2, ' ', false, ordered_json::error_handler_t::replace) << '\n';
-  if (!stream.flush()) internal::cannot_write(file);
+  internal::write_json(file, json);
 }
 
 #define EFREE_INSTANTIATE(Dim)                                                                             \

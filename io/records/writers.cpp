@@ -6,6 +6,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/json_array.hpp"
+#include "efree/io/records/internal/write_json.hpp"
 
 #include <fmt/format.h>
 #include <vtkCellArray.h>
@@ -31,13 +32,7 @@ namespace {
 
 using internal::json_array, nlohmann::ordered_json;
 
-using internal::cannot_write;
-
-void write_json(const std::filesystem::path& file, const ordered_json& json) {
-  std::ofstream stream(file);
-  stream << json.dump(2, ' ', false, ordered_json::error_handler_t::replace) << '\n';
-  if (!stream.flush()) cannot_write(file);
-}
+using internal::cannot_write, internal::write_json;
 
 /// A name as VTK's writer takes it, which puts it into XML as it is.
 std::string in_xml(const std::string& name) {

@@ -376,21 +376,13 @@ TEST(MaterialPointMethod2, InputThatMakesNoSenseIsRefusedWithARemedy) {
 TEST(MaterialPointMethod3, ATaylorBarHasTheLengthAndFootOfOtherMethods) {
   const double size = 0.5e-3;
   const MpmOptions options{.cell = 2.0 * size};
-  const FineMesh<3> mesh = bench::TaylorBar::mesh<3>(0.8e-3);
-  const auto shape = [&](bool total) {
-    DeformableBody<3> body =
-        total ? splines_on_lattice<3>(mesh, options, 2, bench::TaylorBar::copper(), bench::TaylorBar::density)
-              : points_on_lattice<3>(mesh, options, 2, bench::TaylorBar::copper(), bench::TaylorBar::density);
-    body.velocity.setZero(3, total ? body.nodes.cols() : body.points.cols());
-    body.velocity.row(2).setConstant(-227.0);
-    Dynamics<3> dynamics({body}, total ? total_lagrangian<3>() : mpm<3>(options));
-    dynamics.add_wall({.normal = Vec<3>::UnitZ()});
-    dynamics.run(40e-6);
-    EXPECT_LT(std::abs(dynamics.energy().largest_error()), 0.02);
-    return dynamics.points().row(2).maxCoeff() + 0.5 * size;
+  const auto length = [&](bool total) {
+    const bench::TaylorRun run = bench::run_taylor(options, total, 40e-6);
+    EXPECT_LT(std::abs(run.energy_error), 0.02);
+    return run.shape.length;
   };
   // Of OTM at this time 24.9 mm.
-  EXPECT_NEAR(shape(true), shape(false), 0.03 * 24.9e-3);
+  EXPECT_NEAR(length(true), length(false), 0.03 * 24.9e-3);
 }
 
 }  // namespace

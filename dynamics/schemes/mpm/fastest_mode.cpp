@@ -27,15 +27,16 @@ template <int Dim> double random_at(const Site<Dim>& site, Index body, int axis,
 
 /// Moves the mode to the current grid: it keeps its values at sites of the previous grid, and gets a small random part
 /// everywhere.
-template <int Dim> void FastestMode<Dim>::follow(const World<Dim>& world, const PointGrid<Dim>& grid) {
+template <int Dim> void FastestMode<Dim>::move_to_grid(const World<Dim>& world, const PointGrid<Dim>& grid) {
   const double mean = mode_.size() == 0 ? 0.0 : std::sqrt(mode_.squaredNorm() / static_cast<double>(mode_.size()));
-  const double amount = mean > 0.0 && std::isfinite(mean) ? mixed_in * mean : 1.0;
+  const bool is_known = mean > 0.0 && std::isfinite(mean);
+  const double amount = is_known ? mixed_in * mean : 1.0;
   Points<Dim> mode(Dim, world.nodes.size());
   std::vector<SparseGrid<Dim>> grids;
   for (Index b = 0; b < world.num_bodies(); ++b) {
     grids.push_back(grid.of_body(b));
     grids.back().for_each([&](Index node, const Site<Dim>& site) {
-      const Index before = mean > 0.0 && std::isfinite(mean) ? grids_[b].find(site) : -1;
+      const Index before = is_known ? grids_[b].find(site) : -1;
       for (int i = 0; i < Dim; ++i)
         mode(i, node) = (before < 0 ? 0.0 : mode_(i, before)) + amount * random_at<Dim>(site, b, i, estimates_);
     });
@@ -46,7 +47,7 @@ template <int Dim> void FastestMode<Dim>::follow(const World<Dim>& world, const 
 }
 
 template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGrid<Dim>& grid, int products) {
-  follow(world, grid);
+  move_to_grid(world, grid);
   // Forces and momenta of the chunks, which may be summed again.
   std::vector<std::pair<AlignedVector<double>, AlignedVector<double>>> kept;
   for (std::size_t c = 0; c < world.chunks.size(); ++c)

@@ -83,8 +83,8 @@ template <int Dim> typename PointGrid<Dim>::Box PointGrid<Dim>::find_box(const W
   return Box::changed;
 }
 
-/// Where the gap between its pressure patches is widest along the longest axis of its box, or in the middle; a single
-/// patch into its points, which share no dilatation any more.
+/// Splits a chunk along the longest axis of its box where the gap between pressure patches is widest, or in the middle.
+/// The points of a single patch share no dilatation from then on.
 template <int Dim> void PointGrid<Dim>::split(World<Dim>& world, std::size_t c) {
   Chunk<Dim>& chunk = world.chunks[c];
   const Points<Dim>& x = chunk.matter.x;
@@ -112,8 +112,8 @@ template <int Dim> void PointGrid<Dim>::split(World<Dim>& world, std::size_t c) 
   std::ranges::sort(given);
   world.split_chunk(c, given);
   const double lost_power = particles[c].lost_power;
-  particles.push_back(particles[c].of(given));
-  particles[c] = particles[c].of(kept);
+  particles.push_back(particles[c].select(given));
+  particles[c] = particles[c].select(kept);
   particles[c].lost_power = lost_power;
 }
 

@@ -16,7 +16,7 @@ template <int Dim> class FastestMode {
   friend auto fields(FastestMode& of) { return std::tie(of.grids_, of.mode_, of.estimates_); }
 
  private:
-  void follow(const World<Dim>& world, const PointGrid<Dim>& grid);
+  void move_to_grid(const World<Dim>& world, const PointGrid<Dim>& grid);
 
   std::vector<SparseGrid<Dim>> grids_;  ///< of the mode, by body
   Points<Dim> mode_;                    ///< Dim x N

@@ -34,8 +34,8 @@ template <int Dim> struct Particles {
   double speed = 0.0;              ///< largest of a point
   double fastest = 0.0;            ///< speed of pressure waves
 
-  /// Those of these points, without sums.
-  Particles of(const std::vector<Index>& points) const {
+  /// The particles of these points, without sums over the chunk.
+  Particles select(const std::vector<Index>& points) const {
     Particles result;
     result.v = v(Eigen::all, points);
     if (motion.size() != 0) result.motion = motion(Eigen::all, points);

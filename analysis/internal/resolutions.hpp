@@ -1,10 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Clouds of several spacings that are alike.
+/// One case at several resolutions.
 #pragma once
 
 #include "efree/analysis/settings.hpp"
 
+#include <algorithm>
+#include <vector>
+
 namespace efree::internal {
+
+/// Elements of this size have about as many vertices as a cloud of spacing 1 has nodes.
+template <int Dim> inline constexpr double element_size = Dim == 2 ? 0.85 : 1.5;
+
+/// The middle value, of an even number the mean of the two. values: at least one.
+inline double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  const std::size_t n = values.size();
+  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
 
 /// The grading of a case for clouds `factor` times as wide: spacings asked for at places, and how fast they grow from
 /// there, so that the clouds of a study are similar.
