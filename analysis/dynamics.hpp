@@ -40,10 +40,11 @@ template <int Dim> struct RigidBodySettings {
   std::string where{};
 };
 /// Prescribed velocities of the nodes on a part of the boundary (mpm: of all points within a cell of it), by initial
-/// position. Empty components are free.
+/// position and time. Empty components are free.
 template <int Dim> struct BoundaryVelocity {
   std::string on;
-  std::array<ScalarField<Dim>, Dim> velocity;
+  std::array<VelocityLaw<Dim>, Dim> velocity;
+  bool depends_on_time = false;  ///< else the laws are asked once
 };
 /// Gas inside a closed part of the boundary, as GasCavity has it.
 struct GasFilling {

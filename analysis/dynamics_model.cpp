@@ -346,50 +346,67 @@ template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, cons
   }
 }
 
-/// Velocities of the points near parts of the boundary.
-template <int Dim> void prescribe_points(const DynamicsSettings<Dim>& settings,
-                                         const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
-  const Points<Dim> start = model.dynamics.points();
-  for (int i = 0; i < Dim; ++i) {
-    std::map<Index, double> velocities;  // of parts that share a point the last counts
-    for (const auto& part : settings.boundary_velocities)
-      for (std::size_t b = 0; b < regions.size() && part.velocity[i]; ++b)
-        if (const auto points = regions[b].points_on.find(part.on); points != regions[b].points_on.end())
-          for (const Index number : points->second) {
-            const Index p = model.dynamics.first_point(static_cast<Index>(b)) + number;
-            velocities[p] = part.velocity[i](start.col(p));
-          }
-    if (velocities.empty()) continue;
-    std::vector<Index> points;
-    Vector values(static_cast<Index>(velocities.size()));
-    for (const auto& [p, velocity] : velocities) {
-      values[static_cast<Index>(points.size())] = velocity;
-      points.push_back(p);
-    }
-    model.dynamics.prescribe_points(std::move(points), i, values);
+/// Nodes, or points, whose velocity along an axis is prescribed, by the part of the boundary that says it: the last one
+/// that has them.
+template <int Dim, class Numbers>
+std::map<Index, std::vector<Index>> find_prescribed(const DynamicsSettings<Dim>& settings,
+                                                    const std::vector<RegionBody<Dim>>& regions, int axis,
+                                                    const Numbers& of) {
+  std::map<Index, Index> part_of;
+  for (std::size_t k = 0; k < settings.boundary_velocities.size(); ++k) {
+    const auto& part = settings.boundary_velocities[k];
+    for (std::size_t b = 0; b < regions.size() && part.velocity[axis]; ++b)
+      for (const Index number : of(static_cast<Index>(b), part.on)) part_of[number] = static_cast<Index>(k);
   }
+  std::map<Index, std::vector<Index>> result;
+  for (const auto& [number, part] : part_of) result[part].push_back(number);
+  return result;
 }
 
-/// Velocities on parts of the boundary; nodes on the axis of a section stay there.
+/// Velocities on parts of the boundary, of nodes or of the points near them; nodes on the axis of a section stay there.
 template <int Dim> void prescribe_velocities(const DynamicsSettings<Dim>& settings,
                                              const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
-  const Points<Dim> start = model.dynamics.nodes();
-  std::map<std::pair<Index, int>, double> velocities;
-  for (const auto& part : settings.boundary_velocities)
-    for (std::size_t b = 0; b < regions.size(); ++b) {
-      const auto nodes = regions[b].nodes_on.find(part.on);
-      if (nodes == regions[b].nodes_on.end()) continue;
-      for (const Index number : nodes->second) {
-        const Index a = model.dynamics.first_node(static_cast<Index>(b)) + number;
-        for (int i = 0; i < Dim; ++i)
-          if (part.velocity[i]) velocities[{a, i}] = part.velocity[i](start.col(a));
+  Dynamics<Dim>& dynamics = model.dynamics;
+  const auto numbers = [&](const auto& by_part, const std::string& part, Index first) {
+    std::vector<Index> result;
+    if (const auto found = by_part.find(part); found != by_part.end())
+      for (const Index number : found->second) result.push_back(first + number);
+    return result;
+  };
+  const auto nodes_on = [&](Index b, const std::string& part) {
+    return numbers(regions[b].nodes_on, part, dynamics.first_node(b));
+  };
+  const auto points_on = [&](Index b, const std::string& part) {
+    return numbers(regions[b].points_on, part, dynamics.first_point(b));
+  };
+  const Points<Dim> nodes = dynamics.nodes(), points = dynamics.points();
+  const auto is_on_axis = [&](Index a) {
+    return is_axisymmetric(settings) && nodes(0, a) < 1e-9 * nodes.row(0).maxCoeff();
+  };
+  for (Index a = 0; a < nodes.cols(); ++a)
+    if (is_on_axis(a)) dynamics.prescribe(a, 0, 0.0);
+  for (int i = 0; i < Dim; ++i) {
+    auto by_part = find_prescribed(settings, regions, i, nodes_on);
+    for (auto& [k, these] : by_part) {
+      const BoundaryVelocity<Dim>& part = settings.boundary_velocities[k];
+      if (i == 0) std::erase_if(these, is_on_axis);
+      if (part.depends_on_time) {
+        dynamics.prescribe(these, i, part.velocity[i]);
+        continue;
       }
+      for (const Index a : these) dynamics.prescribe(a, i, part.velocity[i](nodes.col(a), 0.0));
     }
-  if (is_axisymmetric(settings))
-    for (Index a = 0; a < model.dynamics.num_nodes(); ++a)
-      if (start(0, a) < 1e-9 * start.row(0).maxCoeff()) velocities[{a, 0}] = 0.0;
-  for (const auto& [node, velocity] : velocities) model.dynamics.prescribe(node.first, node.second, velocity);
-  prescribe_points(settings, regions, model);
+    for (const auto& [k, these] : find_prescribed(settings, regions, i, points_on)) {
+      const BoundaryVelocity<Dim>& part = settings.boundary_velocities[k];
+      if (part.depends_on_time) {
+        dynamics.prescribe_points(these, i, part.velocity[i]);
+        continue;
+      }
+      Vector values(std::ssize(these));
+      for (Index p = 0; p < values.size(); ++p) values[p] = part.velocity[i](points.col(these[p]), 0.0);
+      dynamics.prescribe_points(these, i, values);
+    }
+  }
 }
 
 /// Forces are momenta over a step, which has to be large enough to divide by.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The command line program. Exit status: 0 done, 2 bad input, 3 numerical failure, 1 anything else.
 #include "blas_kernels.hpp"
+#include "crack_run.hpp"
 #include "display.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/printable.hpp"
@@ -43,6 +44,7 @@ struct Options {
   double time_limit = 0.0;
   StudyOptions study;
   ComparisonOptions comparison;
+  CrackRunOptions cracks;
 };
 
 /// What a file has put into a message cannot fill the terminal, nor tell it what to do.
@@ -223,6 +225,37 @@ int run(int argc, char** argv) {
       .add_option("--time-limit", options.time_limit, "seconds after which a run is stopped and counts as failed")
       ->type_name("SECONDS")
       ->check(CLI::PositiveNumber);
+  CLI::App& cracks_command = *app.add_subcommand(
+      "cracks",
+      "mesh the cracks of a finished run of explicit dynamics; writes VTU, OBJ, glTF, pictures and cracks.csv");
+  cracks_command.add_option("DIR", options.cracks.run, "results of efree run")->required();
+  cracks_command
+      .add_option("--out", options.cracks.out, "directory for the results, created if need be; default: DIR/cracks")
+      ->type_name("DIR");
+  cracks_command
+      .add_option("--stretch", options.cracks.files.cracks.stretch,
+                  "edges between points are cut once they are so many times as long as at the start; more than 1")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            double value = 0.0;
+            return CLI::detail::lexical_cast(text, value) && value > 1.0 && std::isfinite(value)
+                       ? std::string()
+                       : fmt::format("{}, expected a number of more than 1", text);
+          },
+          ""))
+      ->capture_default_str();
+  cracks_command
+      .add_option("--smoothing", options.cracks.files.cracks.smoothing, "sweeps that make the faces of cracks even")
+      ->check(CLI::Range(0, 10000))
+      ->capture_default_str();
+  cracks_command.add_option(
+      "--colour", options.cracks.files.colour,
+      "field of the points to colour by; default: plastic strain if there is one, else von Mises");
+  bool no_crack_pictures = false;
+  cracks_command.add_flag("--no-picture", no_crack_pictures, "draw no pictures");
+  cracks_command.add_flag("--quiet", options.run.quiet, "no progress");
+  cracks_command.add_option("--threads", options.threads, "number of threads; default: all cores")
+      ->check(CLI::Range(1, 4096));
   CLI::App& inspect_command = *app.add_subcommand(
       "inspect", "say what a file holds: bodies, named parts of the boundary, smallest feature, faults");
   inspect_command
@@ -247,6 +280,11 @@ int run(int argc, char** argv) {
   if (options.threads > 0) set_num_threads(options.threads);
   Display display(options.run.quiet);
   try {
+    if (cracks_command.parsed()) {
+      options.cracks.files.pictures = !no_crack_pictures;
+      run_cracks(options.cracks, options.run.quiet, display);
+      return 0;
+    }
     if (inspect_command.parsed()) {
       inspect_file(options, display);
       return 0;

@@ -159,8 +159,9 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     if (options_.resume) {
       record_.resume(model);
       say_first_step(monitor, model.dynamics.steps(), model.dynamics.time());
-    } else if (record_.is_unfinished()) {
-      warn_of_unfinished(display, options_.out);
+    } else {
+      if (record_.is_unfinished()) warn_of_unfinished(display, options_.out);
+      record_.add_bodies(*mesh.mesh);
     }
     const DynamicsOutcome outcome = run_dynamics<Dim>(model, case_,
                                                       {.history_line = [&] { record_.add_history_line(model); },

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_mpm NAME ...: rows of the material point method, one or several of transfers, energy, noise, crossing, vortex,
-// contact, strip, taylor, speed, rankine, cook; `all` is all of them. Each prints what it measures beside its bar, and
-// the exit status is 1 where one is missed.
+// contact, strip, taylor, speed, rankine, cook, cracks; `all` is all of these. `scenes` are those of slides.hpp, with a
+// quarter of their points or (--full) all, also by their names. Each prints what it measures beside its
+// bar, and the exit status is 1 where one is missed.
 
 #include "efree/core/error.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 
 #include "clock.hpp"
+#include "crack_scenes.hpp"
 #include "mpm_scenes.hpp"
+#include "slides.hpp"
 
 #include <cstdio>
-#include <cstring>
 #include <functional>
 #include <string>
 
@@ -242,6 +244,66 @@ bool contact() {
   return good;
 }
 
+template <int Dim> bool cracks_in(Index along) {
+  bool good = true;
+  const std::string in = Dim == 2 ? "in the plane, " : "in space, ";
+  const FineMesh<Dim> body = block<Dim>(1.0, 0.5);
+  const Points<Dim> points = points_in_unit_box<Dim>(along, 0.2);
+  const PointMesh<Dim> mesh = mesh_between<Dim>(points, body);
+  CrackedBody<Dim> torn(mesh, {.stretch = 1.5});
+  good &= row("cracks", in + "uncut: cells that are not those of the fine mesh",
+              static_cast<double>((torn.mesh().cells.array() != mesh.cells.array()).count()), 0.0, 0.0);
+  // In disorder, more and more.
+  CrackFaults worst;
+  Index before = 0, lost = 0;
+  for (const double amplitude : {0.4, 0.7, 1.5}) {
+    const Points<Dim> moved = in_disorder<Dim>(points, amplitude / static_cast<double>(along));
+    torn.move(moved);
+    lost += torn.num_cut_edges() < before;
+    before = torn.num_cut_edges();
+    const CrackFaults faults = find_faults<Dim>(torn.mesh(), 1.0);
+    worst.tiling = std::max(worst.tiling, faults.tiling);
+    worst.open_edges += faults.open_edges + faults.inner_facets + faults.inverted;
+    worst.wrong_parts += faults.wrong_parts;
+  }
+  torn.move(points);
+  lost += torn.num_cut_edges() != before;
+  std::printf("cracks     %s%d of %d edges cut in the end\n", in.c_str(), torn.num_cut_edges(), torn.num_edges());
+  good &= row("cracks", in + "error of the volume of all pieces, over it", worst.tiling, 0.0, 1e-12);
+  good &= row("cracks", in + "sides of the surface that are open, cells inside out", worst.open_edges, 0.0, 0.0);
+  good &= row("cracks", in + "parts that are not those of uncut edges", worst.wrong_parts, 0.0, 0.0);
+  good &= row("cracks", in + "times that a cut was undone", lost, 0.0, 0.0);
+  for (const double slope : {0.0, 0.15, 0.4}) {
+    CrackedBody<Dim> halves(mesh);
+    Vec<Dim> normal = Vec<Dim>::Constant(slope);
+    normal[0] = 1.0;
+    halves.move(torn_by_plane<Dim>(points, normal.normalized(), (0.5 + 0.5 * slope * (Dim - 1)) / normal.norm(), 5.0));
+    good &= row("cracks", in + "area of a plane crack over its section, slope " + std::to_string(slope).substr(0, 4),
+                halves.mesh().crack_area / section_of_unit_box<Dim>(slope), 0.95, 1.05);
+  }
+  return good;
+}
+bool cracks() {
+  return cracks_in<2>(60) & cracks_in<3>(16);
+}
+
+bool scene(const Slide& slide, bool full) {
+  const std::string name = slide.name;
+  const SlideRun run = run_slide(EFREE_SCENES "/slides", slide, full, "out/slides/" + name);
+  std::printf(
+      "scenes     %s: %d points, %d steps, %.3g s a frame; all frames meshed and drawn in %.3g s; %d parts, cracks of "
+      "%.3g in the end\n",
+      name.c_str(), run.points, run.steps, run.seconds / static_cast<double>(std::max(1, run.frames - 1)),
+      run.crack_seconds, run.parts, run.crack_area);
+  if (!run.failure.empty()) std::printf("scenes     %s: %s\n", name.c_str(), run.failure.c_str());
+  bool good = row("scenes", name + ": ended before its time", run.failure.empty() ? 0.0 : 1.0, 0.0, 0.0);
+  good &= row("scenes", name + ": seconds of the run", run.seconds, 0.0, 600.0);
+  good &= row("scenes", name + ": smallest J", run.smallest_J, 1e-9, 10.0);
+  good &= row("scenes", name + ": error of the energy", run.energy_error, 0.0, 0.02);
+  good &= row("scenes", name + ": seconds to mesh a frame", run.mesh_seconds, 0.0, slide.mesh_seconds);
+  return good;
+}
+
 }  // namespace
 }  // namespace efree
 
@@ -251,20 +313,30 @@ int main(int argc, char** argv) {
       {"transfers", efree::transfers}, {"energy", efree::energy}, {"noise", efree::noise},
       {"crossing", efree::crossing},   {"vortex", efree::vortex}, {"contact", efree::contact},
       {"strip", efree::strip},         {"taylor", efree::taylor}, {"speed", efree::speed},
-      {"rankine", efree::rankine},     {"cook", efree::cook},
+      {"rankine", efree::rankine},     {"cook", efree::cook},     {"cracks", efree::cracks},
   };
-  bool good = argc > 1, known = argc > 1;
-  for (int i = 1; i < argc; ++i) {
-    bool found = false;
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  const bool full = std::ranges::find(arguments, "--full") != arguments.end();
+  bool good = true, known = !arguments.empty();
+  for (const std::string& argument : arguments) {
+    bool found = argument == "--full";
     for (const auto& [name, run] : rows)
-      if (std::strcmp(argv[i], name) == 0 || std::strcmp(argv[i], "all") == 0) {
+      if (argument == name || argument == "all") {
         found = true;
         good &= run();
+      }
+    for (const auto& slide : efree::bench::slides)
+      if (argument == "scenes" || argument == slide.name) {
+        found = true;
+        good &= efree::scene(slide, full);
       }
     known &= found;
   }
   if (!known) {
-    std::puts("bench_mpm transfers|energy|noise|crossing|vortex|contact|strip|taylor|speed|rankine|cook|all ...");
+    std::puts(
+        "bench_mpm transfers|energy|noise|crossing|vortex|contact|strip|taylor|speed|rankine|cook|cracks|all ...\n"
+        "bench_mpm scenes [--full], or one of torn_strip, sheared_bar, twisted_bar, pulled_block, pierced_sheet, "
+        "torn_shell, crushed_heap: into out/slides");
     return 2;
   }
   return good ? 0 : 1;

@@ -400,7 +400,7 @@ inline TaylorRun run_taylor(const MpmOptions& options, bool total, double until)
 /// A strip 1 by 1, strong at its ends, with a notch, 0.3 deep, that is torn through the ligament of 0.7 left of it:
 /// what Rankine's material dissipates over strength^2 / E times the ligament, at a strength of 0.01.
 inline double torn_strip_dissipation(const MpmOptions& options, double softening, Index points_along = 2) {
-  constexpr double strength = 0.01, speed = 0.003, ligament = 0.7;
+  constexpr double speed = 0.003, ligament = 0.7;
   const Polyline outline{.name = "",
                          .points = {{0.0, 0.0},
                                     {1.0, 0.0},

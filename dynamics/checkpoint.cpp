@@ -20,7 +20,6 @@ template <> inline constexpr bool is_plain<EnergyKind> = true;
 EFREE_FIELDS(EnergyWatch, start, scale, residual, largest_residual, beyond, begun);
 EFREE_FIELDS(Deformation, X, F, history, dt, heat);
 EFREE_FIELDS(MaterialResponse, P, history, energy, A, tangent, dissipated);
-EFREE_FIELDS(PrescribedVelocity, node, axis, velocity);
 template <int Dim> EFREE_FIELDS(Support<Dim>, metric, gamma, moment, has_moments, stabilisation);
 template <int Dim> EFREE_FIELDS(Matter<Dim>, now, response, F_table, F_since, x, volume, mass, eroded, J_ratio, J,
                                 shock, modulus, stiffness_ratio, damage, crack_radius);
@@ -36,6 +35,10 @@ template <int Dim> auto fields(Nodes<Dim>& of) {
 template <int Dim> auto fields(PointTable<Dim>& of) {
   auto& [offsets, local, entries, nodes, x, force, origin] = of;
   return std::tie(offsets, local, entries, nodes);
+}
+template <int Dim> auto fields(PrescribedVelocity<Dim>& of) {
+  auto& [node, axis, velocity, law, start] = of;
+  return std::tie(node, axis, velocity, law, start);
 }
 template <int Dim> auto fields(BodyState<Dim>& of) {
   auto& [material, tangent, compliance, shear, modulus, fracture, plastic_strain, temperature, plastic_metric, release,
@@ -63,6 +66,9 @@ template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
 template <int Dim> void internal::pack(World<Dim>& world, EnergyWatch& watch, Archive& archive) {
   archive(world, watch);
   if (!archive.reads()) return;
+  for (const auto& one : world.prescribed)
+    if (one.law >= std::ssize(world.velocity_laws))
+      throw InputError("the state is of a run with other prescribed velocities");
   for (Chunk<Dim>& chunk : world.chunks)
     for (auto* numbers : {&chunk.table.x, &chunk.table.force}) numbers->assign(4 * chunk.table.nodes.size(), 0.0);
 }

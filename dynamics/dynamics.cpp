@@ -111,6 +111,10 @@ template <int Dim> struct Dynamics<Dim>::Parts {
     if (!watch.begun) watch.look(balance().energies);
     if (world.steps == 0) estimate_first_damping(world);
     const double dt = choose_step(at_most);
+    if (!world.velocity_laws.empty()) {
+      world.follow_velocity_laws(world.time + 0.5 * dt);
+      scheme->find_prescribed(world);
+    }
     advance_nodes(0.5 * (world.last_step + dt), dt);
     world.time += dt;
     world.last_step = dt;
@@ -310,6 +314,38 @@ void Dynamics<Dim>::prescribe(std::function<bool(const Vec<Dim>&)> where, int ax
   for (Index a = 0; a < num_nodes(); ++a)
     if (where(world.nodes.x.col(a))) prescribe(a, axis, velocity);
   world.prescribed_places.push_back({std::move(where), axis, velocity});
+}
+
+template <int Dim> void Dynamics<Dim>::prescribe(const std::vector<Index>& nodes, int axis, VelocityLaw<Dim> velocity) {
+  World<Dim>& world = parts_->world;
+  require(velocity != nullptr && axis >= 0 && axis < Dim &&
+              std::ranges::all_of(nodes, [&](Index node) { return node >= 0 && node < num_nodes(); }),
+          "prescribe: expected a law for an axis of nodes that there are");
+  world.velocity_laws.push_back(std::move(velocity));
+  for (const Index node : nodes) {
+    const Vec<Dim> start = world.nodes.x.col(node);
+    prescribe(node, axis, world.velocity_laws.back()(start, world.time));
+    world.prescribed.back().law = static_cast<Index>(world.velocity_laws.size()) - 1;
+    world.prescribed.back().start = start;
+  }
+}
+
+template <int Dim>
+void Dynamics<Dim>::prescribe_points(std::vector<Index> points, int axis, VelocityLaw<Dim> velocity) {
+  require(velocity != nullptr, "prescribe_points: expected a law");
+  World<Dim>& world = parts_->world;
+  const Points<Dim> now = this->points();
+  Points<Dim> start(Dim, std::ssize(points));
+  Vector values(start.cols());
+  for (Index k = 0; k < start.cols(); ++k) {
+    require(points[k] >= 0 && points[k] < now.cols(), "prescribe_points: expected points that there are");
+    start.col(k) = now.col(points[k]);
+    values[k] = velocity(start.col(k), world.time);
+  }
+  prescribe_points(std::move(points), axis, values);
+  world.velocity_laws.push_back(std::move(velocity));
+  world.prescribed_points.back().law = static_cast<Index>(world.velocity_laws.size()) - 1;
+  world.prescribed_points.back().start = std::move(start);
 }
 
 template <int Dim> void Dynamics<Dim>::prescribe_points(std::vector<Index> points, int axis, const Vector& velocity) {

@@ -46,6 +46,10 @@ template <int Dim> class Dynamics {
   /// Likewise of material points, ascending, each with its velocity, where the scheme's nodes do not stay with the
   /// material: of nodes that have half of their mass and more from these. Throws InputError for other schemes.
   void prescribe_points(std::vector<Index> points, int axis, const Vector& velocity);
+  /// Velocities of nodes, or points, that depend on the time: by the positions that these have now, in every step at
+  /// its middle. Throws InputError as the above, and for a law that is empty; what the law throws ends the step.
+  void prescribe(const std::vector<Index>& nodes, int axis, VelocityLaw<Dim> velocity);
+  void prescribe_points(std::vector<Index> points, int axis, VelocityLaw<Dim> velocity);
   /// Bodies, and rigid bodies that have a mass, get this force per mass from now on [length/time^2], such as gravity,
   /// in place of the one before. Throws InputError for what is no number, and in an axisymmetric section for one along
   /// the radius.

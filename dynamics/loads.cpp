@@ -63,10 +63,12 @@ template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
     Nodes<Dim>& nodes = world.nodes;
     double work = 0.0;
     // The work of a force that changes v in the end is its impulse times the mean of the velocities before and after.
-    for (const auto& [node, axis, velocity] : world.prescribed) {
-      work += 0.5 * nodes.mass[node] * (velocity - nodes.v(axis, node)) * (velocity + nodes.v_before(axis, node));
-      nodes.v(axis, node) = velocity;
-      if (world.consistent_mass.any()) nodes.momentum(axis, node) = nodes.mass[node] * velocity;
+    for (const PrescribedVelocity<Dim>& one : world.prescribed) {
+      const double mass = nodes.mass[one.node];
+      double& v = nodes.v(one.axis, one.node);
+      work += 0.5 * mass * (one.velocity - v) * (one.velocity + nodes.v_before(one.axis, one.node));
+      v = one.velocity;
+      if (world.consistent_mass.any()) nodes.momentum(one.axis, one.node) = mass * v;
     }
     world.ledger.add_energy("prescribed", EnergyKind::work, work);
   }
@@ -75,11 +77,14 @@ template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
     if (!world.prescribed.empty()) velocities.push_back(Vec<Dim>::Zero());
   }
   void edge_split(World<Dim>& world, Index a, Index b, Index middle) override {
-    const std::vector<PrescribedVelocity> prescribed = world.prescribed;
-    for (const auto& [node, axis, velocity] : prescribed)
-      for (const auto& [other, along, as_fast] : prescribed)
-        if (node == a && other == b && axis == along && velocity == as_fast)
-          world.prescribed.push_back({middle, axis, velocity});
+    const std::vector<PrescribedVelocity<Dim>> prescribed = world.prescribed;
+    for (const PrescribedVelocity<Dim>& one : prescribed)
+      for (const PrescribedVelocity<Dim>& other : prescribed) {
+        if (one.node != a || other.node != b || one.axis != other.axis || one.law != other.law) continue;
+        if (one.law < 0 && one.velocity != other.velocity) continue;
+        world.prescribed.push_back(
+            {middle, one.axis, 0.5 * (one.velocity + other.velocity), one.law, 0.5 * (one.start + other.start)});
+      }
   }
 };
 

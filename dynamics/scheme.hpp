@@ -41,6 +41,8 @@ template <int Dim> class Scheme {
   virtual void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk);
   /// nodes.force, by the parts of all chunks.
   virtual void collect_forces(World<Dim>& world);
+  /// World::prescribed by World::prescribed_points, whose velocities have changed, where nodes do not persist.
+  virtual void find_prescribed(World<Dim>&) {}
   /// Whether nodes are of the material and stay with it. Else velocities are prescribed at places or at points, not at
   /// nodes.
   virtual bool nodes_persist() const { return true; }

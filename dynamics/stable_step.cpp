@@ -113,7 +113,7 @@ void StableStep<Dim>::multiply_stiffness(World<Dim>& world, const Region& region
   collect_forces(world, impulse_, region.moving);
   impulse_ *= -1.0;
   for (const auto& interaction : world.interactions) interaction->add_stiffness(world, displacement, impulse_);
-  for (const auto& [node, axis, velocity] : world.prescribed) impulse_(axis, node) = 0.0;
+  for (const auto& one : world.prescribed) impulse_(one.axis, one.node) = 0.0;
 }
 
 /// The square of the highest frequency of the bodies, were they elastic as they are now and nothing but the region
@@ -123,7 +123,7 @@ template <int Dim> double StableStep<Dim>::estimate_squared_frequency(World<Dim>
                                                                       Index most_products, Points<Dim>& mode) {
   if (region.chunks.size() < world.chunks.size())
     for (auto& chunk : world.chunks) std::fill(chunk.table.force.begin(), chunk.table.force.end(), 0.0);
-  for (const auto& [node, axis, velocity] : world.prescribed) mode(axis, node) = 0.0;
+  for (const auto& one : world.prescribed) mode(one.axis, one.node) = 0.0;
   multiply_stiffness(world, region, mode);
   find_velocities(world, impulse_, velocity_);
   const double work = impulse_.cwiseProduct(mode).sum();

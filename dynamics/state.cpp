@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/state.hpp"
 
+#include "efree/core/error.hpp"
 #include "efree/dynamics/interaction.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <cmath>
 #include <numeric>
 
 namespace efree {
@@ -168,7 +172,7 @@ template <int Dim> void World<Dim>::split_chunk(std::size_t chunk, const std::ve
 
 template <int Dim> void World<Dim>::find_free_axes() {
   nodes.free.setOnes(Dim, nodes.size());
-  for (const auto& [node, axis, velocity] : prescribed) nodes.free(axis, node) = 0.0;
+  for (const auto& one : prescribed) nodes.free(one.axis, one.node) = 0.0;
   if (consistent_mass.any()) consistent_mass.free_sum = (consistent_mass.coupling * nodes.free.transpose()).transpose();
 }
 
@@ -185,6 +189,21 @@ void World<Dim>::replace_nodes(const Points<Dim>& x, const std::vector<Index>& b
   nodes.active.assign(N, 1);
   first_node = bounds;
   find_prescribed_places();
+}
+
+template <int Dim> void World<Dim>::follow_velocity_laws(double at) {
+  const auto velocity = [&](Index law, const Vec<Dim>& start) {
+    const double value = velocity_laws[law](start, at);
+    if (!std::isfinite(value))
+      throw InputError(
+          fmt::format("the prescribed velocity at ({:.6g}) is not finite at time {:.6g}", fmt::join(start, ", "), at));
+    return value;
+  };
+  for (auto& one : prescribed)
+    if (one.law >= 0) one.velocity = velocity(one.law, one.start);
+  for (auto& group : prescribed_points)
+    for (Index k = 0; group.law >= 0 && k < group.velocity.size(); ++k)
+      group.velocity[k] = velocity(group.law, group.start.col(k));
 }
 
 template <int Dim> void World<Dim>::find_prescribed_places() {

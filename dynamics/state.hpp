@@ -199,18 +199,25 @@ struct SurfacePoints {
   bool of(Index body) const { return !bodies.empty() && bodies[body] != 0; }
 };
 
+/// Velocity along an axis by a position at the start and by the time. Called by one thread.
+template <int Dim> using VelocityLaw = std::function<double(const Vec<Dim>& start, double time)>;
+
 /// Velocities of nodes along an axis.
-struct PrescribedVelocity {
+template <int Dim> struct PrescribedVelocity {
   Index node;
   int axis;
   double velocity;
+  Index law = -1;                     ///< of World::velocity_laws; -1: it stays as it is
+  Vec<Dim> start = Vec<Dim>::Zero();  ///< position that the law is asked for
 };
 
 /// Velocities along an axis of points, ascending, for schemes whose nodes do not stay with the material.
-struct PrescribedPoints {
+template <int Dim> struct PrescribedPoints {
   std::vector<Index> points;
   int axis;
-  Vector velocity;  ///< of each
+  Vector velocity;         ///< of each
+  Index law = -1;          ///< as of PrescribedVelocity
+  Points<Dim> start = {};  ///< positions that the law is asked for
 };
 
 /// Which chunks have a node in their table: row a of offsets, chunk and local number, and the forces there.
@@ -230,7 +237,7 @@ template <int Dim> struct World {
   NodeChunks node_chunks;
   ConsistentMass<Dim> consistent_mass;
   SurfacePoints surface_points;
-  std::vector<PrescribedVelocity> prescribed;
+  std::vector<PrescribedVelocity<Dim>> prescribed;
   /// Velocities prescribed by place, for nodes that come later; `where` is asked for positions.
   struct PrescribedPlace {
     std::function<bool(const Vec<Dim>&)> where;
@@ -238,7 +245,8 @@ template <int Dim> struct World {
     double velocity;
   };
   std::vector<PrescribedPlace> prescribed_places;
-  std::vector<PrescribedPoints> prescribed_points;
+  std::vector<PrescribedPoints<Dim>> prescribed_points;
+  std::vector<VelocityLaw<Dim>> velocity_laws;
   Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
@@ -287,6 +295,8 @@ template <int Dim> struct World {
   /// Nodes of a scheme that makes them anew, at rest. bounds: the first node of each body, and one past the last.
   /// Velocities are prescribed by place.
   void replace_nodes(const Points<Dim>& x, const std::vector<Index>& bounds, double spacing);
+  /// Asks the laws for the velocities at that time.
+  void follow_velocity_laws(double time);
   /// Forgets prescribed velocities of nodes and finds those by place.
   void find_prescribed_places();
   /// Room for more nodes after those of a body, at rest and without mass; others get later numbers.

@@ -20,11 +20,12 @@ set(may_analysis core geometry heatgeo basis quadrature materials assembly solve
 set(may_io core geometry heatgeo basis quadrature materials assembly solvers dynamics analysis)
 
 # Rooms of a folder, in which all of its sources are, and the rooms of it they may include besides themselves.
-set(rooms_of_geometry mesh input meshing cloud)
+set(rooms_of_geometry mesh input meshing cloud cracks)
 set(may_geometry_mesh "")
 set(may_geometry_input mesh)
 set(may_geometry_meshing mesh input)
 set(may_geometry_cloud mesh)
+set(may_geometry_cracks mesh)
 set(rooms_of_solvers linear equations algorithms cells)
 set(may_solvers_linear "")
 set(may_solvers_equations "")

@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/mesh/internal/bodies.hpp"
 #include "efree/geometry/mesh/internal/extent.hpp"
+#include "efree/geometry/mesh/internal/signed_volume.hpp"
 #include "efree/geometry/mesh/internal/sorted_facet.hpp"
 
 #include <fmt/format.h>
@@ -156,12 +157,6 @@ template <int Dim> Cells<Dim> neighbours_of(const Cells<Dim>& cells) {
   return neighbours_of<Dim>(cells, cells_around<Dim>(cells, cells.maxCoeff() + 1));
 }
 
-template <int Dim> double signed_volume(const Points<Dim>& x, const Cells<Dim>& cells, Index c) {
-  Mat<Dim> edges;
-  for (int k = 0; k < Dim; ++k) edges.col(k) = x.col(cells(k + 1, c)) - x.col(cells(0, c));
-  return edges.determinant() / (Dim == 2 ? 2.0 : 6.0);
-}
-
 /// Whether the facet of a cell opposite its vertex i faces the other way for the cell beyond it, as it does for cells
 /// that lie on different sides of it.
 template <int Dim> bool faces_back(const Cells<Dim>& cells, Index c, Index i, Index beyond) {
@@ -269,7 +264,7 @@ template <int Dim> FineMesh<Dim>::FineMesh(MeshData<Dim> data) {
   parallel_chunks(num_cells(), cells_per_chunk, [&](Index begin, Index end) {
     double square = 0.0;
     for (Index c = begin; c < end; ++c) {
-      double volume = signed_volume<Dim>(vertices_, cells_, c);
+      double volume = internal::signed_volume<Dim>(vertices_, cells_, c);
       if (volume < 0.0) {
         std::swap(cells_(Dim - 1, c), cells_(Dim, c));
         volume = -volume;

@@ -151,10 +151,14 @@ template <int Dim> std::optional<Location<Dim>> Locator<Dim>::beside_boundary(co
   return there;
 }
 
-template <int Dim> Location<Dim> Locator<Dim>::operator()(const Vec<Dim>& x) const {
+template <int Dim> std::optional<Location<Dim>> Locator<Dim>::find(const Vec<Dim>& x) const {
   const Location<Dim> best =
       tree_ ? best_of(*mesh_, tree_->around(x), x) : best_of(*mesh_, std::views::iota(Index(0), mesh_->num_cells()), x);
-  if (best.at.minCoeff() >= -barycentric_tolerance) return best;
+  return best.at.minCoeff() >= -barycentric_tolerance ? std::optional(best) : std::nullopt;
+}
+
+template <int Dim> Location<Dim> Locator<Dim>::operator()(const Vec<Dim>& x) const {
+  if (const auto found = find(x)) return *found;
   if (const auto beside = beside_boundary(x)) return *beside;
   Index nearest = 0;
   (mesh_->vertices().colwise() - x).colwise().stableNorm().minCoeff(&nearest);

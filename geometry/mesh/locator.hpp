@@ -29,6 +29,8 @@ template <int Dim> class Locator {
   /// by what facets are off a convex curve (angles between them below 30 degrees), is taken at the nearest point of the
   /// boundary. Throws InputError (with the nearest vertex) if it lies outside the body.
   Location<Dim> operator()(const Vec<Dim>& x) const;
+  /// The same for a point that is in a cell, but for rounding; nothing for others.
+  std::optional<Location<Dim>> find(const Vec<Dim>& x) const;
 
  private:
   struct Tree;

@@ -25,7 +25,9 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
     expressions.define("grey", grey);
   else
     expressions.refuse("grey", "grey is the value of an image at a point, and the geometry is no image");
-  if (time.runs)
+  if (time.clock)
+    expressions.at_clock(time.clock);
+  else if (time.runs)
     expressions.at_any_time();
   else if (time.time)
     expressions.at_time(*time.time);

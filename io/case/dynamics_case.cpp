@@ -179,10 +179,12 @@ template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, c
   }
 }
 
-template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries,
-                                                 const Expressions<Dim>& expressions, PlaceReader<Dim>& places,
+template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries, const Section& root,
+                                                 const ScalarField<Dim>& grey, PlaceReader<Dim>& places,
                                                  DynamicsSettings<Dim>& dynamics) {
   constexpr const char* axes[] = {"x", "y", "z"};
+  const auto clock = std::make_shared<double>(0.0);
+  const Expressions<Dim> expressions = read_definitions<Dim>(root, grey, {.time = {}, .clock = clock});
   for (const Section& entry : entries) {
     BoundaryVelocity<Dim> part{.on = places.name(entry), .velocity = {}};
     const auto components = entry.expressions<Dim>("velocity");
@@ -194,7 +196,12 @@ template <int Dim> void read_boundary_velocities(const std::vector<Section>& ent
         if (earlier.on == part.on && earlier.velocity[i])
           entry.fail("velocity",
                      fmt::format("the velocity along {} on \"{}\" is prescribed already", axes[i], part.on));
-      part.velocity[i] = expressions.field(components[i], entry.where("velocity"));
+      const std::string where = entry.where("velocity");
+      part.velocity[i] = [clock, field = expressions.field(components[i], where)](const Vec<Dim>& start, double t) {
+        *clock = t;
+        return field(start);
+      };
+      part.depends_on_time |= expressions.uses("t", components[i], where);
     }
     dynamics.boundary_velocities.push_back(std::move(part));
   }
@@ -447,9 +454,9 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   DynamicsCase<Dim> result;
   read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,
               result.geometry);
-  const Expressions<Dim> expressions = read_definitions<Dim>(
-      root, result.geometry.grey,
-      {std::nullopt, "initial velocities, prescribed velocities and gravity do not depend on the time"});
+  const Expressions<Dim> expressions =
+      read_definitions<Dim>(root, result.geometry.grey,
+                            {std::nullopt, "only velocities of boundaries and rigid bodies may depend on the time t"});
   MaterialReader<Dim>(expressions, "explicit dynamics asks").read(root, result.common);
   PlaceReader<Dim> places(result.common);
   result.gravity = read_gravity<Dim>(analysis, expressions);
@@ -457,7 +464,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   read_fractures<Dim>(fractures, result);
   read_walls<Dim>(walls, result);
   read_rigid_bodies<Dim>(rigid_bodies, text.folder(), root, result.geometry.grey, result);
-  read_boundary_velocities<Dim>(boundaries, expressions, places, result);
+  read_boundary_velocities<Dim>(boundaries, root, result.geometry.grey, places, result);
   read_cloud(root, places, result);
   read_dynamics(root, result);
   read_otm(root, result);

@@ -68,6 +68,10 @@ template <int Dim> class Program {
     steps_.emplace_back().name = name;
     steps_.back().given = given;
   }
+  /// Why a text is refused that uses what is; empty: it does not.
+  std::string reason_against(const std::string& text, const std::string& where) {
+    return reason_against(parse("", text, where));
+  }
   /// Expressions that use the name are refused for this reason.
   void refuse(const std::string& name, const std::string& why) { refused_[name] = why; }
   /// Compiles `text` as the next component of what the program computes.
@@ -89,6 +93,8 @@ template <int Dim> class Program {
         step = steps_.erase(step);
     }
   }
+  /// Whether there is a definition of that name, after those that no result needs were forgotten.
+  bool has(const std::string& name) const { return std::ranges::find(steps_, name, &Step::name) != steps_.end(); }
   bool varies() const {
     return std::ranges::any_of(results_, [&](const Step& result) { return varies(result); });
   }
@@ -109,6 +115,18 @@ template <int Dim> class Program {
   };
 
   Step compile(const std::string& name, const std::string& text, const std::string& where) {
+    Step step = parse(name, text, where);
+    if (const std::string why = reason_against(step); !why.empty())
+      throw InputError(prefixed(where, fmt::format("expression \"{}\": {}", text, why)));
+    return step;
+  }
+  /// Why what an expression uses is refused; empty: it is not.
+  std::string reason_against(const Step& step) const {
+    for (const auto& [name, why] : refused_)
+      if (step.parser.GetUsedVar().contains(name)) return why;
+    return {};
+  }
+  Step parse(const std::string& name, const std::string& text, const std::string& where) {
     refuse_assignment(text, where);
     Step step{name, {}};
     try {
@@ -123,9 +141,6 @@ template <int Dim> class Program {
     } catch (const mu::Parser::exception_type& error) {
       reject(error, text, where);
     }
-    for (const auto& [unknown, why] : refused_)
-      if (step.parser.GetUsedVar().contains(unknown))
-        throw InputError(prefixed(where, fmt::format("expression \"{}\": {}", text, why)));
     if (step.parser.GetNumResults() != 1)
       throw InputError(prefixed(where, fmt::format("expression \"{}\" has {} values separated by commas, expected one",
                                                    text, step.parser.GetNumResults())));
@@ -165,7 +180,7 @@ template <int Dim> class Pool {
   std::array<std::atomic<Program<Dim>*>, 61> slots_{};
 };
 
-/// What evaluates expressions that use definitions.
+/// What evaluates expressions that use definitions; without texts what knows all definitions.
 template <int Dim, class Definitions, class Texts>
 std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const Texts& texts, const std::string& where) {
   auto program = std::make_unique<Program<Dim>>();
@@ -178,7 +193,7 @@ std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const T
       program->define(name, text, where);
   }
   for (const std::string& text : texts) program->add_result(text, where);
-  program->prune();
+  if (!texts.empty()) program->prune();
   return program;
 }
 
@@ -198,8 +213,11 @@ template <int Dim> void Expressions<Dim>::require_free(const std::string& name, 
 template <int Dim>
 void Expressions<Dim>::define(const std::string& name, const std::string& text, const std::string& where) {
   require_free(name, where);
-  field(text, where);
-  definitions_.push_back({name, text});
+  // What uses a name that is refused may be there for those that do not refuse it.
+  const std::string why =
+      program_of<Dim>(definitions_, std::array<std::string, 0>{}, where)->reason_against(text, where);
+  if (why.empty()) field(text, where);
+  definitions_.push_back({.name = name, .text = text, .refused = why});
 }
 template <int Dim> void Expressions<Dim>::define(const std::string& name, ScalarField<Dim> given) {
   require_free(name, {});
@@ -212,6 +230,10 @@ template <int Dim> void Expressions<Dim>::at_time(double t) {
 template <int Dim> void Expressions<Dim>::at_any_time() {
   define("t", [](const Vec<Dim>& time) { return time[0]; });
   runs_ = true;
+}
+template <int Dim> void Expressions<Dim>::at_clock(std::shared_ptr<const double> clock) {
+  define("t", [clock](const Vec<Dim>&) { return *clock; });
+  clock_ = std::move(clock);
 }
 template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
   require_free(name, {});
@@ -226,12 +248,18 @@ template <int Dim> bool Expressions<Dim>::varies(const std::string& text, const 
   return program_of<Dim>(definitions_, std::array{text}, where)->varies();
 }
 
+template <int Dim>
+bool Expressions<Dim>::uses(const std::string& name, const std::string& text, const std::string& where) const {
+  return program_of<Dim>(definitions_, std::array{text}, where)->has(name);
+}
+
 template <int Dim> template <std::size_t Size>
 std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
     const std::array<std::string, Size>& texts, const std::string& where) const {
   using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
   const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
-  const auto check = [texts, where, moment = moment_, runs = runs_](const Values& values, const Vec<Dim>* x) {
+  const auto check = [texts, where, moment = moment_, runs = runs_, clock = clock_](const Values& values,
+                                                                                    const Vec<Dim>* x) {
     for (std::size_t k = 0; k < Size; ++k) {
       const double value = values[static_cast<int>(k)];
       if (std::isfinite(value)) continue;
@@ -241,6 +269,7 @@ std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)>
       else if (x)
         at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
       if (!moment.empty()) at.push_back(moment);
+      if (clock) at.push_back(fmt::format("t = {:.6g}", *clock));
       throw InputError(prefixed(where, fmt::format("expression \"{}\" is {}{}{}, expected a finite number", texts[k],
                                                    std::isnan(value) ? std::abs(value) : value,
                                                    at.empty() ? "" : " at ", fmt::join(at, ", "))));

@@ -5,6 +5,7 @@
 #include "efree/core/types.hpp"
 
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,10 @@ template <int Dim> class Expressions {
   void at_time(double t);
   /// Calls the first coordinate of where fields are asked for the time t; messages then say that instead of a point.
   void at_any_time();
-  /// Keeps a name from being defined; expressions that use it are refused with this reason.
+  /// The time t is what the clock says when a field is asked; messages say it.
+  void at_clock(std::shared_ptr<const double> clock);
+  /// Keeps a name from being defined; expressions that use it are refused with this reason, by themselves or through
+  /// definitions.
   void refuse(const std::string& name, const std::string& why);
 
   /// The field described by `text`. Throws InputError naming expression, position in it and what is wrong; calling the
@@ -35,6 +39,9 @@ template <int Dim> class Expressions {
 
   /// Whether it depends on the position. Throws like field().
   bool varies(const std::string& text, const std::string& where = {}) const;
+
+  /// Whether it depends on what was given that name, by itself or through definitions. Throws like field().
+  bool uses(const std::string& name, const std::string& text, const std::string& where = {}) const;
 
   /// The same for as many components as a vector or a symmetric tensor has, which share what they have in common.
   template <std::size_t Size> std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> fields(
@@ -52,6 +59,7 @@ template <int Dim> class Expressions {
   std::vector<Definition> definitions_;
   std::string moment_;  ///< "t = 0.5"; empty without a time
   bool runs_ = false;   ///< points are times
+  std::shared_ptr<const double> clock_{};
 };
 
 }  // namespace efree

@@ -121,6 +121,12 @@ void OutputDirectory::unlock() {
   if (lock_ >= 0) close(std::exchange(lock_, -1));
 }
 
+void OutputDirectory::supersede_all(const std::function<bool(const std::string& name)>& is_one) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(directory_, error))
+    if (std::string name = entry.path().filename().string(); is_one(name)) supersede(std::move(name));
+}
+
 void OutputDirectory::clear() {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(staging_, ignored)) fs::remove_all(entry.path(), ignored);

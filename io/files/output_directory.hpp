@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -29,6 +30,8 @@ class OutputDirectory {
   bool has(const std::string& name) const { return std::filesystem::exists(directory_ / name); }
   /// Removes an older file of that name on commit(), for files that a run does not always write.
   void supersede(std::string name) { superseded_.push_back(std::move(name)); }
+  /// The same of all older files with such names.
+  void supersede_all(const std::function<bool(const std::string& name)>& is_one);
   /// Forgets what was collected so far.
   void clear();
   /// Moves the files to their places. Throws InputError if that is not possible.

@@ -4,9 +4,11 @@
 
 #include "efree/analysis/result.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
+#include "efree/geometry/cracks/cracked_body.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/io/case/inspect.hpp"
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -40,5 +42,17 @@ template <int Dim> struct DynamicsPicture {
 };
 /// Writes a PNG file of 1600 x 1200 pixels. Throws InputError if that is not possible.
 template <int Dim> void draw_dynamics(const std::filesystem::path& file, const DynamicsPicture<Dim>& picture);
+
+/// A body with its cracks.
+template <int Dim> struct CrackPicture {
+  const CrackedMesh<Dim>& mesh;
+  Vector values;                  ///< at nodes, by colour
+  std::array<double, 2> range{};  ///< of values that the colours span
+  std::string title, field;       ///< `field`: the name of the values
+  BoundingBox<Dim> view;          ///< the part of space in the picture
+};
+/// In space faces of cracks are red; in the plane cracks are lines. Writes a PNG file of 1600 x 1200 pixels. Throws
+/// InputError if that is not possible.
+template <int Dim> void draw_cracks(const std::filesystem::path& file, const CrackPicture<Dim>& picture);
 
 }  // namespace efree

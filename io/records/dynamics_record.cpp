@@ -66,7 +66,8 @@ template <int Dim> Numbers history_numbers(const Dynamics<Dim>& dynamics) {
 }  // namespace
 
 template <int Dim> bool DynamicsRecord<Dim>::is_part(const std::string& name) {
-  static const std::regex parts(R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|frame_[0-9]{4,9}\.png|history\.csv)");
+  static const std::regex parts(
+      R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|bodies\.vtu|frame_[0-9]{4,9}\.png|history\.csv)");
   return std::regex_match(name, parts);
 }
 
@@ -104,6 +105,10 @@ template <int Dim> std::string DynamicsRecord<Dim>::state() const {
   std::string lines = lines_;
   pack(points), pack(nodes), pack(columns), pack(lines);
   return std::move(pack).bytes();
+}
+
+template <int Dim> void DynamicsRecord<Dim>::add_bodies(const FineMesh<Dim>& mesh) {
+  write_mesh(folder_ / "bodies.vtu", mesh);
 }
 
 template <int Dim> void DynamicsRecord<Dim>::add(const Dynamics<Dim>& dynamics, const Numbers& more) {

@@ -26,6 +26,8 @@ template <int Dim> class DynamicsRecord {
   /// Continues the record in that folder from this state; later frames and lines are removed. Throws InputError for
   /// bytes that are no state.
   DynamicsRecord(std::filesystem::path folder, std::string_view state);
+  /// bodies.vtu: the bodies as meshes, at the start; regions are bodies.
+  void add_bodies(const FineMesh<Dim>& mesh);
   /// A frame, and a line of history.csv.
   void add(const Dynamics<Dim>& dynamics, const Numbers& more = {});
   /// A frame alone.

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view dynamics_state_kind = "efree dynamics 1\n";
+constexpr std::string_view dynamics_state_kind = "efree dynamics 2\n";
 constexpr const char* dynamics_state_name = "dynamics.state";
 
 /// Values of the probes, by columns.
@@ -102,6 +102,11 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
     for (const std::string& name : files_of_run<Dim>(directory_))
       internal::link(directory_ / name, unfinished_->folder() / name);
   record_.emplace(unfinished_->folder(), record);
+}
+
+template <int Dim> void DynamicsRun<Dim>::add_bodies(const FineMesh<Dim>& mesh) {
+  begin();
+  record_->add_bodies(mesh);
 }
 
 template <int Dim> void DynamicsRun<Dim>::add_history_line(const DynamicsModel<Dim>& model) {

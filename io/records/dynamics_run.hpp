@@ -31,6 +31,7 @@ template <int Dim> class DynamicsRun {
   /// on here.
   void resume(DynamicsModel<Dim>& model);
   /// For DynamicsObserver. All throw InputError where files cannot be written.
+  void add_bodies(const FineMesh<Dim>& mesh);
   void add_history_line(const DynamicsModel<Dim>& model);
   void add_frame(const DynamicsModel<Dim>& model);
   void write_checkpoint(const DynamicsModel<Dim>& model);

@@ -12,6 +12,7 @@
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
 #include <vtkCellType.h>
+#include <vtkDataSetAttributes.h>
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkIntArray.h>
@@ -281,6 +282,25 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   write_grid(file, grid);
 }
 
+namespace {
+
+void add_values(const std::filesystem::path& file, Eigen::Index count, const std::vector<PointValues>& values,
+                vtkDataSetAttributes* to) {
+  for (const PointValues& of : values) {
+    if (of.values.cols() != count)
+      throw InputError(
+          fmt::format("{}: {} values of {}, expected {}", file.string(), of.values.cols(), of.name, count));
+    std::vector<const char*> components;
+    for (Index i = 0; i < of.values.rows(); ++i)
+      components.push_back(i < static_cast<Index>(of.components.size()) ? of.components[i].c_str() : nullptr);
+    // A vector has three components for ParaView.
+    while (of.components == std::vector<std::string>{"x", "y"} && components.size() == 2) components.push_back("z");
+    to->AddArray(array_of(of.name.c_str(), of.values, components));
+  }
+}
+
+}  // namespace
+
 template <int Dim> void write_points(const std::filesystem::path& file, const Points<Dim>& points,
                                      const std::vector<PointValues>& values) {
   const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(points);
@@ -290,18 +310,29 @@ template <int Dim> void write_points(const std::filesystem::path& file, const Po
     cells->InsertCellPoint(p);
   }
   grid->SetCells(VTK_VERTEX, cells);
-  for (const PointValues& of : values) {
-    if (of.values.cols() != points.cols())
-      throw InputError(
-          fmt::format("{}: {} values of {}, expected {}", file.string(), of.values.cols(), of.name, points.cols()));
-    std::vector<const char*> components;
-    for (Index i = 0; i < of.values.rows(); ++i)
-      components.push_back(i < static_cast<Index>(of.components.size()) ? of.components[i].c_str() : nullptr);
-    // A vector has three components for ParaView.
-    while (of.components == std::vector<std::string>{"x", "y"} && components.size() == 2) components.push_back("z");
-    add_array(grid, of.name, of.values, components);
-  }
+  add_values(file, points.cols(), values, grid->GetPointData());
   write_grid(file, grid);
+}
+
+template <int Dim> void write_cells(const std::filesystem::path& file, const Points<Dim>& vertices,
+                                    const Cells<Dim>& cells, const std::vector<PointValues>& at_vertices,
+                                    const std::vector<PointValues>& of_cells) {
+  const vtkNew<vtkUnstructuredGrid> grid = grid_on<Dim>(vertices);
+  vtkNew<vtkCellArray> vtk_cells;
+  for (Index c = 0; c < cells.cols(); ++c) {
+    vtk_cells->InsertNextCell(Dim + 1);
+    for (int i = 0; i <= Dim; ++i) vtk_cells->InsertCellPoint(cells(i, c));
+  }
+  grid->SetCells(VtkCell<Dim>::linear, vtk_cells);
+  add_values(file, vertices.cols(), at_vertices, grid->GetPointData());
+  add_values(file, cells.cols(), of_cells, grid->GetCellData());
+  write_grid(file, grid);
+}
+
+template <int Dim> void write_mesh(const std::filesystem::path& file, const FineMesh<Dim>& mesh) {
+  Matrix region(1, mesh.num_cells());
+  for (Index c = 0; c < mesh.num_cells(); ++c) region(0, c) = mesh.region(c);
+  write_cells<Dim>(file, mesh.vertices(), mesh.cells(), {}, {{"region", region}});
 }
 
 template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result) {
@@ -474,6 +505,12 @@ template void write_fields<2>(const std::filesystem::path&, const Settings<2>&, 
 template void write_fields<2>(const std::filesystem::path&, const FineSpace<2>&, const Fields<2>&);
 template void write_points<2>(const std::filesystem::path&, const Points<2>&, const std::vector<PointValues>&);
 template void write_points<3>(const std::filesystem::path&, const Points<3>&, const std::vector<PointValues>&);
+template void write_cells<2>(const std::filesystem::path&, const Points<2>&, const Cells<2>&,
+                             const std::vector<PointValues>&, const std::vector<PointValues>&);
+template void write_cells<3>(const std::filesystem::path&, const Points<3>&, const Cells<3>&,
+                             const std::vector<PointValues>&, const std::vector<PointValues>&);
+template void write_mesh<2>(const std::filesystem::path&, const FineMesh<2>&);
+template void write_mesh<3>(const std::filesystem::path&, const FineMesh<3>&);
 template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
 template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
 template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);

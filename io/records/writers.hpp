@@ -31,7 +31,7 @@ void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space
 /// The cloud of nodes with the displacement at each.
 template <int Dim> void write_nodes(const std::filesystem::path& file, const Result<Dim>& result);
 
-/// Values at points, a row for each component.
+/// Values at points, or of cells: a row for each component.
 struct PointValues {
   std::string name;
   Matrix values;                             ///< components x points
@@ -41,6 +41,15 @@ struct PointValues {
 /// number of points.
 template <int Dim>
 void write_points(const std::filesystem::path& file, const Points<Dim>& points, const std::vector<PointValues>& values);
+
+/// A mesh for ParaView (VTK, binary): cell data region.
+template <int Dim> void write_mesh(const std::filesystem::path& file, const FineMesh<Dim>& mesh);
+
+/// Cells of any mesh, with values at their vertices and of cells, for ParaView (VTK, binary). Throws InputError for
+/// values of another number of vertices or cells.
+template <int Dim> void write_cells(const std::filesystem::path& file, const Points<Dim>& vertices,
+                                    const Cells<Dim>& cells, const std::vector<PointValues>& at_vertices,
+                                    const std::vector<PointValues>& of_cells);
 
 /// Counts, errors, energy, probes, parts of the boundary, seconds: the format is in docs/case-file.md.
 template <int Dim>

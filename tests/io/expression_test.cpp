@@ -64,8 +64,11 @@ TEST(Expression, RefusedNamesSayWhy) {
   EXPECT_DOUBLE_EQ(expressions.field("2*x")(Vec<2>(3, 4)), 6.0);
   EXPECT_EQ(complaint([&] { expressions.field("2*grey", "case:3"); }),
             "case:3: expression \"2*grey\": there is no image");
-  EXPECT_EQ(complaint([&] { expressions.define("a", "grey + 1", "case:4"); }),
-            "case:4: expression \"grey + 1\": there is no image");
+  // Definitions may use it for others' sake.
+  expressions.define("a", "grey + 1", "case:4");
+  expressions.define("b", "2*a");
+  EXPECT_EQ(complaint([&] { expressions.field("x + b", "case:5"); }),
+            "case:5: expression \"x + b\": there is no image");
 }
 
 TEST(Expression, SaysWhereAndWhatIsWrong) {

@@ -5,6 +5,7 @@
 #include "efree/dynamics/schemes/mpm/internal/sparse_grid.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
+#include "efree/geometry/mesh/internal/facet_samples.hpp"
 #include "efree/quadrature/lattice.hpp"
 
 #include <fmt/format.h>
@@ -68,31 +69,6 @@ template <int Dim> ShapeTable<Dim> table_of(const std::vector<std::vector<Spline
   return {grid.end(), std::move(offsets), std::move(nodes), std::move(N), std::move(dN)};
 }
 
-/// Points on facets of the boundary, no further apart than that.
-template <int Dim>
-std::vector<Vec<Dim>> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double apart) {
-  std::vector<Vec<Dim>> result;
-  for (const Index f : facets) {
-    Mat<Dim> corners;
-    for (int i = 0; i < Dim; ++i) corners.col(i) = mesh.vertices().col(mesh.facets()(i, f));
-    double longest = 0.0;
-    for (int i = 0; i < Dim; ++i) longest = std::max(longest, (corners.col(i) - corners.col((i + 1) % Dim)).norm());
-    const int n = std::max(1, static_cast<int>(std::ceil(longest / apart)));
-    // Barycentric coordinates (a, b, n - a - b) / n; corners are shared with other facets, and once in each.
-    for (int a = 0; a <= n; ++a)
-      for (int b = 0; b <= (Dim == 3 ? n - a : 0); ++b) {
-        Vec<Dim> at = a * corners.col(0) + (n - a - b) * corners.col(Dim - 1);
-        if constexpr (Dim == 3) at += b * corners.col(1);
-        result.emplace_back(at / n);
-      }
-  }
-  const auto key = [](const Vec<Dim>& x) { return std::vector<double>(x.begin(), x.end()); };
-  std::ranges::sort(result, {}, key);
-  const auto same = [&](const Vec<Dim>& x, const Vec<Dim>& y) { return (x - y).norm() < 1e-6 * apart; };
-  result.erase(std::unique(result.begin(), result.end(), same), result.end());
-  return result;
-}
-
 }  // namespace
 
 template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
@@ -152,19 +128,17 @@ template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& m
   body.shape = table_of(rows, grid, true);
   std::vector<Index> facets(mesh.facets().cols());
   std::iota(facets.begin(), facets.end(), 0);
-  const std::vector<Vec<Dim>> surface = sample_facets(mesh, facets, 0.5 * options.cell);
-  body.surface =
-      table_of(rows_at(static_cast<Index>(surface.size()), [&](Index s) { return surface[s]; }), grid, false);
+  const Points<Dim> surface = internal::sample_facets(mesh, facets, 0.5 * options.cell);
+  body.surface = table_of(
+      rows_at(static_cast<Index>(surface.cols()), [&](Index s) { return Vec<Dim>(surface.col(s)); }), grid, false);
   return body;
 }
 
 template <int Dim> std::vector<Index> points_near_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
                                                          const Points<Dim>& points, double depth) {
-  const std::vector<Vec<Dim>> samples = sample_facets(mesh, facets, 0.25 * depth);
+  const Points<Dim> at = internal::sample_facets(mesh, facets, 0.25 * depth);
   std::vector<Index> result;
-  if (samples.empty()) return result;
-  Points<Dim> at(Dim, static_cast<Index>(samples.size()));
-  for (std::size_t s = 0; s < samples.size(); ++s) at.col(static_cast<Index>(s)) = samples[s];
+  if (at.cols() == 0) return result;
   internal::Neighbours<Dim> tree;
   tree.build(at);
   for (Index p = 0; p < points.cols(); ++p)

@@ -62,6 +62,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const override;
   void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) override;
   void collect_forces(World<Dim>& world) override;
+  void find_prescribed(World<Dim>& world) override { grid_.find_prescribed(world); }
   double largest_speed(const World<Dim>&) const override {
     double speed = 0.0;
     for (const Particles<Dim>& of : grid_.particles) speed = std::max(speed, of.speed);

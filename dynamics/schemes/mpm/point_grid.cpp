@@ -318,40 +318,79 @@ Points<Dim> PointGrid<Dim>::velocities_of(World<Dim>& world,
 template <int Dim> void PointGrid<Dim>::find_prescribed(World<Dim>& world) {
   if (world.prescribed_points.empty()) return;
   world.find_prescribed_places();
-  std::vector<double> speed(world.num_points());
+  Vector speed(world.num_points());
   std::vector<char> held(world.num_points());
   for (int axis = 0; axis < Dim; ++axis) {
     std::ranges::fill(held, 0);
-    for (const auto& group : world.prescribed_points)
-      if (group.axis == axis)
-        for (std::size_t k = 0; k < group.points.size(); ++k) {
-          held[group.points[k]] = 1;
-          speed[group.points[k]] = group.velocity[static_cast<Index>(k)];
-        }
-    for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-      of.held.assign(of.momentum.size(), 0.0);
-      double* column = columns(chunk);
-      bool any = false;
-      for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
-        std::fill_n(column, 4 * scattered_columns, 0.0);
-        const Index point = world.point_number(chunk, p);
-        if (held[point] == 0) continue;
-        column[3] = chunk.matter.mass[p];
-        column[0] = column[3] * speed[point];
-        any = true;
+    bool any = false, varies = false;
+    for (const auto& group : world.prescribed_points) {
+      if (group.axis != axis) continue;
+      any = true;
+      varies |= group.velocity.minCoeff() < group.velocity.maxCoeff();
+      for (std::size_t k = 0; k < group.points.size(); ++k) {
+        held[group.points[k]] = 1;
+        speed[group.points[k]] = group.velocity[static_cast<Index>(k)];
       }
-      if (!any) return;
-      double* slots = clear_slots(of);
-      scatter(chunk.size(), of.box, false, chunk.matter.x.data(), columns(chunk), slots);
-      for (std::size_t l = 0; l < of.slots.size(); ++l)
-        std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.held.data() + 4 * l);
+    }
+    if (!any) continue;
+    // Gradients are found from the field that they make: each pass halves their error, one a step is enough later.
+    constexpr int first_passes = 10;
+    const bool has_gradients = std::ranges::any_of(particles, [&](const Particles<Dim>& of) {
+      for (int j = 0; j < Dim && of.held_gradient.size() > 0; ++j)
+        if (!of.held_gradient.row(axis + Dim * j).isZero(0.0)) return true;
+      return false;
     });
+    for (int pass = 0; pass < (varies && !has_gradients ? first_passes : 1); ++pass) {
+      scatter_held(world, held, speed, axis, varies);
+      if (varies) gather_held(world, axis);
+    }
     for (Index a = 0; a < world.nodes.size(); ++a) {
       const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::held, a);
       if (sum[3] >= 0.5 * world.nodes.mass[a] && sum[3] > 0.0) world.prescribed.push_back({a, axis, sum[0] / sum[3]});
     }
   }
   world.find_free_axes();
+}
+
+template <int Dim> void PointGrid<Dim>::scatter_held(World<Dim>& world, const std::vector<char>& held,
+                                                     const Vector& speed, int axis, bool varies) {
+  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    of.held.assign(of.momentum.size(), 0.0);
+    double* column = columns(chunk);
+    const bool has_gradient = varies && of.held_gradient.size() > 0;
+    bool any = false;
+    for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
+      std::fill_n(column, 4 * scattered_columns, 0.0);
+      const Index point = world.point_number(chunk, p);
+      if (held[point] == 0) continue;
+      const double mass = chunk.matter.mass[p];
+      column[3] = mass;
+      column[0] = mass * speed[point];
+      for (int j = 0; has_gradient && j < Dim; ++j) column[4 * (1 + j)] = mass * of.held_gradient(axis + Dim * j, p);
+      any = true;
+    }
+    if (!any) return;
+    double* slots = clear_slots(of);
+    scatter(chunk.size(), of.box, has_gradient, chunk.matter.x.data(), columns(chunk), slots);
+    for (std::size_t l = 0; l < of.slots.size(); ++l)
+      std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.held.data() + 4 * l);
+  });
+}
+
+/// Also of other points of these chunks, whose gradients mean nothing and are not used.
+template <int Dim> void PointGrid<Dim>::gather_held(World<Dim>& world, int axis) {
+  Points<Dim> field = Points<Dim>::Zero(Dim, world.nodes.size());
+  parallel_for(world.nodes.size(), [&](Index a) {
+    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::held, a);
+    if (sum[3] > 0.0) field(0, a) = sum[0] / sum[3];
+  });
+  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
+    if (std::ranges::all_of(of.held, [](double number) { return number == 0.0; })) return;
+    if (of.held_gradient.size() == 0) of.held_gradient.setZero(Dim * Dim, chunk.size());
+    const double* column = gather(chunk, of, field);
+    for (Index p = 0; p < chunk.size(); ++p, column += 4 * gathered_columns)
+      for (int j = 0; j < Dim; ++j) of.held_gradient(axis + Dim * j, p) = column[4 * (4 + j)];
+  });
 }
 
 template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& world, const PointGrid<Dim>& grid,

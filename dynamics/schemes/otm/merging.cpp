@@ -17,9 +17,9 @@ constexpr double least_shape_function = 0.02;
 
 /// Whether all that is prescribed of the second node is of the first.
 template <int Dim> bool has_supports_of(const World<Dim>& world, Index a, Index other) {
-  return std::ranges::all_of(world.prescribed, [&](const PrescribedVelocity& theirs) {
-    const auto is_same = [&](const PrescribedVelocity& own) {
-      return own.node == a && own.axis == theirs.axis && own.velocity == theirs.velocity;
+  return std::ranges::all_of(world.prescribed, [&](const PrescribedVelocity<Dim>& theirs) {
+    const auto is_same = [&](const PrescribedVelocity<Dim>& own) {
+      return own.node == a && own.axis == theirs.axis && own.velocity == theirs.velocity && own.law == theirs.law;
     };
     return theirs.node != other || std::ranges::any_of(world.prescribed, is_same);
   });

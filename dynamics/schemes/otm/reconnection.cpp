@@ -260,7 +260,7 @@ template <int Dim> class Reconnecting {
       nodes.mass[a] = state_.is_merged(a) ? 0.0 : nodes.mass[a] + masses[a];
       if (state_.options.momentum != MomentumTransfer::nodes && nodes.mass[a] > 0.0) nodes.v.col(a) = l / nodes.mass[a];
     }
-    for (const auto& [node, axis, velocity] : world_.prescribed) nodes.v(axis, node) = velocity;
+    for (const auto& one : world_.prescribed) nodes.v(one.axis, one.node) = one.velocity;
     world_.ledger.add_energy("reconnection", EnergyKind::transfer, lost + (before - kinetic_energy()));
   }
 

@@ -43,6 +43,7 @@ struct ExpressionTime {
   std::optional<double> time;
   std::string why{};
   bool runs = false;  ///< it is the first coordinate of where fields are asked for, which depend on no other
+  std::shared_ptr<const double> clock{};  ///< it is what this says when they are asked for
 };
 
 /// [definitions] in the order they are written: each may use those before, the grey value of an image, and the time.

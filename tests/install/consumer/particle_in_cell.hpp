@@ -81,7 +81,7 @@ class ParticleInCell final : public efree::Scheme<2> {
       v.col(node) += entry.N * world.chunks[c].matter.mass[p] * velocity_[c].col(p);
     });
     v.array().rowwise() /= world.nodes.mass.transpose().array();
-    for (const auto& [node, axis, velocity] : world.prescribed) v(axis, node) = velocity;
+    for (const auto& one : world.prescribed) v(one.axis, one.node) = one.velocity;
     // Nodes with next to no mass would fly away.
     world.nodes.mass = world.nodes.mass.cwiseMax(0.3 * world.chunks.front().matter.mass.mean());
   }

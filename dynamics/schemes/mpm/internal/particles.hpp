@@ -20,19 +20,20 @@ template <int Dim> struct Particles {
   /// in these before and after the step.
   Points<Dim * Dim> not_strained;
   double lost_power = 0.0;
-  Points<Dim> filtered;            ///< of Transfer::xpic
-  GridBox box;                     ///< its slots are nodes that may be there
-  Site<Dim> low, size;             ///< first site of the box, and number of sites along each axis
-  std::vector<char> separated;     ///< by point, 1: was too far from its neighbours
-  Index newly_separated = 0;       ///< points in this step
-  std::vector<char> marked;        ///< by slot, 1: there is such a node
-  std::vector<Index> slots;        ///< by local number of a node: its slot
-  AlignedVector<double> momentum;  ///< by local number: momentum and mass, four numbers
-  AlignedVector<double> held;      ///< likewise of points with prescribed velocity
-  double strain = 0.0;             ///< largest norm of the gradient of displacements of the last step
-  double power = 0.0;              ///< of the stresses now, in the motion of the last step
-  double speed = 0.0;              ///< largest of a point
-  double fastest = 0.0;            ///< speed of pressure waves
+  Points<Dim> filtered;             ///< of Transfer::xpic
+  GridBox box;                      ///< its slots are nodes that may be there
+  Site<Dim> low, size;              ///< first site of the box, and number of sites along each axis
+  std::vector<char> separated;      ///< by point, 1: was too far from its neighbours
+  Index newly_separated = 0;        ///< points in this step
+  std::vector<char> marked;         ///< by slot, 1: there is such a node
+  std::vector<Index> slots;         ///< by local number of a node: its slot
+  AlignedVector<double> momentum;   ///< by local number: momentum and mass, four numbers
+  AlignedVector<double> held;       ///< likewise of points with prescribed velocity
+  Points<Dim * Dim> held_gradient;  ///< of the prescribed velocities where they vary, by columns; or none
+  double strain = 0.0;              ///< largest norm of the gradient of displacements of the last step
+  double power = 0.0;               ///< of the stresses now, in the motion of the last step
+  double speed = 0.0;               ///< largest of a point
+  double fastest = 0.0;             ///< speed of pressure waves
 
   /// The particles of these points, without sums over the chunk.
   Particles select(const std::vector<Index>& points) const {
@@ -40,6 +41,7 @@ template <int Dim> struct Particles {
     result.v = v(Eigen::all, points);
     if (motion.size() != 0) result.motion = motion(Eigen::all, points);
     if (gradient.size() != 0) result.gradient = gradient(Eigen::all, points);
+    if (held_gradient.size() != 0) result.held_gradient = held_gradient(Eigen::all, points);
     if (not_strained.size() != 0) result.not_strained = not_strained(Eigen::all, points);
     for (const Index p : points) result.separated.push_back(separated[p]);
     return result;
@@ -47,7 +49,9 @@ template <int Dim> struct Particles {
   /// Whether `motion` is the gradient of an affine velocity.
   bool is_affine() const { return motion.rows() == Dim * Dim; }
   /// Without what `rebuild` and every step find again.
-  friend auto fields(Particles& of) { return std::tie(of.v, of.motion, of.separated, of.speed, of.fastest); }
+  friend auto fields(Particles& of) {
+    return std::tie(of.v, of.motion, of.separated, of.held_gradient, of.speed, of.fastest);
+  }
 };
 
 /// The grid around the points of all bodies. Nodes of the world are its nodes.
@@ -92,11 +96,16 @@ template <int Dim> class PointGrid {
   /// Dim x N, velocities of the grid by those of the points.
   Points<Dim> velocities_of(World<Dim>& world,
                             const std::function<const Points<Dim>&(const Particles<Dim>&)>& of_points);
-  /// World::prescribed by World::prescribed_points: of nodes that have half of their mass and more from these.
+  /// World::prescribed by World::prescribed_points: of nodes that have half of their mass and more from these. The
+  /// field is affine around each point (as of Transfer::apic): up to the edge of a body, a rotation stays one.
   void find_prescribed(World<Dim>& world);
   Vec<Dim> position(const Site<Dim>& site) const { return origin_ + cell_ * site.template cast<double>(); }
 
  private:
+  /// Particles::held of the prescribed velocities along an axis; varies: with gradients, which the other finds.
+  void scatter_held(World<Dim>& world, const std::vector<char>& held, const Vector& speed, int axis, bool varies);
+  void gather_held(World<Dim>& world, int axis);
+
   enum class Box { same, changed, too_large };
   Box find_box(const World<Dim>& world, const Chunk<Dim>& chunk, Particles<Dim>& of) const;
   void split(World<Dim>& world, std::size_t chunk);

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "efree/geometry/mesh/fine_mesh.hpp"
+
+namespace efree::internal {
+
+/// Points on facets of the boundary, the corners among them, no further apart than that along edges; sorted by their
+/// coordinates, each place once.
+template <int Dim> Points<Dim> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double apart);
+
+}  // namespace efree::internal
