@@ -7,6 +7,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
+#include "efree/geometry/mesh/internal/extract_region.hpp"
 #include "efree/materials/equation_of_state.hpp"
 #include "efree/materials/rankine.hpp"
 #include "efree/solvers/equations/locking.hpp"
@@ -228,11 +229,10 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
   const MpmOptions grid = mpm_options(all, settings);
   MeshBodies<Dim> result;
   for (Index r = 0; r < all.num_regions(); ++r) {
-    std::vector<char> kept(all.num_cells());
-    for (Index c = 0; c < all.num_cells(); ++c) kept[c] = all.region(c) == r;
-    if (std::ranges::count(kept, 1) == 0) continue;
+    const std::optional<FineMesh<Dim>> extracted = internal::extract_region(all, r);
+    if (!extracted) continue;
+    const FineMesh<Dim>& part = *extracted;
     result.names.push_back(all.region_names()[r]);
-    const FineMesh<Dim> part = all.num_regions() == 1 ? all : FineMesh<Dim>(extract(all, kept));
     result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, grid, monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
@@ -380,9 +380,8 @@ template <int Dim> void prescribe_velocities(const DynamicsSettings<Dim>& settin
     return numbers(regions[b].points_on, part, dynamics.first_point(b));
   };
   const Points<Dim> nodes = dynamics.nodes(), points = dynamics.points();
-  const auto is_on_axis = [&](Index a) {
-    return is_axisymmetric(settings) && nodes(0, a) < 1e-9 * nodes.row(0).maxCoeff();
-  };
+  const double radius = is_axisymmetric(settings) ? nodes.row(0).maxCoeff() : 0.0;
+  const auto is_on_axis = [&](Index a) { return is_axisymmetric(settings) && nodes(0, a) < 1e-9 * radius; };
   for (Index a = 0; a < nodes.cols(); ++a)
     if (is_on_axis(a)) dynamics.prescribe(a, 0, 0.0);
   for (int i = 0; i < Dim; ++i) {

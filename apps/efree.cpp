@@ -132,12 +132,15 @@ template <int Dim> DynamicsCase<Dim> with_options(DynamicsCase<Dim> dynamics_cas
   return dynamics_case;
 }
 
-/// Complaint about an element of a list of positive numbers; empty if there is none.
-std::string not_positive(const std::string& text) {
+/// Whether all of a text is a finite number above that.
+bool is_number_above(double bound, const std::string& text) {
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  const bool good = error == std::errc{} && end == text.data() + text.size() && value > 0.0 && std::isfinite(value);
-  return good ? "" : fmt::format("\"{}\", expected positive numbers separated by commas", text);
+  return error == std::errc{} && end == text.data() + text.size() && value > bound && std::isfinite(value);
+}
+/// Complaint about an element of a list of positive numbers; empty if there is none.
+std::string not_positive(const std::string& text) {
+  return is_number_above(0.0, text) ? "" : fmt::format("\"{}\", expected positive numbers separated by commas", text);
 }
 
 void add_reading(CLI::App& command, Options& options) {
@@ -235,14 +238,9 @@ int run(int argc, char** argv) {
   cracks_command
       .add_option("--stretch", options.cracks.files.cracks.stretch,
                   "edges between points are cut once they are so many times as long as at the start; more than 1")
-      ->check(CLI::Validator(
-          [](const std::string& text) {
-            double value = 0.0;
-            return CLI::detail::lexical_cast(text, value) && value > 1.0 && std::isfinite(value)
-                       ? std::string()
-                       : fmt::format("{}, expected a number of more than 1", text);
-          },
-          ""))
+      ->check([](const std::string& text) {
+        return is_number_above(1.0, text) ? "" : fmt::format("{}, expected a number of more than 1", text);
+      })
       ->capture_default_str();
   cracks_command
       .add_option("--smoothing", options.cracks.files.cracks.smoothing, "sweeps that make the faces of cracks even")

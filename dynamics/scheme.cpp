@@ -3,19 +3,13 @@
 
 #include "efree/dynamics/internal/kernels.hpp"
 #include "efree/dynamics/points.hpp"
+#include "efree/geometry/cracks/internal/skeleton.hpp"
 
 #include <fmt/ranges.h>
 #include <map>
 #include <set>
 
 namespace efree {
-namespace {
-
-/// Facets of a cell that is positively oriented, outwards.
-constexpr int facets_of_cell[2][4][3] = {{{0, 1, -1}, {1, 2, -1}, {2, 0, -1}, {-1, -1, -1}},
-                                         {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-
-}  // namespace
 
 template <int Dim>
 StrainBounds Scheme<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const {
@@ -87,7 +81,7 @@ template <int Dim> Facets<Dim> Scheme<Dim>::surface(const World<Dim>& world, Ind
     if (chunk.is_eroded(p) || different.size() <= Dim) continue;  // or collapsed
     for (int side = 0; side <= Dim; ++side) {
       std::array<Index, Dim> facet;
-      for (int i = 0; i < Dim; ++i) facet[i] = first_node + cells(facets_of_cell[Dim - 2][side][i], c);
+      for (int i = 0; i < Dim; ++i) facet[i] = first_node + cells(internal::facets_of_cell<Dim>[side][i], c);
       std::array<Index, Dim> key = facet;
       std::ranges::sort(key);
       auto& [count, oriented] = sides[key];

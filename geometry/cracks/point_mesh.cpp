@@ -109,9 +109,7 @@ template <int Dim> Triangulation<Dim> triangulate(const Points<Dim>& points) {
 template <int Dim> PointMesh<Dim> mesh_between(const Points<Dim>& points, const FineMesh<Dim>& body) {
   Triangulation<Dim> triangulation = triangulate<Dim>(points);
   const double spacing = spacing_of<Dim>(triangulation, points);
-  std::vector<Index> facets(body.num_facets());
-  std::iota(facets.begin(), facets.end(), 0);
-  const Points<Dim> samples = internal::sample_facets(body, facets, spacing);
+  const Points<Dim> samples = internal::sample_boundary(body, spacing);
 
   PointMesh<Dim> mesh;
   mesh.num_points = static_cast<Index>(points.cols());

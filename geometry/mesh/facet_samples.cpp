@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 namespace efree::internal {
 
@@ -47,6 +48,14 @@ Points<Dim> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& f
   return result;
 }
 
+template <int Dim> Points<Dim> sample_boundary(const FineMesh<Dim>& mesh, double apart) {
+  std::vector<Index> all(mesh.num_facets());
+  std::iota(all.begin(), all.end(), 0);
+  return sample_facets(mesh, all, apart);
+}
+
+template Points<2> sample_boundary(const FineMesh<2>&, double);
+template Points<3> sample_boundary(const FineMesh<3>&, double);
 template Points<2> sample_facets(const FineMesh<2>&, const std::vector<Index>&, double);
 template Points<3> sample_facets(const FineMesh<3>&, const std::vector<Index>&, double);
 

@@ -51,4 +51,14 @@ void draw_scale(Canvas& canvas, const ColourScale& scale) {
   }
 }
 
+void draw_scaled(Canvas& canvas, const Projection& at, const Surface& surface, const Eigen::VectorXf& places,
+                 const ColourScale& scale) {
+  const Points<3> positions = at.all(surface.points);
+  std::array<Canvas::Corner<1>, 3> corners;
+  for (const Triangle& t : surface.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) corners[k] = {positions.col(t[k]), Eigen::Array<float, 1, 1>(places[t[k]])};
+    canvas.triangle<1>(corners, [&](const auto& v) { return scale.pixel_at(v[0]); });
+  }
+}
+
 }  // namespace efree::internal::drawing

@@ -5,7 +5,6 @@
 #include "efree/io/pictures/internal/scene.hpp"
 #include "efree/io/pictures/picture.hpp"
 
-#include <array>
 #include <vector>
 
 namespace efree {
@@ -21,13 +20,7 @@ void draw_body(Canvas& canvas, const Projection& at, const CrackedMesh<2>& mesh,
   Surface body{in_space<2>(mesh.current), {}};
   for (Index c = 0; c < mesh.cells.cols(); ++c)
     body.triangles.push_back({mesh.cells(0, c), mesh.cells(1, c), mesh.cells(2, c)});
-  const Points<3> positions = at.all(body.points);
-  std::array<Canvas::Corner<1>, 3> corners;
-  for (const Triangle& triangle : body.triangles) {
-    for (std::size_t k = 0; k < 3; ++k)
-      corners[k] = {positions.col(triangle[k]), Eigen::Array<float, 1, 1>(places[triangle[k]])};
-    canvas.triangle<1>(corners, [&](const auto& v) { return scale.pixel_at(v[0]); });
-  }
+  draw_scaled(canvas, at, body, places, scale);
   std::vector<Segment> boundary, cracks;
   for (Index f = 0; f < mesh.surface.cols(); ++f)
     (mesh.is_crack[f] != 0 ? cracks : boundary).push_back({mesh.surface(0, f), mesh.surface(1, f)});
@@ -49,9 +42,7 @@ void draw_body(Canvas& canvas, const Projection& at, const CrackedMesh<3>& mesh,
 
 template <int Dim> void draw_cracks(const std::filesystem::path& file, const CrackPicture<Dim>& picture) {
   constexpr bool solid = Dim == 3;
-  Surface box{Points<3>::Zero(3, 1 << Dim), {}};
-  for (int k = 0; k < 1 << Dim; ++k)
-    for (int i = 0; i < Dim; ++i) box.points(i, k) = (k >> i & 1) != 0 ? picture.view.max()[i] : picture.view.min()[i];
+  const Surface box = corners_of(picture.view);
   const View view = solid ? oblique(box, {}) : View{};
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;

@@ -148,9 +148,7 @@ void draw_rigid_bodies(Canvas& canvas, const Projection& at, const DynamicsPictu
 template <int Dim> void draw_dynamics(const std::filesystem::path& file, const DynamicsPicture<Dim>& picture) {
   constexpr bool solid = Dim == 3;
   const auto n = static_cast<Index>(picture.points.cols());
-  Surface box{Points<3>::Zero(3, 1 << Dim), {}};
-  for (int k = 0; k < 1 << Dim; ++k)
-    for (int i = 0; i < Dim; ++i) box.points(i, k) = (k >> i & 1) != 0 ? picture.view.max()[i] : picture.view.min()[i];
+  Surface box = corners_of(picture.view);
   if (picture.axisymmetric)
     for (int k = 0; k < 1 << Dim; ++k)
       if (box.points(0, k) == picture.view.min()[0]) box.points(0, k) = -picture.view.max()[0];

@@ -22,17 +22,6 @@ using internal::Canvas, internal::Colour;
 
 const Colour held_colour{0.86F, 0.08F, 0.10F}, load_colour{1.0F, 0.45F, 0.85F};
 
-/// Triangles in the colours of a scale at `places` of points, unlit.
-void draw_scaled(Canvas& canvas, const Projection& at, const Surface& surface, const Eigen::VectorXf& places,
-                 const ColourScale& scale) {
-  const Points<3> positions = at.all(surface.points);
-  std::array<Canvas::Corner<1>, 3> corners;
-  for (const Triangle& t : surface.triangles) {
-    for (std::size_t k = 0; k < 3; ++k) corners[k] = {positions.col(t[k]), Eigen::Array<float, 1, 1>(places[t[k]])};
-    canvas.triangle<1>(corners, [&](const auto& v) { return scale.pixel_at(v[0]); });
-  }
-}
-
 /// A little solid at each of these places, a cube or a ball.
 void draw_markers(Canvas& canvas, const Projection& at, const std::vector<Vec3>& places, double size, bool cubes,
                   const Colour& colour) {

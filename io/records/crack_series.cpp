@@ -3,21 +3,20 @@
 
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/core/error.hpp"
+#include "efree/geometry/mesh/internal/extract_region.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <utility>
 
 namespace efree {
 namespace {
 
-/// The bodies of a mesh, one by one.
+/// The bodies of a mesh, one by one: regions with cells, as build_dynamics_model numbers them.
 template <int Dim> std::vector<FineMesh<Dim>> parts_of(const FineMesh<Dim>& mesh) {
   std::vector<FineMesh<Dim>> parts;
-  for (Index r = 0; r < mesh.num_regions(); ++r) {
-    std::vector<char> kept(mesh.num_cells());
-    for (Index c = 0; c < mesh.num_cells(); ++c) kept[c] = mesh.region(c) == r ? 1 : 0;
-    parts.emplace_back(extract(mesh, kept));
-  }
+  for (Index r = 0; r < mesh.num_regions(); ++r)
+    if (auto part = internal::extract_region(mesh, r)) parts.push_back(std::move(*part));
   return parts;
 }
 

@@ -149,7 +149,7 @@ TEST(CrackCommand, TornStripFallsIntoTwoPartsWhoseFilesSayTheSame) {
   EXPECT_TRUE(fs::exists(folder / "mine.txt"));
   EXPECT_LT(table(folder / "cracks.csv")["cut_edges"].back(), numbers["cut_edges"].back());
 
-  // Wrong input leaves what is there.
+  // Wrong input changes no earlier result.
   const std::string before = content(folder / "cracks.csv");
   const auto expect_refused = [&](const std::vector<std::string>& arguments, const std::string& message) {
     const auto refused = work.efree(arguments);

@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <map>
-#include <numeric>
 
 namespace efree {
 namespace {
@@ -126,9 +125,7 @@ template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& m
     body.nodes.col(node) = origin + options.cell * site.template cast<double>();
   });
   body.shape = table_of(rows, grid, true);
-  std::vector<Index> facets(mesh.facets().cols());
-  std::iota(facets.begin(), facets.end(), 0);
-  const Points<Dim> surface = internal::sample_facets(mesh, facets, 0.5 * options.cell);
+  const Points<Dim> surface = internal::sample_boundary(mesh, 0.5 * options.cell);
   body.surface = table_of(
       rows_at(static_cast<Index>(surface.cols()), [&](Index s) { return Vec<Dim>(surface.col(s)); }), grid, false);
   return body;

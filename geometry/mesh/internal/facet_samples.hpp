@@ -7,6 +7,8 @@ namespace efree::internal {
 
 /// Points on facets of the boundary, the corners among them, no further apart than that along edges; sorted by their
 /// coordinates, each place once.
+template <int Dim> Points<Dim> sample_boundary(const FineMesh<Dim>& mesh, double apart);
+/// Of these facets alone.
 template <int Dim> Points<Dim> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double apart);
 
 }  // namespace efree::internal

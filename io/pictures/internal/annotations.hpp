@@ -18,4 +18,8 @@ void draw_axes(Canvas& canvas, const View& view, bool solid);
 /// The colours of a scale with their values, at the right.
 void draw_scale(Canvas& canvas, const ColourScale& scale);
 
+/// Triangles in the colours of a scale at `places` of points, unlit.
+void draw_scaled(Canvas& canvas, const Projection& at, const Surface& surface, const Eigen::VectorXf& places,
+                 const ColourScale& scale);
+
 }  // namespace efree::internal::drawing

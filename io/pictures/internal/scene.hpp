@@ -45,6 +45,14 @@ template <int Dim> Points<3> in_space(const Points<Dim>& points) {
   return out;
 }
 
+/// The corners of a box, first those with the smallest last coordinate; no triangles.
+template <int Dim> Surface corners_of(const Eigen::AlignedBox<double, Dim>& box) {
+  Surface corners{Points<3>::Zero(3, 1 << Dim), {}};
+  for (int k = 0; k < 1 << Dim; ++k)
+    for (int i = 0; i < Dim; ++i) corners.points(i, k) = (k >> i & 1) != 0 ? box.max()[i] : box.min()[i];
+  return corners;
+}
+
 /// Where the viewer stands: directions to the viewer and upwards, both of length one.
 struct View {
   Vec3 towards = Vec3::UnitZ(), up = Vec3::UnitY();
