@@ -6,6 +6,7 @@
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/refinement.hpp"
+#include "efree/analysis/internal/resolutions.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
@@ -58,11 +59,6 @@ template <int Dim> std::string goals_text(const Settings<Dim>& settings, const R
   for (const auto& goal : settings.goals)
     text += fmt::format(", {:.2g} % of \"{}\"", 100.0 * relative_error_of(goal, result), goal.name);
   return text;
-}
-
-/// Edges that the cells of a mesh have in the mean, of boxes cut into two triangles or six tetrahedra.
-template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
-  return std::pow((Dim == 2 ? 2.0 : 6.0) * mesh.volumes().sum() / mesh.num_cells(), 1.0 / Dim);
 }
 
 /// Of the error that is aimed at, what facets may leave at least, where finer ones can be had for themselves: a fifth
@@ -240,7 +236,7 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
     if (flattened < 1.0)
       trial.sagitta = flattened * std::min(trial.sagitta, largest_relative_sagitta(*mesh.mesh, mesh.offsets));
     // A boundary of many details has cells smaller than asked for: then only meshes below their size differ.
-    trial.size = same_cells ? mesh.size : finer * std::min(mesh.size, 1.5 * mean_edge(*mesh.mesh));
+    trial.size = same_cells ? mesh.size : finer * std::min(mesh.size, 1.5 * internal::mean_edge(*mesh.mesh));
     cells = flattened < 1.0 ? 0.0 : wanted;
   }
   best->attempts = std::move(attempts);

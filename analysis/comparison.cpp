@@ -22,6 +22,9 @@ using internal::said_at;
 /// Cloud spacing over the edges of the mesh where the case has no cloud.
 constexpr double default_mesh_ratio = 3.0;
 
+/// Edges of cells that are material points, over those of the grid's cells, where the case has no mesh for them.
+constexpr double mesh_frame_edge = 0.5;
+
 /// Distance of the nodes of a case.
 template <int Dim> double spacing_of(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings) {
   const double spacing = settings.method == DynamicsMethod::mpm ? settings.mpm.options.cell
@@ -43,7 +46,9 @@ template <int Dim> struct Scene {
 /// The case with another method and node spacing.
 template <int Dim> Scene<Dim> vary(Scene<Dim> scene, const ComparedMethod& method, double spacing) {
   auto& [source, settings] = scene;
-  const bool own = settings.method == method.method;
+  const bool own =
+      settings.method == method.method && (settings.method != DynamicsMethod::mpm ||
+                                           (settings.mpm.frame == MpmFrame::mesh) == (method.frame == MpmFrame::mesh));
   const double factor = spacing / spacing_of(source, settings);
   settings.method = method.method;
   settings.frames = settings.history_lines = 0;
@@ -57,12 +62,16 @@ template <int Dim> Scene<Dim> vary(Scene<Dim> scene, const ComparedMethod& metho
     return scene;
   }
   source.ratio = 0.0;
-  // For the material point method the mesh is the geometry and no more: its edges are those of OTM unless it has its
-  // own.
-  source.size = own && source.size > 0.0 ? source.size * factor : internal::element_size<Dim> * spacing;
+  // For the material point method the mesh is the geometry and no more, but in the frame of a mesh: its edges are those
+  // of OTM unless it has its own.
+  const double edge = method.method == DynamicsMethod::mpm && method.frame == MpmFrame::mesh
+                          ? mesh_frame_edge
+                          : internal::element_size<Dim>;
+  source.size = own && source.size > 0.0 ? source.size * factor : edge * spacing;
   if (method.method == DynamicsMethod::mpm) {
     settings.mpm.options.cell = spacing;
-    settings.mpm.total = method.total;
+    settings.mpm.frame = method.frame;
+    if (method.frame != MpmFrame::updated) settings.mpm.options.remap = false;
   }
   return scene;
 }
@@ -181,7 +190,8 @@ const std::vector<ComparedMethod>& compared_methods() {
       {"otm", "OTM", DynamicsMethod::otm},
       {"total_lagrangian", "total Lagrangian (MLS)", DynamicsMethod::total_lagrangian},
       {"mpm", "MPM", DynamicsMethod::mpm},
-      {"mpm_total", "MPM, total frame", DynamicsMethod::mpm, true},
+      {"mpm_total", "MPM, total frame", DynamicsMethod::mpm, MpmFrame::total},
+      {"mpm_mesh", "MPM, mesh frame", DynamicsMethod::mpm, MpmFrame::mesh},
   };
   return all;
 }

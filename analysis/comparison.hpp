@@ -12,10 +12,10 @@ namespace efree {
 
 /// A method under comparison. Options that the case does not give have their defaults.
 struct ComparedMethod {
-  std::string name;   ///< "otm", "total_lagrangian", "mpm" or, with splines of the reference configuration, "mpm_total"
+  std::string name;   ///< "otm", "total_lagrangian", "mpm" and with other frames "mpm_total", "mpm_mesh"
   std::string label;  ///< for charts
   DynamicsMethod method = DynamicsMethod::otm;
-  bool total = false;  ///< MpmSettings::total
+  MpmFrame frame = MpmFrame::updated;  ///< of mpm
 };
 /// All methods that can be compared.
 const std::vector<ComparedMethod>& compared_methods();

@@ -81,7 +81,7 @@ enum class DynamicsMethod {
 struct MpmSettings {
   MpmOptions options{};    ///< the origin is a corner of the box around all bodies
   Index points_along = 2;  ///< material points along an edge of a cell
-  bool total = false;      ///< splines stay those of the reference configuration (total Lagrangian)
+  MpmFrame frame = MpmFrame::updated;
 };
 
 /// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
@@ -116,7 +116,7 @@ template <int Dim> struct DynamicsSettings {
 /// Whether bodies pass through each other.
 template <int Dim> bool lacks_contact(const DynamicsSettings<Dim>& settings) {
   return settings.method == DynamicsMethod::total_lagrangian ||
-         (settings.method == DynamicsMethod::mpm && settings.mpm.total);
+         (settings.method == DynamicsMethod::mpm && settings.mpm.frame == MpmFrame::total);
 }
 
 /// The mesh with its materials, as `prepare` makes it for static analyses; bodies that nothing holds stay, and

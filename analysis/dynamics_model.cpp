@@ -3,6 +3,7 @@
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/prepare_mesh.hpp"
+#include "efree/analysis/internal/resolutions.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
@@ -16,6 +17,7 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numbers>
 #include <ranges>
@@ -130,21 +132,41 @@ template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, cons
   return result;
 }
 
-template <int Dim> RegionBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, const SharedMaterial& material,
-                                                   const DynamicsSettings<Dim>& settings, const MpmOptions& options) {
+/// Cells with a vertex on these facets, ascending.
+template <int Dim> std::vector<Index> cells_at_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets) {
+  const std::set<Index> on = [&] {
+    std::set<Index> vertices;
+    for (const Index f : facets)
+      for (int i = 0; i < Dim; ++i) vertices.insert(mesh.facets()(i, f));
+    return vertices;
+  }();
+  std::vector<Index> result;
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    if (std::ranges::any_of(mesh.cells().col(c), [&](Index vertex) { return on.contains(vertex); }))
+      result.push_back(c);
+  return result;
+}
+
+template <int Dim> RegionBody<Dim> region_on_lattice(const FineMesh<Dim>& mesh, const SharedMaterial& material,
+                                                     const DynamicsSettings<Dim>& settings, const MpmOptions& options) {
   const MpmSettings& mpm = settings.mpm;
   double volume = 0.0;
   for (Index c = 0; c < mesh.num_cells(); ++c) volume += mesh.volume(c);
-  const double count = volume / std::pow(options.cell / static_cast<double>(mpm.points_along), Dim);
+  const double count = mpm.frame == MpmFrame::mesh
+                           ? static_cast<double>(mesh.num_cells())
+                           : volume / std::pow(options.cell / static_cast<double>(mpm.points_along), Dim);
   require_memory(bytes_per_point * count, fmt::format("a body of {:.3g} material points", count),
                  "take a larger mpm.cell, or fewer mpm.points");
-  RegionBody<Dim> result{mpm.total ? splines_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)
-                                   : points_on_lattice<Dim>(mesh, options, mpm.points_along, material, 0.0)};
+  RegionBody<Dim> result{body_on_lattice<Dim>(mesh, mpm.frame, options, mpm.points_along, material, 0.0)};
   if (!averages_dilatation(settings, *material)) result.body.patches.clear();
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
-      const auto near = points_near_facets<Dim>(mesh, *facets, result.body.points, options.cell);
-      if (mpm.total)
+      auto near = points_near_facets<Dim>(mesh, *facets, result.body.points, options.cell);
+      if (mpm.frame == MpmFrame::mesh) {
+        const std::vector<Index> touching = cells_at_facets(mesh, *facets), within = std::exchange(near, {});
+        std::ranges::set_union(touching, within, std::back_inserter(near));
+      }
+      if (mpm.frame == MpmFrame::total)
         result.nodes_on[part.on] = nodes_of_points(result.body, near);
       else
         result.points_on[part.on] = near;
@@ -188,7 +210,7 @@ template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const s
       case DynamicsMethod::total_lagrangian:
         return body_on_cloud(part, material, settings, monitor);
       case DynamicsMethod::mpm:
-        return body_on_lattice(part, material, settings, grid);
+        return region_on_lattice(part, material, settings, grid);
       default:
         return body_at_vertices(part, material, is_axisymmetric(settings), settings);
     }
@@ -443,6 +465,14 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
     model.warnings.push_back(fmt::format(
         "Bending and squeezing of {} are not resolved: no node lies inside. Try a smaller mesh_size",
         mesh.mesh->num_regions() == 1 ? "the body" : fmt::format("\"{}\"", fmt::join(without_inner_nodes, "\", \""))));
+  if (settings.method == DynamicsMethod::mpm && settings.mpm.frame == MpmFrame::mesh) {
+    const double edge = internal::mean_edge(*mesh.mesh);
+    if (edge > settings.mpm.options.cell)
+      model.warnings.push_back(fmt::format(
+          "The mesh is coarser than the grid: edges of about {:.3g}, cells of {:.3g}, so results are as coarse as the "
+          "mesh. Try a mesh_size of half of mpm.cell",
+          edge, settings.mpm.options.cell));
+  }
   if (lacks_contact(settings) && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
         settings.method == DynamicsMethod::mpm
@@ -456,7 +486,8 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
 template <int Dim>
 std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
   if (settings.method == DynamicsMethod::otm) return otm<Dim>(settings.otm);
-  if (settings.method == DynamicsMethod::mpm && !settings.mpm.total) return mpm<Dim>(mpm_options(mesh, settings));
+  if (settings.method == DynamicsMethod::mpm && settings.mpm.frame != MpmFrame::total)
+    return mpm<Dim>(mpm_options(mesh, settings));
   return total_lagrangian<Dim>();
 }
 

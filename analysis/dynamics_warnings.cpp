@@ -36,7 +36,7 @@ std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
     warnings.push_back(fmt::format(
         "Stresses scatter, and bodies may break where their material does not (numerical fracture): {} of {} material "
         "points were stretched until they were too far from their neighbours for the grid. Try more points along a "
-        "cell (mpm.points), mpm.degree = 3 or mpm.frame = \"total\"",
+        "cell (mpm.points), mpm.degree = 3 or mpm.frame = \"mesh\" (\"total\" where bodies do not meet)",
         separated, dynamics.num_points()));
   for (const auto& [name, values] : measure_probes(settings, model))
     if (std::isnan(values[0]))

@@ -33,6 +33,9 @@ constexpr std::pair<Transfer, const char*> transfers_by_name[] = {
     {Transfer::pic, "PIC"},     {Transfer::flip, "FLIP"},       {Transfer::apic, "APIC"},   {Transfer::rpic, "RPIC"},
     {Transfer::aflip, "AFLIP"}, {Transfer::polypic, "PolyPIC"}, {Transfer::xpic, "XPIC(2)"}};
 
+constexpr std::pair<MpmFrame, const char*> frames_by_name[] = {
+    {MpmFrame::updated, "updated"}, {MpmFrame::total, "total"}, {MpmFrame::mesh, "mesh"}};
+
 template <int Dim, int Degree> double largest_spline_error() {
   double worst = 0.0;
   for (int k = 0; k < 1000; ++k) {
@@ -121,17 +124,17 @@ bool crossing() {
 /// `updated` with eight points along a cell: at shears of 6 fewer lose each other.
 bool vortex() {
   bool good = true;
-  for (const bool total : {true, false}) {
+  for (const auto& [frame, name] : frames_by_name) {
+    const bool updated = frame == MpmFrame::updated;
     std::vector<double> errors;
-    const auto cells = total ? std::array<Index, 2>{8, 16} : std::array<Index, 2>{4, 8};
+    const auto cells = updated ? std::array<Index, 2>{4, 8} : std::array<Index, 2>{8, 16};
     for (const Index n : cells) {
-      errors.push_back(vortex_error({.cell = 0.5 / n}, total, 1.0, total ? 2 : 8));
-      std::printf("vortex     %s, %d cells across: positions off by %.3g\n", total ? "total" : "updated", n,
-                  errors.back());
+      errors.push_back(vortex_error({.cell = 0.5 / n}, frame, 1.0, updated ? 8 : 2));
+      std::printf("vortex     %s, %d cells across: positions off by %.3g\n", name, n, errors.back());
       std::fflush(stdout);
     }
-    if (total)
-      good &= row("vortex", "total: order", std::log2(errors[0] / errors[1]), 1.8, 4.0);
+    if (!updated)
+      good &= row("vortex", name + std::string(": order"), std::log2(errors[0] / errors[1]), 1.8, 4.0);
     else
       good &= row("vortex", "updated: error over that of cells twice as wide", errors[1] / errors[0], 0.0, 0.9);
   }
@@ -139,12 +142,16 @@ bool vortex() {
 }
 
 bool strip() {
-  const StretchedStrip total = stretch_strip({.cell = 2.0}, true, 2.0);
-  bool good = row("strip", "total: scatter of stresses at a stretch of 1.3", total.scatter, 0.0, 0.05);
-  good &= row("strip", "total: stretch at a gap (0: none)", total.gap_at, 0.0, 0.0);
+  bool good = true;
+  for (const auto& [frame, name] : frames_by_name) {
+    if (frame == MpmFrame::updated) continue;
+    const StretchedStrip strip = stretch_strip({.cell = 2.0}, frame, 2.0);
+    good &= row("strip", name + std::string(": scatter of stresses at a stretch of 1.3"), strip.scatter, 0.0, 0.05);
+    good &= row("strip", name + std::string(": stretch at a gap (0: none)"), strip.gap_at, 0.0, 0.0);
+  }
   for (const int degree : {2, 3})
     for (const Index points : {2, 3, 4}) {
-      const StretchedStrip updated = stretch_strip({.cell = 2.0, .degree = degree}, false, 3.5, points);
+      const StretchedStrip updated = stretch_strip({.cell = 2.0, .degree = degree}, MpmFrame::updated, 3.5, points);
       std::printf(
           "strip      updated, degree %d, %d points along: scatter at 1.3 %.3g, separated at %.3g, gap at %.3g\n",
           degree, points, updated.scatter, updated.reported_at, updated.gap_at);
@@ -158,28 +165,31 @@ bool taylor() {
   bool good = true;
   const double size = 0.443e-3;
   std::vector<TaylorBar::Shape> shapes;
-  for (const bool total : {true, false}) {
-    const TaylorRun run = run_taylor({.cell = 2.0 * size}, total, 80e-6);
+  for (const auto& [frame, name] : frames_by_name) {
+    const TaylorRun run = run_taylor({.cell = 2.0 * size}, frame, 80e-6);
     shapes.push_back(run.shape);
-    std::printf("taylor     %s: %d points, %d steps, energy off by %.2g %%, %.3g CPU s\n", total ? "total" : "updated",
-                run.points, run.steps, 100.0 * run.energy_error, run.seconds);
-    const std::string of = total ? "total: " : "updated: ";
+    std::printf("taylor     %s: %d points, %d steps, energy off by %.2g %%, %.3g CPU s\n", name, run.points, run.steps,
+                100.0 * run.energy_error, run.seconds);
+    const std::string of = name + std::string(": ");
     good &= row("taylor", of + "length [mm]", 1e3 * run.shape.length, 21.4, 21.7);
     good &= row("taylor", of + "foot [mm]", 1e3 * run.shape.foot, 6.9, 7.3);
     good &= row("taylor", of + "plastic strain", run.shape.plastic_strain, 2.5, 3.3);
   }
-  good &= row("taylor", "lengths of the frames, ratio", shapes[1].length / shapes[0].length, 0.97, 1.03);
+  for (const std::size_t k : {1, 2})
+    good &= row("taylor", frames_by_name[k].second + std::string(": length over that of `updated`"),
+                shapes[k].length / shapes[0].length, 0.97, 1.03);
   return good;
 }
 
 bool cook() {
   bool good = true;
-  for (const bool total : {true, false}) {
-    const std::string of = total ? "total: " : "updated: ";
-    good &= row("cook", of + "deflection at nu = 0.3 (9.1218)", cook_deflection(2.0, 0.3, total, false), 8.85, 9.4);
-    good &= row("cook", of + "at nu = 0.4999 (7.695)", cook_deflection(2.0, 0.4999, total), 7.46, 7.93);
+  for (const auto& [frame, name] : frames_by_name) {
+    const std::string of = name + std::string(": ");
+    good &= row("cook", of + "deflection at nu = 0.3 (9.1218)", cook_deflection(2.0, 0.3, frame, false), 8.85, 9.4);
+    good &= row("cook", of + "at nu = 0.4999 (7.695)", cook_deflection(2.0, 0.4999, frame), 7.46, 7.93);
   }
-  std::printf("cook       total, without pressure patches: %.4f\n", cook_deflection(2.0, 0.4999, true, false));
+  std::printf("cook       total, without pressure patches: %.4f\n",
+              cook_deflection(2.0, 0.4999, MpmFrame::total, false));
   return good;
 }
 
@@ -224,7 +234,7 @@ bool speed() {
   for (const bool total : {false, true}) {
     const int before = num_threads();
     set_num_threads(1);
-    const TaylorRun run = run_taylor({.cell = 2.0 * 0.443e-3}, total, 20e-6);
+    const TaylorRun run = run_taylor({.cell = 2.0 * 0.443e-3}, total ? MpmFrame::total : MpmFrame::updated, 20e-6);
     set_num_threads(before);
     const double updates = 1e-6 * static_cast<double>(run.points) * static_cast<double>(run.steps) / run.seconds;
     good &= row("speed", std::string(total ? "total" : "updated") + ", Taylor's bar to 20 us: million updates a second",

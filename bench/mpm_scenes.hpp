@@ -22,30 +22,36 @@
 
 namespace efree::bench {
 
-/// A body of material points, with splines of the reference configuration (total) or of a new grid in every step, and
-/// its scheme.
-template <int Dim> DeformableBody<Dim> body_of_points(const FineMesh<Dim>& mesh, const MpmOptions& options, bool total,
-                                                      Index points_along, const SharedMaterial& material,
-                                                      double density) {
-  return total ? splines_on_lattice<Dim>(mesh, options, points_along, material, density)
-               : points_on_lattice<Dim>(mesh, options, points_along, material, density);
-}
-template <int Dim> std::unique_ptr<Scheme<Dim>> scheme_of_points(const MpmOptions& options, bool total) {
-  return total ? total_lagrangian<Dim>() : mpm<Dim>(options);
+/// The scheme of a body_on_lattice.
+template <int Dim> std::unique_ptr<Scheme<Dim>> scheme_of(const MpmOptions& options, MpmFrame frame) {
+  return frame == MpmFrame::total ? total_lagrangian<Dim>() : mpm<Dim>(options);
 }
 
-/// Velocities of the points of a body, by place.
-template <int Dim, class Velocity> Points<Dim> velocity_of_points(const DeformableBody<Dim>& body, const Velocity& at) {
-  Points<Dim> result(Dim, body.points.cols());
-  for (Index p = 0; p < body.points.cols(); ++p) result.col(p) = at(Vec<Dim>(body.points.col(p)));
+/// What moves with a velocity that a body begins with.
+template <int Dim> const Points<Dim>& moving_of(const DeformableBody<Dim>& body) {
+  return body.nodes.cols() > 0 ? body.nodes : body.points;
+}
+
+/// Velocities that a body begins with, by place.
+template <int Dim, class Velocity> Points<Dim> velocity_by_place(const DeformableBody<Dim>& body, const Velocity& at) {
+  const Points<Dim>& moving = moving_of(body);
+  Points<Dim> result(Dim, moving.cols());
+  for (Index a = 0; a < moving.cols(); ++a) result.col(a) = at(Vec<Dim>(moving.col(a)));
   return result;
 }
 
+/// A soft cube, or square, of edge 1 with two points along a cell of the grid, or of a mesh with edges half as long in
+/// the plane, as long in space.
+template <int Dim> DeformableBody<Dim> soft_block(const MpmOptions& options, MpmFrame frame = MpmFrame::updated) {
+  const double size = frame == MpmFrame::mesh ? (Dim == 2 ? 0.5 : 1.0) * options.cell : 0.25;
+  return body_on_lattice<Dim>(block<Dim>(1.0, size), frame, options, 2, soft(), 1.0);
+}
+
 /// What a block that vibrates and spins loses of its momenta, over these, in so many steps.
-template <int Dim>
-std::pair<double, double> lost_momenta(const MpmOptions& options, Index steps, bool verbose = false) {
-  DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0);
-  body.velocity = velocity_of_points<Dim>(body, [](const Vec<Dim>& x) {
+template <int Dim> std::pair<double, double> lost_momenta(const MpmOptions& options, Index steps,
+                                                          MpmFrame frame = MpmFrame::updated, bool verbose = false) {
+  DeformableBody<Dim> body = soft_block<Dim>(options, frame);
+  body.velocity = velocity_by_place<Dim>(body, [](const Vec<Dim>& x) {
     Vec<Dim> v = Vec<Dim>::Constant(0.01);
     v[0] += 0.02 * std::cos(std::numbers::pi * x[0]) - 0.02 * x[1];
     v[1] += 0.02 * x[0];
@@ -84,7 +90,7 @@ inline Vibration vibrate(const MpmOptions& options, double cells = 0.0) {
   DeformableBody<2> body = points_on_lattice<2>(mesh, options, 2, soft(0.0), 1.0);
   const auto mode = [](double x) { return std::cos(std::numbers::pi * x); };
   const double period = 2.0, drift = cells * options.cell / (periods * period);
-  body.velocity = velocity_of_points<2>(body, [&](const Vec<2>& x) { return Vec<2>(speed * mode(x[0]) + drift, 0.0); });
+  body.velocity = velocity_by_place<2>(body, [&](const Vec<2>& x) { return Vec<2>(speed * mode(x[0]) + drift, 0.0); });
   Vector shape(body.points.cols());
   for (Index p = 0; p < shape.size(); ++p) shape[p] = body.volumes[p] * mode(body.points(0, p));
   const Points<2> X = body.points;
@@ -144,12 +150,17 @@ class PointForce final : public Interaction<2> {
   using Force = std::function<Vec<2>(Index, double)>;
   PointForce(Force force, const MpmOptions& options) : force_(std::move(force)), options_(options) {}
   void add_forces(World<2>& world) override {
-    std::map<std::pair<Index, Index>, Index> node_at;
-    const Vec<2> origin(options_.origin[0], options_.origin[1]);
     const bool has_tables = !world.chunks.front().table.entries.empty();
+    const Vec<2> low = world.nodes.x.rowwise().minCoeff();
+    const auto site_of = [&](const Vec<2>& x) {
+      return std::pair(std::lround((x[0] - low[0]) / options_.cell), std::lround((x[1] - low[1]) / options_.cell));
+    };
+    std::vector<Index> node_at;
+    const auto [last, width] = site_of(world.nodes.x.rowwise().maxCoeff());
+    if (!has_tables) node_at.assign(static_cast<std::size_t>((last + 1) * (width + 1)), -1);
     for (Index a = 0; a < world.nodes.size() && !has_tables; ++a) {
-      const Vec<2> site = (world.nodes.x.col(a) - origin) / options_.cell;
-      node_at[{static_cast<Index>(std::lround(site[0])), static_cast<Index>(std::lround(site[1]))}] = a;
+      const auto [i, j] = site_of(world.nodes.x.col(a));
+      node_at[static_cast<std::size_t>(i * (width + 1) + j)] = a;
     }
     for (const auto& chunk : world.chunks)
       for (Index p = 0; p < chunk.size(); ++p) {
@@ -158,12 +169,20 @@ class PointForce final : public Interaction<2> {
         for (const auto& [a, entry] : chunk.table.row(p)) world.nodes.force.col(a) += entry.N * f;
         if (has_tables) continue;
         internal::SplineRow<2> along[2];
-        for (int i = 0; i < 2; ++i) internal::evaluate_spline<2>((x[i] - origin[i]) / options_.cell, along[i]);
-        for (Index i = 0; i < 3; ++i)
-          for (Index j = 0; j < 3; ++j)
-            world.nodes.force.col(
-                node_at.at({static_cast<Index>(along[0].first) + i, static_cast<Index>(along[1].first) + j})) +=
-                along[0].N[i] * along[1].N[j] * f;
+        for (int i = 0; i < 2; ++i) internal::evaluate_spline<2>((x[i] - low[i]) / options_.cell, along[i]);
+        // Around the middle of a cell there may be nodes, of next to no weight, that none of its vertices has.
+        std::array<std::pair<Index, double>, 9> around;
+        double sum = 0.0;
+        for (std::size_t k = 0; k < 9; ++k) {
+          const std::ptrdiff_t i = along[0].first + static_cast<std::ptrdiff_t>(k / 3),
+                               j = along[1].first + static_cast<std::ptrdiff_t>(k % 3);
+          const bool inside = i >= 0 && j >= 0 && i <= last && j <= width;
+          around[k] = {inside ? node_at[static_cast<std::size_t>(i * (width + 1) + j)] : -1,
+                       along[0].N[k / 3] * along[1].N[k % 3]};
+          if (around[k].first >= 0) sum += around[k].second;
+        }
+        for (const auto& [node, N] : around)
+          if (node >= 0) world.nodes.force.col(node) += N / sum * f;
       }
   }
 
@@ -187,14 +206,15 @@ class Damping final : public Interaction<2> {
 /// A ring that turns about itself by g(t) k(r), by a body force that makes this the exact motion (de Vaucorbeil, Nguyen
 /// & Hutchinson 2020): root mean square of the error of the points' positions, the largest at quarters
 /// of the time until then.
-inline double vortex_error(const MpmOptions& options, bool total, double until = 1.0, Index points_along = 2) {
+inline double vortex_error(const MpmOptions& options, MpmFrame frame, double until = 1.0, Index points_along = 2) {
   constexpr double E = 1e6, nu = 0.3, rho = 1050.0, m = E / (2.0 * (1.0 + nu)) / rho, pi = std::numbers::pi;
   const auto k = [](double r) { return 1.0 - 32.0 * std::pow(r - 1.0, 2) + 256.0 * std::pow(r - 1.0, 4); };
   const auto k1 = [](double r) { return -64.0 * (r - 1.0) + 1024.0 * std::pow(r - 1.0, 3); };
   const auto k2 = [](double r) { return -64.0 + 3072.0 * std::pow(r - 1.0, 2); };
-  const FineMesh<2> mesh = triangulate(shapes::annulus(0.75, 1.25, 0.02, 1e-5), {.size = 0.02});
+  const double size = frame == MpmFrame::mesh ? options.cell / static_cast<double>(points_along) : 0.02;
+  const FineMesh<2> mesh = triangulate(shapes::annulus(0.75, 1.25, size, 1e-5), {.size = size});
   const SharedMaterial material = NeoHookean({.E = E, .nu = nu});
-  DeformableBody<2> body = body_of_points<2>(mesh, options, total, points_along, material, rho);
+  DeformableBody<2> body = body_on_lattice<2>(mesh, frame, options, points_along, material, rho);
   body.patches.clear();
   const auto start = [&](const Vec<2>& x) { return Vec<2>(pi * k(x.norm()) * Vec<2>(-x[1], x[0])); };
   // The parts of the force at a point are means over a square of its area: taken at its middle they would turn the
@@ -217,10 +237,10 @@ inline double vortex_error(const MpmOptions& options, bool total, double until =
     return Vec<2>((parts(0, p) * g * g + parts(1, p) * g1 * g1) * radial +
                   (parts(2, p) * g2 + parts(3, p) * g) * around);
   };
-  const Points<2> X = body.points, &moving = total ? body.nodes : body.points;
+  const Points<2> X = body.points, &moving = moving_of(body);
   body.velocity.resize(2, moving.cols());
   for (Index a = 0; a < moving.cols(); ++a) body.velocity.col(a) = start(moving.col(a));
-  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total), {.imbalance = 1e30});
+  Dynamics<2> dynamics({body}, scheme_of<2>(options, frame), {.imbalance = 1e30});
   dynamics.add_interaction(std::make_unique<PointForce>(force, options));
   dynamics.step(1e-9);  // with the forces of the start
   double worst = 0.0;
@@ -274,7 +294,7 @@ inline Bounce bounce_discs(const MpmOptions& options) {
     }
     DeformableBody<2> body =
         points_on_lattice<2>(triangulate({.boundary = {circle}}, {.size = 0.02}), options, 2, soft(), 1.0);
-    body.velocity = velocity_of_points<2>(body, [&](const Vec<2>&) { return Vec<2>(v, 0.0); });
+    body.velocity = velocity_by_place<2>(body, [&](const Vec<2>&) { return Vec<2>(v, 0.0); });
     return body;
   };
   const double centre = radius + 0.5 * apart;
@@ -317,24 +337,25 @@ struct StretchedStrip {
   double reported_at;  ///< stretch at the first report of points that lose each other; 0: none until a stretch of `to`
   double gap_at;       ///< stretch at which a distance of neighbours along the axis is twice the mean; 0: none
 };
-inline StretchedStrip stretch_strip(const MpmOptions& options, bool total, double to, Index points_along = 2) {
+inline StretchedStrip stretch_strip(const MpmOptions& options, MpmFrame frame, double to, Index points_along = 2) {
   constexpr double rate = 1e-3;
-  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 20.0, 40.0), {.size = 2.0});
+  const double size = frame == MpmFrame::mesh ? options.cell / static_cast<double>(points_along) : 2.0;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 20.0, 40.0), {.size = size});
   const SharedMaterial material = NeoHookean({.E = 1.0, .nu = 0.3});
-  DeformableBody<2> body = body_of_points<2>(mesh, options, total, points_along, material, 1.0);
+  DeformableBody<2> body = body_on_lattice<2>(mesh, frame, options, points_along, material, 1.0);
   body.patches.clear();  // it does not lock
-  const Points<2> X = body.points, &moving = total ? body.nodes : body.points;
+  const Points<2> X = body.points, &moving = moving_of(body);
   body.velocity.setZero(2, moving.cols());
   for (Index a = 0; a < moving.cols(); ++a) body.velocity(1, a) = rate * (moving(1, a) - 20.0);
   std::vector<Index> ends;
   for (Index p = 0; p < X.cols(); ++p)
     if (std::abs(X(1, p) - 20.0) > 18.0) ends.push_back(p);
-  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total));
-  if (total) {
+  Dynamics<2> dynamics({body}, scheme_of<2>(options, frame));
+  if (frame == MpmFrame::total) {
     for (const Index a : nodes_of_points(body, ends)) dynamics.prescribe(a, 1, body.velocity(1, a));
   } else {
     Vector speeds(static_cast<Index>(ends.size()));
-    for (std::size_t k = 0; k < ends.size(); ++k) speeds[static_cast<Index>(k)] = body.velocity(1, ends[k]);
+    for (std::size_t k = 0; k < ends.size(); ++k) speeds[static_cast<Index>(k)] = rate * (X(1, ends[k]) - 20.0);
     dynamics.prescribe_points(ends, 1, speeds);
   }
   StretchedStrip result{0.0, 0.0, 0.0};
@@ -371,12 +392,12 @@ struct TaylorRun {
   Index points, steps;
   double energy_error, seconds;
 };
-inline TaylorRun run_taylor(const MpmOptions& options, bool total, double until) {
-  const FineMesh<3> mesh = TaylorBar::mesh<3>(0.8e-3);
-  DeformableBody<3> body = body_of_points<3>(mesh, options, total, 2, TaylorBar::copper(), TaylorBar::density);
-  body.velocity.setZero(3, total ? body.nodes.cols() : body.points.cols());
+inline TaylorRun run_taylor(const MpmOptions& options, MpmFrame frame, double until) {
+  const FineMesh<3> mesh = TaylorBar::mesh<3>(frame == MpmFrame::mesh ? options.cell : 0.8e-3);
+  DeformableBody<3> body = body_on_lattice<3>(mesh, frame, options, 2, TaylorBar::copper(), TaylorBar::density);
+  body.velocity.setZero(3, moving_of(body).cols());
   body.velocity.row(2).setConstant(-227.0);
-  Dynamics<3> dynamics({body}, scheme_of_points<3>(options, total));
+  Dynamics<3> dynamics({body}, scheme_of<3>(options, frame));
   dynamics.add_wall({.normal = Vec<3>::UnitZ()});
   const double start = cpu_seconds();
   dynamics.run(until);
@@ -422,7 +443,7 @@ inline double torn_strip_dissipation(const MpmOptions& options, double softening
   std::vector<Index> ends[2];
   for (Index p = 0; p < X.cols(); ++p)
     if (std::abs(X(1, p) - 0.5) > 0.5 - options.cell) ends[X(1, p) > 0.5 ? 1 : 0].push_back(p);
-  body.velocity = velocity_of_points<2>(body, [&](const Vec<2>& x) { return Vec<2>(0.0, speed * (2.0 * x[1] - 1.0)); });
+  body.velocity = velocity_by_place<2>(body, [&](const Vec<2>& x) { return Vec<2>(0.0, speed * (2.0 * x[1] - 1.0)); });
   Dynamics<2> dynamics({body}, mpm<2>(options));
   for (const int side : {0, 1})
     dynamics.prescribe_points(ends[side], 1, Vector::Constant(std::ssize(ends[side]), side == 0 ? -speed : speed));
@@ -432,19 +453,19 @@ inline double torn_strip_dissipation(const MpmOptions& options, double softening
 
 /// Cook's membrane (cook.hpp) under a thousandth of its load, relaxed by damping: a thousand times the deflection of
 /// the middle of the right side. nu: Poisson's ratio; patches: points of a cell share their mean dilatation.
-inline double cook_deflection(double cell, double nu, bool total, bool patches = true) {
+inline double cook_deflection(double cell, double nu, MpmFrame frame, bool patches = true) {
   constexpr double load = 0.1, density = 1.0;
   const MpmOptions options{.cell = cell};
   const FineMesh<2> mesh = triangulate(shapes::cook(), {.size = 1.0});
   const SharedMaterial material = NeoHookean({.E = 240.565, .nu = nu});
-  DeformableBody<2> body = body_of_points<2>(mesh, options, total, 2, material, density);
+  DeformableBody<2> body = body_on_lattice<2>(mesh, frame, options, 2, material, density);
   if (!patches) body.patches.clear();
   const Points<2> X = body.points;
   // On the last layer of points; about 1.3 periods of the slowest motion, damped nearly critically.
   double loaded = 0.0;
   for (Index p = 0; p < X.cols(); ++p)
     if (X(0, p) > 48.0 - 0.5 * cell) loaded += density * body.volumes[p];
-  Dynamics<2> dynamics({body}, scheme_of_points<2>(options, total), {.imbalance = 1e30});
+  Dynamics<2> dynamics({body}, scheme_of<2>(options, frame), {.imbalance = 1e30});
   dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 0, 0.0);
   dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, 1, 0.0);
   dynamics.add_interaction(std::make_unique<PointForce>(

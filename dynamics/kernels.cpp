@@ -154,6 +154,24 @@ EFREE_FOR_EACH_MACHINE void spatial_gradients(Index points, const Mat<3>* moved,
   }
 }
 
+EFREE_FOR_EACH_MACHINE double work_of_last_motion(Index points, const double* volume, const Mat<3>* F_since,
+                                                  const double* columns) {
+  double sum = 0.0;
+  for (Index p = 0; p < points; ++p) {
+    Four S[3], cofactor[3];
+    columns_of(F_since[p], S);
+    const double over = 1.0 / cofactors_of(S, cofactor);
+    double work = 0.0;
+    for (int j = 0; j < 3; ++j) {
+      Four tau;
+      load(tau, columns + 16 * p + 4 * j);
+      for (int i = 0; i < 3; ++i) work += tau[i] * ((i == j ? 1.0 : 0.0) - over * cofactor[j][i]);
+    }
+    sum += volume[p] > 0.0 ? volume[p] * work : 0.0;
+  }
+  return sum;
+}
+
 EFREE_FOR_EACH_MACHINE void apply_tangent(Index points, const double* tangent, const double* factor, double* columns) {
   Four stiff[27], H[3], stress[3];
   for (int k = 0; k < 27; ++k) load(stiff[k], tangent + 4 * k);

@@ -129,15 +129,18 @@ template <int Dim> void compute_forces_of(const World<Dim>& world, Scheme<Dim>& 
 
 }  // namespace
 
-template <int Dim> void interpolate(const World<Dim>& world, Chunk<Dim>& chunk, const Points<Dim>& values) {
-  PointTable<Dim>& table = chunk.table;
+template <int Dim>
+void interpolate_by_table(PointTable<Dim>& table, const Points<Dim>& values, bool axisymmetric, double* columns) {
   if (table.nodes.empty()) return;
   table.origin = values.col(table.nodes[table.nodes.size() / 2]);
-  if (world.axisymmetric()) table.origin[0] = 0.0;  // hoops are as long as radii
+  if (axisymmetric) table.origin[0] = 0.0;  // hoops are as long as radii
   for (std::size_t l = 0; l < table.nodes.size(); ++l)
     for (int i = 0; i < Dim; ++i) table.x[4 * l + i] = values(i, table.nodes[l]) - table.origin[i];
-  internal::interpolate_gradients(chunk.size(), table.offsets.data(), table.local.data(), table.entries.data(),
-                                  table.x.data(), chunk.columns());
+  internal::interpolate_gradients(static_cast<Index>(table.offsets.size()) - 1, table.offsets.data(),
+                                  table.local.data(), table.entries.data(), table.x.data(), columns);
+}
+template <int Dim> void interpolate(const World<Dim>& world, Chunk<Dim>& chunk, const Points<Dim>& values) {
+  interpolate_by_table(chunk.table, values, world.axisymmetric(), chunk.columns());
 }
 
 template <int Dim> Mat<3> gradient_by_rows(const World<Dim>& world, const double* rows, double out_of_plane) {
@@ -193,19 +196,36 @@ template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk) {
   });
 }
 
-template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved) {
-  const Matter<Dim>& matter = chunk.matter;
-  const Support<Dim>& support = chunk.support;
-  PointTable<Dim>& table = chunk.table;
+template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
+                                                const Points<Dim>& nodes, double least) {
+  using internal::PlaneKind;
+  const PlaneKind plane = Dim == 3               ? PlaneKind::none
+                          : world.axisymmetric() ? PlaneKind::axisymmetric
+                                                 : PlaneKind::strain;
+  Matter<Dim>& matter = chunk.matter;
   double* columns = chunk.columns();
-  share_patch_pressures(chunk);
-  internal::force_columns(chunk.size(), matter.volume.data(), matter.F_since.data(), moved.data(),
+  interpolate_by_table(table, nodes, world.axisymmetric(), columns);
+  for (Index p = 0; p < chunk.size(); ++p)
+    matter.x.col(p) = table.origin + Eigen::Map<const Vec<Dim>>(columns + 16 * p + 12);
+  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
+                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(), columns);
+}
+
+template <int Dim> void scatter_by_table(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved,
+                                         PointTable<Dim>& table) {
+  const Support<Dim>& support = chunk.support;
+  double* columns = chunk.columns();
+  internal::force_columns(chunk.size(), chunk.matter.volume.data(), chunk.matter.F_since.data(), moved.data(),
                           support.moment.data(), support.stabilisation.data(), columns);
   if (Dim == 2 && !world.axisymmetric())
     for (Index p = 0; p < chunk.size(); ++p) columns[16 * p + 8] = 0.0;
   std::fill(table.force.begin(), table.force.end(), 0.0);
   internal::scatter_forces(chunk.size(), table.offsets.data(), table.local.data(), table.entries.data(), table.x.data(),
                            columns, support.stabilisation.data(), world.axisymmetric(), table.force.data());
+}
+template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved) {
+  share_patch_pressures(chunk);
+  scatter_by_table(world, chunk, moved, chunk.table);
 }
 
 template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& forces, const std::vector<char>& of) {
@@ -249,18 +269,21 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   return std::sqrt(std::max(axes.eigenvalues()[0], 0.0));
 }
 
-#define EFREE_INSTANTIATE(Dim)                                                                \
-  template void interpolate(const World<Dim>&, Chunk<Dim>&, const Points<Dim>&);              \
-  template Mat<3> gradient_by_rows(const World<Dim>&, const double*, double);                 \
-  template void update_position(const World<Dim>&, Chunk<Dim>&, Index);                       \
-  template void update_position_again(const World<Dim>&, Chunk<Dim>&, Index);                 \
-  template void compute_internal_forces(World<Dim>&, Scheme<Dim>&, double);                   \
-  template void assemble_internal_forces(World<Dim>&, Scheme<Dim>&);                          \
-  template void share_patch_pressures(Chunk<Dim>&);                                           \
-  template void scatter_stresses(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&); \
-  template void collect_forces(const World<Dim>&, Points<Dim>&, const std::vector<char>&);    \
-  template double stabilisation_energy(const World<Dim>&, const Chunk<Dim>&, Index, double);  \
-  template std::vector<double> stabilisation_energies(const World<Dim>&);                     \
+#define EFREE_INSTANTIATE(Dim)                                                                                         \
+  template void interpolate(const World<Dim>&, Chunk<Dim>&, const Points<Dim>&);                                       \
+  template void interpolate_by_table(PointTable<Dim>&, const Points<Dim>&, bool, double*);                             \
+  template StrainBounds deform_by_table(const World<Dim>&, Chunk<Dim>&, PointTable<Dim>&, const Points<Dim>&, double); \
+  template void scatter_by_table(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&, PointTable<Dim>&);        \
+  template Mat<3> gradient_by_rows(const World<Dim>&, const double*, double);                                          \
+  template void update_position(const World<Dim>&, Chunk<Dim>&, Index);                                                \
+  template void update_position_again(const World<Dim>&, Chunk<Dim>&, Index);                                          \
+  template void compute_internal_forces(World<Dim>&, Scheme<Dim>&, double);                                            \
+  template void assemble_internal_forces(World<Dim>&, Scheme<Dim>&);                                                   \
+  template void share_patch_pressures(Chunk<Dim>&);                                                                    \
+  template void scatter_stresses(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&);                          \
+  template void collect_forces(const World<Dim>&, Points<Dim>&, const std::vector<char>&);                             \
+  template double stabilisation_energy(const World<Dim>&, const Chunk<Dim>&, Index, double);                           \
+  template std::vector<double> stabilisation_energies(const World<Dim>&);                                              \
   template double smallest_width(const Mat<Dim>&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)

@@ -9,6 +9,9 @@ namespace efree {
 /// Interpolates values at the nodes (Dim x N) to the points of a chunk: their gradients and values are in
 /// chunk.columns(), a row for each component, until the next call of this thread.
 template <int Dim> void interpolate(const World<Dim>& world, Chunk<Dim>& chunk, const Points<Dim>& values);
+/// Likewise by any table, of values by its nodes. axisymmetric: the table has hoops, values have the radius first.
+template <int Dim>
+void interpolate_by_table(PointTable<Dim>& table, const Points<Dim>& values, bool axisymmetric, double* columns);
 /// A gradient by these rows; out of the plane it has `out_of_plane`, or that by hoops of an axisymmetric section.
 template <int Dim> Mat<3> gradient_by_rows(const World<Dim>& world, const double* rows, double out_of_plane);
 /// Position and F_since of a point, right after `interpolate` of the nodes' positions by this thread.
@@ -28,8 +31,14 @@ template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& 
 template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme);
 /// Kirchhoff stresses in the columns of a chunk: points of a pressure patch share the work of its dilatation.
 template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk);
-/// Forces in a chunk's table of the stresses in its columns, shared in pressure patches, and of zero-energy modes,
-/// whose gradients are `moved`.
+/// Positions and deformation gradients of the points of a chunk by a table and where its nodes are, as
+/// internal::update_deformation leaves them.
+template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
+                                                const Points<Dim>& nodes, double least);
+/// Forces in a table of the stresses in a chunk's columns, and of zero-energy modes, whose gradients are `moved`.
+template <int Dim> void scatter_by_table(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved,
+                                         PointTable<Dim>& table);
+/// Forces in a chunk's table of the stresses in its columns, shared in pressure patches.
 template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved);
 /// Dim x N, sums of the chunks' forces at every node, or at each with a mark in `of`, in the order of the chunks.
 template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& forces, const std::vector<char>& of = {});

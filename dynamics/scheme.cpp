@@ -11,19 +11,8 @@
 
 namespace efree {
 
-template <int Dim>
-StrainBounds Scheme<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const {
-  using internal::PlaneKind;
-  const PlaneKind plane = Dim == 3               ? PlaneKind::none
-                          : world.axisymmetric() ? PlaneKind::axisymmetric
-                                                 : PlaneKind::strain;
-  Matter<Dim>& matter = chunk.matter;
-  interpolate(world, chunk, world.nodes.x);
-  double* columns = chunk.columns();
-  for (Index p = 0; p < chunk.size(); ++p)
-    matter.x.col(p) = chunk.table.origin + Eigen::Map<const Vec<Dim>>(columns + 16 * p + 12);
-  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
-                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(), columns);
+template <int Dim> StrainBounds Scheme<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
+  return deform_by_table(world, chunk, chunk.table, world.nodes.x, least);
 }
 
 template <int Dim> void Scheme<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {

@@ -36,7 +36,7 @@ template <int Dim> class Scheme {
   virtual void refresh(World<Dim>&, internal::StableStep<Dim>&) {}
   /// Positions and deformation gradients of the points of a chunk where the nodes are now, as
   /// internal::update_deformation leaves them; by default from its table.
-  virtual StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const;
+  virtual StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least);
   /// From the Kirchhoff stresses of a chunk's points, in its columns, to its part of the nodes' forces (table.force).
   virtual void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk);
   /// nodes.force, by the parts of all chunks.

@@ -6,6 +6,7 @@
 #include "efree/materials/internal/return_mapping.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/LU>
 #include <algorithm>
 
 namespace efree {
@@ -73,12 +74,32 @@ Returned torn(const Vec<3>& trial, double a, const ElasticConstants& elastic, co
   return result;
 }
 
+/// The answer where matter fails in this step: the strains that are left have the stresses of other constants.
+Returned with_failure(Returned answer, const ElasticConstants& before, const ElasticConstants& after) {
+  const PrincipalStress old = PrincipalStress::linear(answer.elastic, before.kappa, before.mu),
+                        now = PrincipalStress::linear(answer.elastic, after.kappa, after.mu);
+  answer.dissipated += elastic_energy(answer.elastic, before) - elastic_energy(answer.elastic, after);
+  answer.law = {now.stress, now.slope * old.slope.inverse() * answer.law.slope,
+                after.mu / before.mu * answer.law.secant};
+  answer.constants = after;
+  return answer;
+}
+
 }  // namespace
 
 Rankine::Rankine(RankineParameters parameters)
     : Plastic(parameters.moduli, parameters.strain),
       strength_(std::move(parameters.strength)),
-      softening_(std::move(parameters.softening)) {
+      softening_(std::move(parameters.softening)),
+      damage_threshold_(parameters.damage_threshold),
+      failed_shear_(parameters.failed_shear) {
+  for (const auto& [what, value] : {std::pair{"damage_threshold", damage_threshold_}, {"failed_shear", failed_shear_}})
+    if (!(value > 0.0 && value <= 1.0))
+      throw InputError(fmt::format("{} = {}, expected more than 0, at most 1", what, value));
+  if (failed_shear_ < 1.0 && !softens())
+    throw InputError(
+        fmt::format("failed_shear = {}: the strength never falls, expected softening, or fracture_energy and length",
+                    failed_shear_));
   const Vec<3> nowhere = Vec<3>::Zero();
   if (homogeneous()) law_at(strength_, softening_, moduli_.at(nowhere).kappa, nowhere);
 }
@@ -87,11 +108,25 @@ bool Rankine::homogeneous() const {
   return Plastic::homogeneous() && strength_.is_constant() && softening_.is_constant();
 }
 
+ElasticConstants Rankine::failed(const ElasticConstants& elastic) const {
+  const double mu = failed_shear_ * elastic.mu;
+  return {elastic.kappa - 2.0 / 3.0 * mu, mu, elastic.kappa};
+}
+
 /// In principal axes: any strain, and tangents.
 void Rankine::respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const {
   respond_by_return(p, moduli_, strain_, 0.0, given, response,
                     [&](const Vec<3>& trial, double a, const ElasticConstants& elastic, const Vec<3>& X) {
-                      return torn(trial, a, elastic, law_at(strength_, softening_, elastic.kappa, X));
+                      const Hardening strength = law_at(strength_, softening_, elastic.kappa, X);
+                      if (failed_shear_ == 1.0) return torn(trial, a, elastic, strength);
+                      if (!has_failed(strength, a)) {
+                        const Returned answer = torn(trial, a, elastic, strength);
+                        return has_failed(strength, answer.equivalent) ? with_failure(answer, elastic, failed(elastic))
+                                                                       : answer;
+                      }
+                      Returned answer = torn(trial, a, failed(elastic), strength);
+                      answer.constants = failed(elastic);
+                      return answer;
                     });
 }
 
@@ -108,12 +143,13 @@ void Rankine::respond_near_identity(Index begin, int count, const Deformation& g
     const Index p = begin + l;
     const Vec<3> X = given.X.col(p);
     const ElasticConstants elastic = moduli_.at(X);
+    const Hardening strength = law_at(strength_, softening_, elastic.kappa, X);
+    const double a = given.history(6, p), mu = has_failed(strength, a) ? failed(elastic).mu : elastic.mu;
     const double mean = elastic.kappa * points.theta[l], e = points.e[l];
-    const double limit = law_at(strength_, softening_, elastic.kappa, X).at(given.history(6, p)).stress;
-    points.near[l] = mean + std::sqrt(2.0 / 3.0) * 2.0 * elastic.mu * e <= limit ? 1.0 : 0.0;
+    points.near[l] = mean + std::sqrt(2.0 / 3.0) * 2.0 * mu * e <= strength.at(a).stress ? 1.0 : 0.0;
     points.pressure[l] = mean;
-    points.shear[l] = 2.0 * elastic.mu;
-    response.energy[p] = 0.5 * mean * points.theta[l] + elastic.mu * e * e;
+    points.shear[l] = 2.0 * mu;
+    response.energy[p] = 0.5 * mean * points.theta[l] + mu * e * e;
   }
   flow_back(points, false);
   for (int l = 0; l < count; ++l) {

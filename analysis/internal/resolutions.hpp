@@ -3,11 +3,18 @@
 #pragma once
 
 #include "efree/analysis/settings.hpp"
+#include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace efree::internal {
+
+/// Edges that the cells of a mesh have in the mean, of boxes cut into two triangles or six tetrahedra.
+template <int Dim> double mean_edge(const FineMesh<Dim>& mesh) {
+  return std::pow((Dim == 2 ? 2.0 : 6.0) * mesh.volumes().sum() / mesh.num_cells(), 1.0 / Dim);
+}
 
 /// Elements of this size have about as many vertices as a cloud of spacing 1 has nodes.
 template <int Dim> inline constexpr double element_size = Dim == 2 ? 0.85 : 1.5;

@@ -14,7 +14,7 @@ namespace efree {
 template <int Dim> class ContactPoints {
  public:
   struct Point {
-    Index number;  ///< of the material point that it belongs to, as all bodies number them
+    Index number;  ///< that no other has, and the same in the next step
     Vec<Dim> at;
     Gap<Dim> gap;
     std::size_t begin;  ///< of its nodes

@@ -3,6 +3,7 @@
 #include "efree/dynamics/contact/internal/rigid_contact.hpp"
 
 #include <algorithm>
+#include <unordered_map>
 
 namespace efree::internal {
 namespace {
@@ -22,7 +23,8 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
   const ContactPoints<Dim> near = scheme_.find_contact_points(
       world, [&](const Vec<Dim>& at) { return gap_to<Dim>(rigid.body, rigid.now, at); }, reach);
   const std::size_t n = near.points().size();
-  const std::vector<Index> earlier = std::exchange(rigid.near_points, {});
+  std::unordered_map<Index, Index> earlier;
+  for (const Index number : std::exchange(rigid.near_points, {})) earlier.try_emplace(number, std::ssize(earlier));
   const Points<Dim> impulses_before =
       std::exchange(rigid.point_impulses, Points<Dim>::Zero(Dim, static_cast<Index>(n)));
   if (n == 0) return;
@@ -50,10 +52,10 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     // What overlaps is not pushed out, which would make it fast: where a body ends is known to a part of a cell.
     closing[k] = std::max(gap.gap, 0.0) / dt;
     rigid.near_points.push_back(number);
-    const auto place = std::ranges::lower_bound(earlier, number);
-    if (place == earlier.end() || *place != number) continue;
+    const auto place = earlier.find(number);
+    if (place == earlier.end()) continue;
     // The normal has changed little.
-    rigid.point_impulses.col(static_cast<Index>(k)) = impulses_before.col(place - earlier.begin());
+    rigid.point_impulses.col(static_cast<Index>(k)) = impulses_before.col(place->second);
     apply(k, rigid.point_impulses.col(static_cast<Index>(k)));
   }
   double largest = 0.0;

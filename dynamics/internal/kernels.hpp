@@ -26,6 +26,9 @@ void apply_patch_dilatation(Index points, const double* J_ratio, const double* v
 void kirchhoff_stresses(Index points, const double* P, const double* F, const double* shock, double* columns);
 /// moved F_since^-1.
 void spatial_gradients(Index points, const Mat<3>* moved, const Mat<3>* F_since, double* columns);
+/// Sum over the points of volume tau : (1 - F_since^-1), of Kirchhoff stresses in the columns: their power in the
+/// motion of the last step, over a time of one.
+double work_of_last_motion(Index points, const double* volume, const Mat<3>* F_since, const double* columns);
 /// A factor for each point times a tangent, nine columns of three times three numbers and a zero, times what stands
 /// there.
 void apply_tangent(Index points, const double* tangent, const double* factor, double* columns);

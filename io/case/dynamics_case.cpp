@@ -342,9 +342,16 @@ template <int Dim> void read_mpm(const Section& root, DynamicsSettings<Dim>& dyn
   options.cell = section.number("cell", positive);
   mpm.points_along = static_cast<Index>(section.integer("points", 1, 8, mpm.points_along));
   options.degree = static_cast<int>(section.integer("degree", 1, 3, options.degree));
-  mpm.total = section.choice<bool>("frame", {{"updated", false}, {"total", true}}, mpm.total);
+  mpm.frame = section.choice<MpmFrame>(
+      "frame", {{"updated", MpmFrame::updated}, {"total", MpmFrame::total}, {"mesh", MpmFrame::mesh}}, mpm.frame);
+  if (mpm.frame == MpmFrame::mesh && section.has("points"))
+    section.fail("points",
+                 "points means nothing with frame = \"mesh\", whose cells are those of the mesh: take mesh_size in "
+                 "[geometry], about half of mpm.cell");
+  if (mpm.frame == MpmFrame::mesh && section.has("remap"))
+    section.fail("remap", "remap means nothing with frame = \"mesh\", whose strains are those between vertices");
   for (const char* key : {"transfer", "flip", "order", "remap"})
-    if (mpm.total && section.has(key))
+    if (mpm.frame == MpmFrame::total && section.has(key))
       section.fail(key, fmt::format("{} means nothing with frame = \"total\", whose nodes keep their velocities", key));
   options.transfer = section.choice<Transfer>("transfer",
                                               {{"pic", Transfer::pic},

@@ -99,7 +99,8 @@ std::vector<std::string_view> keys_of(Model model) {
     case Model::drucker_prager:
       return and_constants({"cohesion", "friction", "dilatancy", "fit", "strain"});
     case Model::rankine:
-      return and_constants({"strength", "softening", "fracture_energy", "length", "strain"});
+      return and_constants(
+          {"strength", "softening", "fracture_energy", "length", "damage_threshold", "failed_shear", "strain"});
     default:
       return constants;
   }
@@ -362,6 +363,12 @@ template <int Dim> SharedMaterial MaterialReader<Dim>::rankine(const Section& se
   } else if (section.has("softening")) {
     parameters.softening = parameter(section, "softening", not_negative);
   }
+  if (section.has("damage_threshold") && !section.has("failed_shear"))
+    section.fail("damage_threshold",
+                 "damage_threshold is where the shear modulus falls to failed_shear, and that key is missing");
+  const Interval share{0.0, 1.0, false, true};
+  parameters.damage_threshold = section.number("damage_threshold", share, parameters.damage_threshold);
+  parameters.failed_shear = section.number("failed_shear", share, parameters.failed_shear);
   parameters.strain = strain(section, Strain::finite);
   return Rankine(parameters);
 }

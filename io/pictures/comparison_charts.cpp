@@ -28,8 +28,8 @@ double drawn(double error, const Panel& panel) {
 }
 
 /// Colours that the colour-blind tell apart (Okabe & Ito 2008), one for each of compared_methods().
-constexpr const char* colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7"};
-constexpr int symbols[] = {7, 5, 9, 11};
+constexpr const char* colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"};
+constexpr int symbols[] = {7, 5, 9, 11, 13};
 
 /// In the key: what failed, too.
 std::string label_of(const Comparison& comparison, std::size_t method) {

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 namespace efree::internal {
@@ -23,6 +24,7 @@ struct Returned {
   double equivalent = 0.0;  ///< plastic strain afterwards
   double dissipated = 0.0;
   bool plastic = false;
+  std::optional<ElasticConstants> constants{};  ///< from now on, where they have changed
 };
 
 /// Nothing happens.
@@ -138,7 +140,7 @@ template <class Return> void respond_by_return(Index p, const ElasticModuli& mod
                    : Mat<3>(before + frame.tensor(flow));
     response.history.col(p).template head<7>() << components(after), answer.equivalent;
   }
-  response.energy[p] = elastic_energy(answer.elastic, elastic);
+  response.energy[p] = elastic_energy(answer.elastic, answer.constants.value_or(elastic));
   if (kinematic != 0.0) {
     // The elastic strain is what the return left, and the shift.
     const Mat<3> H = given.gradient(p) - Mat<3>::Identity();

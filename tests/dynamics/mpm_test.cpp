@@ -23,6 +23,8 @@ using testing::ThrowsMessage;
 constexpr std::array all_transfers{Transfer::pic,   Transfer::flip,    Transfer::apic, Transfer::rpic,
                                    Transfer::aflip, Transfer::polypic, Transfer::xpic};
 
+constexpr std::array new_grids{MpmFrame::updated, MpmFrame::mesh};
+
 template <class T> class MaterialPointMethod : public testing::Test {};
 using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(MaterialPointMethod, Dimensions);
@@ -81,24 +83,27 @@ TYPED_TEST(MaterialPointMethod, ALatticeCutsABodyIntoPiecesOfItsVolumeAndCentroi
 TYPED_TEST(MaterialPointMethod, EveryTransferKeepsMomentumToRoundingAndAffineOnesAngularMomentum) {
   constexpr int Dim = TypeParam::value;
   for (const Transfer transfer : all_transfers)
-    for (const int degree : {2, 3}) {
-      const auto [linear, angular] =
-          bench::lost_momenta<Dim>({.cell = 0.25, .degree = degree, .transfer = transfer}, Dim == 2 ? 2000 : 300);
-      EXPECT_LT(linear, 1e-14) << static_cast<int>(transfer) << " " << degree;
-      if (transfer == Transfer::apic || transfer == Transfer::rpic || transfer == Transfer::polypic) {
-        EXPECT_LT(angular, 1e-13) << static_cast<int>(transfer) << " " << degree;
+    for (const int degree : {2, 3})
+      for (const MpmFrame frame : new_grids) {
+        const auto [linear, angular] = bench::lost_momenta<Dim>({.cell = 0.25, .degree = degree, .transfer = transfer},
+                                                                Dim == 2 ? 2000 : 300, frame);
+        const auto which = testing::Message() << static_cast<int>(transfer) << degree << static_cast<int>(frame);
+        EXPECT_LT(linear, 1e-14) << which;
+        if (transfer == Transfer::apic || transfer == Transfer::rpic || transfer == Transfer::polypic) {
+          EXPECT_LT(angular, 1e-13) << which;
+        }
       }
-    }
 }
 
 TYPED_TEST(MaterialPointMethod, EnergyThatTransfersLoseIsCounted) {
   constexpr int Dim = TypeParam::value;
+  using enum MpmFrame;
   for (const Transfer transfer : all_transfers)
-    for (const bool remap : {false, true}) {
+    for (const auto& [frame, remap] : {std::pair(updated, false), std::pair(updated, true), std::pair(mesh, false)}) {
       if (remap && transfer == Transfer::polypic) continue;  // refused
       const MpmOptions options{.cell = 0.25, .transfer = transfer, .remap = remap};
-      DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0);
-      body.velocity = bench::velocity_of_points<Dim>(
+      DeformableBody<Dim> body = bench::soft_block<Dim>(options, frame);
+      body.velocity = bench::velocity_by_place<Dim>(
           body, [](const Vec<Dim>& x) { return Vec<Dim>(0.05 * std::cos(3.0 * x[0]) * Vec<Dim>::Unit(0)); });
       // Short steps: what is left is what the integration in time makes.
       Dynamics<Dim> dynamics({body}, mpm<Dim>(options), {.courant = 0.2});
@@ -153,19 +158,25 @@ TEST(MaterialPointMethod2, DiscsFeelEachOtherWhenTheirPointsMeetAndNoMoreOnceThe
   EXPECT_LT(bounce.restitution, 1.0);
 }
 
-TEST(MaterialPointMethod2, SplinesOfTheReferenceConfigurationFollowAVortexWithErrorsOfSecondOrder) {
-  const double coarse = bench::vortex_error({.cell = 0.5 / 6}, true, 0.2),
-               fine = bench::vortex_error({.cell = 0.5 / 12}, true, 0.2);
-  EXPECT_GT(std::log2(coarse / fine), 1.8);
-  EXPECT_LT(std::log2(coarse / fine), 2.6);
+/// Order of the error in a vortex until then, by 6 and 12 cells across.
+double vortex_order(MpmFrame frame, double until) {
+  return std::log2(bench::vortex_error({.cell = 0.5 / 6}, frame, until) /
+                   bench::vortex_error({.cell = 0.5 / 12}, frame, until));
 }
 
-TYPED_TEST(MaterialPointMethod, NoPointPassesAWallOrARigidBodyWhoseMomentumIsThatOfTheBody) {
-  constexpr int Dim = TypeParam::value;
+TEST(MaterialPointMethod2, SplinesOfTheReferenceConfigurationFollowAVortexWithErrorsOfSecondOrderAndMeshesNearly) {
+  const double total = vortex_order(MpmFrame::total, 0.2), mesh = vortex_order(MpmFrame::mesh, 0.1);
+  EXPECT_GT(total, 1.8);
+  EXPECT_LT(total, 2.6);
+  EXPECT_GT(mesh, 1.5);
+  EXPECT_LT(mesh, 2.0);
+}
+
+template <int Dim> void expect_no_point_passes_a_wall_or_a_rigid_body(MpmFrame frame) {
   const MpmOptions options{.cell = 0.25};
-  DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0);
+  DeformableBody<Dim> body = bench::soft_block<Dim>(options, frame);
   body.velocity =
-      bench::velocity_of_points<Dim>(body, [](const Vec<Dim>&) { return Vec<Dim>(-0.1 * Vec<Dim>::Unit(0)); });
+      bench::velocity_by_place<Dim>(body, [](const Vec<Dim>&) { return Vec<Dim>(-0.1 * Vec<Dim>::Unit(0)); });
   Dynamics<Dim> dynamics({body}, mpm<Dim>(options));
   dynamics.add_wall({.normal = Vec<Dim>::Unit(0), .level = -0.2});
   Vec<Dim> centre = Vec<Dim>::Constant(0.5);
@@ -190,11 +201,15 @@ TYPED_TEST(MaterialPointMethod, NoPointPassesAWallOrARigidBodyWhoseMomentumIsTha
   EXPECT_GT(dynamics.rigid_bodies()[0].velocity[0], -0.3);
 }
 
+TYPED_TEST(MaterialPointMethod, NoPointPassesAWallOrARigidBodyWhoseMomentumIsThatOfTheBody) {
+  for (const MpmFrame frame : new_grids) expect_no_point_passes_a_wall_or_a_rigid_body<TypeParam::value>(frame);
+}
+
 TEST(MaterialPointMethod2, ABlockThatFallsFlatStaysAsSymmetricAsItWas) {
   for (const Index points : {1, 2, 3}) {
     const MpmOptions options{.cell = 0.125};
     DeformableBody<2> body = points_on_lattice<2>(block<2>(2.0, 0.25), options, points, soft(), 1.0);
-    body.velocity = bench::velocity_of_points<2>(body, [](const Vec<2>&) { return Vec<2>(0.0, -0.1); });
+    body.velocity = bench::velocity_by_place<2>(body, [](const Vec<2>&) { return Vec<2>(0.0, -0.1); });
     Dynamics<2> dynamics({body}, mpm<2>(options));
     dynamics.add_wall({.normal = Vec<2>::UnitY(), .level = -0.07});
     dynamics.run(3.0);
@@ -229,11 +244,10 @@ TEST(MaterialPointMethod2, AHeavyBodyIsStoppedByPointsThatAreHeld) {
   EXPECT_NEAR(dynamics.energy().error(), 0.0, 1e-6);
 }
 
-TYPED_TEST(MaterialPointMethod, PiecesOfABodyFlyOnHoweverFarApart) {
-  constexpr int Dim = TypeParam::value;
+template <int Dim> void expect_pieces_fly_on_however_far_apart(MpmFrame frame) {
   const MpmOptions options{.cell = 0.25};
-  DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0);
-  body.velocity = bench::velocity_of_points<Dim>(
+  DeformableBody<Dim> body = bench::soft_block<Dim>(options, frame);
+  body.velocity = bench::velocity_by_place<Dim>(
       body, [](const Vec<Dim>& x) { return Vec<Dim>(4.0 * (x - Vec<Dim>::Constant(0.4))); });
   body.fracture.stretch = 1.5;
   const int threads = num_threads();
@@ -269,12 +283,17 @@ TYPED_TEST(MaterialPointMethod, PiecesOfABodyFlyOnHoweverFarApart) {
   EXPECT_EQ(one.points(), first.points());
 }
 
+TYPED_TEST(MaterialPointMethod, PiecesOfABodyFlyOnHoweverFarApart) {
+  for (const MpmFrame frame : new_grids) expect_pieces_fly_on_however_far_apart<TypeParam::value>(frame);
+}
+
 TYPED_TEST(MaterialPointMethod, StepsNearlyAsLongAsTheEstimateSaysAreStableWhereverTheGridIs) {
   constexpr int Dim = TypeParam::value;
-  for (const int degree : {2, 3}) {
+  for (const auto& [degree, frame] : {std::pair(2, MpmFrame::updated), std::pair(3, MpmFrame::updated),
+                                      std::pair(1, MpmFrame::mesh), std::pair(2, MpmFrame::mesh)}) {
     const MpmOptions options{.cell = 0.25, .degree = degree};
-    DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0);
-    body.velocity = bench::velocity_of_points<Dim>(body, [](const Vec<Dim>& x) {
+    DeformableBody<Dim> body = bench::soft_block<Dim>(options, frame);
+    body.velocity = bench::velocity_by_place<Dim>(body, [](const Vec<Dim>& x) {
       return Vec<Dim>(0.2 * Vec<Dim>::Unit(1) + 0.05 * std::cos(3.0 * x[0]) * Vec<Dim>::Unit(0));
     });
     Dynamics<Dim> dynamics({body}, mpm<Dim>(options), {.courant = 0.9, .imbalance = 10.0});
@@ -284,13 +303,13 @@ TYPED_TEST(MaterialPointMethod, StepsNearlyAsLongAsTheEstimateSaysAreStableWhere
   }
 }
 
-TYPED_TEST(MaterialPointMethod, ResultsAreTheSameOnAnyNumberOfThreadsAndWhenResumed) {
-  constexpr int Dim = TypeParam::value;
+template <int Dim> void expect_the_same_results_on_any_number_of_threads_and_resumed(MpmFrame frame) {
   const MpmOptions options{.cell = 0.125};
-  DeformableBody<Dim> body = points_on_lattice<Dim>(block<Dim>(1.0, 0.25), options, 2, soft(), 1.0), other = body;
+  DeformableBody<Dim> body = bench::soft_block<Dim>(options), other = bench::soft_block<Dim>(options, frame);
   body.velocity =
-      bench::velocity_of_points<Dim>(body, [](const Vec<Dim>&) { return Vec<Dim>(0.2 * Vec<Dim>::Unit(0)); });
+      bench::velocity_by_place<Dim>(body, [](const Vec<Dim>&) { return Vec<Dim>(0.2 * Vec<Dim>::Unit(0)); });
   other.points.row(0).array() += 1.05;
+  other.nodes.row(0).array() += 1.05;
   const auto make = [&] {
     Dynamics<Dim> dynamics({body, other}, mpm<Dim>(options));
     dynamics.add_wall({.normal = -Vec<Dim>::Unit(0), .level = -2.1, .friction = 0.1});
@@ -317,10 +336,15 @@ TYPED_TEST(MaterialPointMethod, ResultsAreTheSameOnAnyNumberOfThreadsAndWhenResu
   EXPECT_EQ(resumed.point_velocities(), one.point_velocities());
 }
 
-TEST(MaterialPointMethod2, PointsWithPrescribedVelocitiesTakeTheNodesAlong) {
+TYPED_TEST(MaterialPointMethod, ResultsAreTheSameOnAnyNumberOfThreadsAndWhenResumed) {
+  for (const MpmFrame frame : new_grids)
+    expect_the_same_results_on_any_number_of_threads_and_resumed<TypeParam::value>(frame);
+}
+
+void expect_points_with_prescribed_velocities_take_the_nodes_along(MpmFrame frame) {
   const MpmOptions options{.cell = 0.125};
-  DeformableBody<2> body = points_on_lattice<2>(block<2>(2.0, 0.25), options, 2, soft(), 1.0);
-  body.velocity = bench::velocity_of_points<2>(body, [](const Vec<2>& x) { return Vec<2>(0.02 * (x[0] - 1.0), 0.0); });
+  DeformableBody<2> body = body_on_lattice<2>(block<2>(2.0, 0.0625), frame, options, 2, soft(), 1.0);
+  body.velocity = bench::velocity_by_place<2>(body, [](const Vec<2>& x) { return Vec<2>(0.02 * (x[0] - 1.0), 0.0); });
   Dynamics<2> dynamics({body}, mpm<2>(options));
   const double kinetic = dynamics.balance()["kinetic"];
   std::vector<Index> left, right;
@@ -341,15 +365,21 @@ TEST(MaterialPointMethod2, PointsWithPrescribedVelocitiesTakeTheNodesAlong) {
   EXPECT_NEAR(dynamics.energy().error(), 0.0, 0.01);
 }
 
+TEST(MaterialPointMethod2, PointsWithPrescribedVelocitiesTakeTheNodesAlong) {
+  for (const MpmFrame frame : new_grids) expect_points_with_prescribed_velocities_take_the_nodes_along(frame);
+}
+
 TEST(MaterialPointMethod2, PointsOfAStretchedStripAreReportedBeforeTheyLoseEachOther) {
   for (const int degree : {2, 3}) {
-    const bench::StretchedStrip strip = bench::stretch_strip({.cell = 2.0, .degree = degree}, false, 2.2);
+    const bench::StretchedStrip strip = bench::stretch_strip({.cell = 2.0, .degree = degree}, MpmFrame::updated, 2.2);
     EXPECT_GT(strip.reported_at, 1.1) << degree;
     EXPECT_GT(strip.gap_at, 1.2 * strip.reported_at) << degree;
   }
-  const bench::StretchedStrip whole = bench::stretch_strip({.cell = 2.0}, true, 2.0);
-  EXPECT_EQ(whole.gap_at, 0.0);
-  EXPECT_LT(whole.scatter, 0.01);
+  for (const MpmFrame frame : {MpmFrame::total, MpmFrame::mesh}) {
+    const bench::StretchedStrip whole = bench::stretch_strip({.cell = 2.0}, frame, 2.0);
+    EXPECT_EQ(whole.gap_at, 0.0);
+    EXPECT_LT(whole.scatter, frame == MpmFrame::total ? 0.01 : 0.05);
+  }
 }
 
 TEST(MaterialPointMethod2, InputThatMakesNoSenseIsRefusedWithARemedy) {
@@ -361,13 +391,19 @@ TEST(MaterialPointMethod2, InputThatMakesNoSenseIsRefusedWithARemedy) {
               ThrowsMessage<InputError>(HasSubstr("order 0, expected 1 to 16")));
   EXPECT_THAT([] { points_on_lattice<2>(block<2>(1.0, 0.25), {.cell = 3.0}, 2, soft(), 1.0); },
               ThrowsMessage<InputError>(HasSubstr("thicker than the body")));
-  const DeformableBody<2> meshed = deformable_body(block<2>(1.0, 0.25), soft(), 1.0);
+  DeformableBody<2> meshed = deformable_body(block<2>(1.0, 0.25), soft(), 1.0);
+  EXPECT_THAT([&] { Dynamics<2>({meshed}, mpm<2>({.cell = 0.25, .remap = true})); },
+              ThrowsMessage<InputError>(HasSubstr("remap is for points")));
+  std::swap(meshed.cells(1, 3), meshed.cells(2, 3));
   EXPECT_THAT([&] { Dynamics<2>({meshed}, mpm<2>({.cell = 0.25})); },
-              ThrowsMessage<InputError>(HasSubstr("expected points only")));
+              ThrowsMessage<InputError>(HasSubstr("in the wrong order")));
+  meshed.cells.resize(3, 0);
+  EXPECT_THAT([&] { Dynamics<2>({meshed}, mpm<2>({.cell = 0.25})); },
+              ThrowsMessage<InputError>(HasSubstr("expected points only, or a mesh")));
   // Ten cells from where a grid ends.
   const MpmOptions far{.cell = 0.25, .origin = {10.0 * 0.25 - 4e6 * 0.25, 0.0, 0.0}};
   DeformableBody<2> body = points_on_lattice<2>(block<2>(1.0, 0.25), far, 2, soft(), 1.0);
-  body.velocity = bench::velocity_of_points<2>(body, [](const Vec<2>&) { return Vec<2>(1.0, 0.0); });
+  body.velocity = bench::velocity_by_place<2>(body, [](const Vec<2>&) { return Vec<2>(1.0, 0.0); });
   Dynamics<2> dynamics({body}, mpm<2>(far));
   EXPECT_THAT([&] { dynamics.run(10.0); },
               ThrowsMessage<NumericalError>(testing::AllOf(HasSubstr("fly apart"), HasSubstr("the material point"))));
@@ -376,13 +412,11 @@ TEST(MaterialPointMethod2, InputThatMakesNoSenseIsRefusedWithARemedy) {
 TEST(MaterialPointMethod3, ATaylorBarHasTheLengthAndFootOfOtherMethods) {
   const double size = 0.5e-3;
   const MpmOptions options{.cell = 2.0 * size};
-  const auto length = [&](bool total) {
-    const bench::TaylorRun run = bench::run_taylor(options, total, 40e-6);
+  for (const MpmFrame frame : {MpmFrame::updated, MpmFrame::total, MpmFrame::mesh}) {
+    const bench::TaylorRun run = bench::run_taylor(options, frame, 40e-6);
     EXPECT_LT(std::abs(run.energy_error), 0.02);
-    return run.shape.length;
-  };
-  // Of OTM at this time 24.9 mm.
-  EXPECT_NEAR(length(true), length(false), 0.03 * 24.9e-3);
+    EXPECT_NEAR(run.shape.length, 24.9e-3, 0.03 * 24.9e-3) << static_cast<int>(frame);  // that of OTM
+  }
 }
 
 }  // namespace

@@ -75,7 +75,7 @@ TEST(PrescribedVelocities, LawsAreAskedForTheMiddlesOfStepsThatChange) {
 
 TEST(PrescribedVelocities, PointsTurnThroughTheGrid) {
   const MpmOptions options{.cell = 0.125};
-  Dynamics<2> dynamics({points_on_lattice<2>(block<2>(1.0, 0.25), options, 2, soft(), 1.0)}, mpm<2>(options));
+  Dynamics<2> dynamics({bench::soft_block<2>(options)}, mpm<2>(options));
   std::vector<Index> all(dynamics.num_points());
   std::iota(all.begin(), all.end(), 0);
   for (const int axis : {0, 1}) dynamics.prescribe_points(all, axis, turning(axis));
@@ -88,7 +88,7 @@ TEST(PrescribedVelocities, PointsTurnThroughTheGrid) {
 TEST(PrescribedVelocities, LawsGoOnFromACheckpointToBitwiseTheSame) {
   const MpmOptions options{.cell = 0.25};
   const auto held = [&] {
-    Dynamics<2> dynamics({points_on_lattice<2>(block<2>(1.0, 0.25), options, 2, soft(), 1.0)}, mpm<2>(options));
+    Dynamics<2> dynamics({bench::soft_block<2>(options)}, mpm<2>(options));
     std::vector<Index> left;
     for (Index p = 0; p < dynamics.num_points(); ++p)
       if (dynamics.points()(0, p) < 0.25) left.push_back(p);

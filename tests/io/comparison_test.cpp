@@ -69,7 +69,7 @@ TEST(Comparison, EveryMethodComesCloseToTheTruthAndTheSameOnAnyNumberOfThreads) 
   const Workspace work;
   work.write("case.toml", stretched);
   const auto found = compared(work, {"--resolutions", "2", "--threads", "2"});
-  ASSERT_EQ(found["runs"].size(), 8U);
+  ASSERT_EQ(found["runs"].size(), 10U);
   EXPECT_EQ(found["references"]["stress"]["given"], true);
   EXPECT_NEAR(found["references"]["corner"]["value"][1].get<double>(), 0.3, 0.01);
   std::map<std::string, int> runs;
@@ -87,10 +87,10 @@ TEST(Comparison, EveryMethodComesCloseToTheTruthAndTheSameOnAnyNumberOfThreads) 
     EXPECT_LT(run["probes"]["stress"]["error"], stress) << run;
     EXPECT_LT(run["probes"]["width"]["error"], width) << run;
   }
-  EXPECT_EQ(runs.size(), 4U);
+  EXPECT_EQ(runs.size(), 5U);
   const std::string csv = content(work / "out/comparison.csv");
   EXPECT_THAT(csv, HasSubstr("\"error of width\""));
-  EXPECT_EQ(std::ranges::count(csv, '\n'), 9);
+  EXPECT_EQ(std::ranges::count(csv, '\n'), 11);
   for (const char* chart : {"probes.svg", "probes.png", "energy.svg", "energy.png"})
     EXPECT_TRUE(fs::exists(work / "out" / chart)) << chart;
   const auto serial = compared(work, {"--resolutions", "2", "--threads", "1", "--methods", "mpm"});

@@ -165,6 +165,8 @@ TEST(DynamicsCase, TheMaterialPointMethodSaysWhatItNeedsAndWhatFitsItsFrame) {
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\ntransfer = \"apic\"\nflip = 0.9\n"), says("flip is for transfer"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nframe = \"total\"\ntransfer = \"pic\"\n"),
               says("transfer means nothing with frame = \"total\""));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nframe = \"mesh\"\npoints = 3\n"), says("take mesh_size"));
+  EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\nframe = \"mesh\"\nremap = true\n"), says("remap means nothing"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[cloud]\nspacing = 0.5\n"),
               says("[mpm] has options of the method"));
   EXPECT_THAT(refuses(rubber + "[mpm]\ncell = 0.25\n[otm]\ngamma = 2\n"), says("leave out [otm]"));
@@ -466,9 +468,10 @@ TEST(DynamicsRun, NodesOnACloudFollowTheShapeFunctionsOfTheStaticSolver) {
 }
 
 TEST(DynamicsRun, MaterialPointsOnAGridBounceAsTheirSplinesInTheReferenceConfigurationDo) {
-  const auto height = [](const std::string& more) {
+  const auto height = [](const std::string& more, const std::string& mesh_size = "0.25") {
     const Workspace workspace;
-    workspace.write("case.toml", rubber + "[mpm]\ncell = 0.125\n" + more);
+    workspace.write("case.toml",
+                    replaced(rubber, "mesh_size = 0.25", "mesh_size = " + mesh_size) + "[mpm]\ncell = 0.125\n" + more);
     const auto done = workspace.efree({"run", "case.toml", "--out", "out", "--quiet"});
     EXPECT_EQ(done.status, 0) << done.output;
     const auto result = json(workspace / "out/result.json");
@@ -477,14 +480,16 @@ TEST(DynamicsRun, MaterialPointsOnAGridBounceAsTheirSplinesInTheReferenceConfigu
     return std::pair(result["probes"]["height"].get<double>(),
                      result["probes"]["corner"]["displacement"][1].get<double>());
   };
-  const auto updated = height(""), total = height("frame = \"total\"\n");
+  const auto updated = height(""), total = height("frame = \"total\"\n"), mesh = height("frame = \"mesh\"\n", "0.0625");
   EXPECT_NEAR(updated.first, total.first, 0.02);
   EXPECT_NEAR(updated.second, total.second, 0.03);
+  EXPECT_NEAR(mesh.first, total.first, 0.02);
+  EXPECT_NEAR(mesh.second, total.second, 0.03);
   EXPECT_GT(total.second, 0.1);  // it has come back
 }
 
 TEST(DynamicsRun, PartsOfTheBoundaryTakeMaterialPointsAlong) {
-  for (const char* frame : {"updated", "total"}) {
+  for (const char* frame : {"updated", "total", "mesh"}) {
     const Workspace workspace;
     const auto done =
         run(workspace, without("[[wall]]\nnormal = [0, 2]\nlevel = -0.1") + "[mpm]\ncell = 0.125\nframe = \"" + frame +
@@ -502,10 +507,14 @@ TEST(DynamicsRun, PartsOfTheBoundaryTurnAsTheCaseSays) {
       replaced(without("[[wall]]\nnormal = [0, 2]\nlevel = -0.1"), "value = [0, \"-0.2\"]", "value = [0, 0]") +
       "[definitions]\na = \"t^2/16\"\nw = \"t/8\"\n[[boundary]]\non = [\"left\", \"right\", \"bottom\", \"top\"]\n"
       "velocity = [\"-w*(x*sin(a) + y*cos(a))\", \"w*(x*cos(a) - y*sin(a))\"]\n";
-  for (const std::string method : {"", "[cloud]\nspacing = 0.3\n[dynamics]\nmethod = \"total_lagrangian\"\n",
-                                   "[mpm]\ncell = 0.125\n", "[mpm]\ncell = 0.125\nframe = \"total\"\n"}) {
+  for (const std::string method :
+       {"", "[cloud]\nspacing = 0.3\n[dynamics]\nmethod = \"total_lagrangian\"\n", "[mpm]\ncell = 0.125\n",
+        "[mpm]\ncell = 0.125\nframe = \"total\"\n", "[mpm]\ncell = 0.125\nframe = \"mesh\"\n"}) {
     const Workspace workspace;
-    const auto done = run(workspace, turned + method);
+    const auto done =
+        run(workspace, replaced(turned, "mesh_size = 0.25",
+                                method.find("mesh") < method.size() ? "mesh_size = 0.0625" : "mesh_size = 0.25") +
+                           method);
     ASSERT_EQ(done.status, 0) << done.output;
     const auto probe = json(workspace / "out/result.json")["probes"]["corner"]["displacement"];
     // Of mpm the corner of the point next to it.

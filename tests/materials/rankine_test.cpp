@@ -93,6 +93,59 @@ TEST(Rankine, EveryDirectionTearsAtItsOwnStrengthOfOneKind) {
   }
 }
 
+TEST(Rankine, FailedMatterCarriesPressureAsBeforeAndAShareOfShear) {
+  for (const Strain strain : {Strain::small, Strain::finite}) {
+    const Rankine concrete({.moduli = moduli,
+                            .strength = strength,
+                            .softening = 10.0,
+                            .damage_threshold = 0.8,
+                            .failed_shear = 0.1,
+                            .strain = strain});
+    const double mu = E / (2.0 * (1.0 + nu)), kappa = E / (3.0 * (1.0 - 2.0 * nu));
+    // Squeezed, then torn along another axis: what shear stores is released when four fifths of the strength are lost.
+    Specimen block(concrete);
+    const auto state = [&](double squeezed, double torn) {
+      Mat<3> F = Mat<3>::Identity();
+      F(0, 0) += torn;
+      F(1, 1) -= squeezed;
+      return F;
+    };
+    double work = 0.0, failed_at = 0.0;
+    Mat<3> before = Mat<3>::Identity(), P = Mat<3>::Zero();
+    const auto go = [&](const Mat<3>& F) {
+      block.to(F);
+      work += 0.5 * (P + block.P()).cwiseProduct(F - before).sum();
+      before = F;
+      P = block.P();
+      const double left = std::max(strength - 10.0 * block.equivalent(), 0.0);
+      if (failed_at == 0.0 && left <= 0.2 * strength) failed_at = F(0, 0);
+      const double tolerance = failed_at > 0.0 ? 1e-3 : 1e-4;  // stresses jump in the step in which it fails
+      ASSERT_NEAR(block.response.energy[0] + block.dissipated, work, tolerance * std::max(work, 1e-3));
+    };
+    for (int k = 1; k <= 200; ++k) go(state(1e-4 * k, 0.0));
+    for (int k = 1; k <= 2000; ++k) go(state(0.02, 4e-5 * k));
+    EXPECT_GT(failed_at, 1.02);
+    // The same law for many points without tangents.
+    Deformation at = Deformation::none(Points<3>::Zero(3, 1), 7);
+    at.history = block.history();
+    Mat<3> F = block.F();
+    F(0, 0) -= 0.1;
+    at.F = F.reshaped();
+    const MaterialResponse fast = respond(concrete, at, false), exact = respond(concrete, at, true);
+    EXPECT_LT((fast.P - exact.P).norm(), 1e-13);
+    // Under pressure.
+    const auto stress = [&] { return Mat<3>(strain == Strain::small ? block.P() : block.kirchhoff()); };
+    block.to(F);
+    const Mat<3> tau = stress();
+    ASSERT_LT(tau.trace(), 0.0);
+    F(2, 2) += 1e-6;
+    block.to(F);
+    const Mat<3> change = stress() - tau;
+    EXPECT_NEAR(change.trace() / 3.0, kappa * 1e-6, 1e-5 * kappa * 1e-6);
+    EXPECT_NEAR(change(2, 2) - change(1, 1), 2.0 * 0.1 * mu * 1e-6, 1e-5 * mu * 1e-6);
+  }
+}
+
 TEST(Rankine, CompressionAndShearBelowStrengthAreElastic) {
   const Rankine concrete({.moduli = moduli, .strength = strength, .softening = 10.0});
   Specimen one(concrete);
@@ -128,6 +181,10 @@ TEST(Rankine, RefusesParametersOutOfRange) {
         respond(graded, Deformation::none(Points<3>::Constant(3, 1, -2.0), 7), false);
       },
       "strength = -2 at (-2, -2, -2)");
+  refuses([] { Rankine({.moduli = moduli, .strength = 1.0, .failed_shear = 0.1}); },
+          "failed_shear = 0.1: the strength never falls");
+  refuses([] { Rankine({.moduli = moduli, .strength = 1.0, .softening = 1.0, .failed_shear = 0.0}); },
+          "failed_shear = 0, expected more than 0, at most 1");
   refuses([] { softening_modulus(1.0, 0.0, 1.0); }, "fracture energy = 0");
 }
 

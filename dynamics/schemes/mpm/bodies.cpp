@@ -68,29 +68,24 @@ template <int Dim> ShapeTable<Dim> table_of(const std::vector<std::vector<Spline
   return {grid.end(), std::move(offsets), std::move(nodes), std::move(N), std::move(dN)};
 }
 
-}  // namespace
-
-template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
-                                                         Index points_along, SharedMaterial material, double density) {
-  require(points_along >= 1 && points_along <= 8, "points along a cell: expected 1 to 8");
+void require_cell(const MpmOptions& options) {
   require(options.cell > 0.0, "the material point method: expected a cell of positive length");
-  const auto along = static_cast<double>(points_along);
-  const LatticePieces<Dim> pieces = cut_by_lattice<Dim>(mesh, origin_of<Dim>(options), options.cell / along);
-  DeformableBody<Dim> body;
-  body.points = pieces.centroids;
-  body.volumes = pieces.volumes;
-  body.material = std::move(material);
-  body.density = density;
-  // The most that a cell of the grid has of the body: less than half of it where the body is thinner than the cell.
-  std::map<std::vector<Index>, std::pair<Index, double>> cells;
+}
+
+/// By point of a body, the number of the grid's cell that it is in. Throws InputError where the body fills less than
+/// half of every cell: it is thinner than these.
+template <int Dim> std::vector<Index> patches_of_cells(const DeformableBody<Dim>& body, const MpmOptions& options) {
+  const Vec<Dim> origin = origin_of<Dim>(options);
+  std::map<std::vector<Index>, std::pair<Index, double>> cells;  // number, and volume of the body there
+  std::vector<Index> patches;
   double fullest = 0.0;
-  for (Index p = 0; p < pieces.cell.cols(); ++p) {
+  for (Index p = 0; p < body.points.cols(); ++p) {
     std::vector<Index> cell;
     for (int i = 0; i < Dim; ++i)
-      cell.push_back(static_cast<Index>(std::floor(static_cast<double>(pieces.cell(i, p)) / along)));
+      cell.push_back(static_cast<Index>(std::floor((body.points(i, p) - origin[i]) / options.cell)));
     auto& [patch, volume] = cells.try_emplace(cell, static_cast<Index>(cells.size()), 0.0).first->second;
-    body.patches.push_back(patch);
-    volume += pieces.volumes[p];
+    patches.push_back(patch);
+    volume += body.volumes[p];
     fullest = std::max(fullest, volume / std::pow(options.cell, Dim));
   }
   if (fullest < 0.5)
@@ -98,6 +93,31 @@ template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& me
         "the material point method: cell {:.6g} is thicker than the body, which fills no more than {:.2g} of any cell; "
         "take a cell of half of the body's thickness, or less",
         options.cell, fullest));
+  return patches;
+}
+
+}  // namespace
+
+template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
+                                                         Index points_along, SharedMaterial material, double density) {
+  require(points_along >= 1 && points_along <= 8, "points along a cell: expected 1 to 8");
+  require_cell(options);
+  const double spacing = options.cell / static_cast<double>(points_along);
+  const LatticePieces<Dim> pieces = cut_by_lattice<Dim>(mesh, origin_of<Dim>(options), spacing);
+  DeformableBody<Dim> body;
+  body.points = pieces.centroids;
+  body.volumes = pieces.volumes;
+  body.material = std::move(material);
+  body.density = density;
+  body.patches = patches_of_cells(body, options);
+  return body;
+}
+
+template <int Dim> DeformableBody<Dim> mesh_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
+                                                       SharedMaterial material, double density) {
+  require_cell(options);
+  DeformableBody<Dim> body = deformable_body(mesh, std::move(material), density);
+  body.patches = patches_of_cells(body, options);
   return body;
 }
 
@@ -129,6 +149,19 @@ template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& m
   body.surface = table_of(
       rows_at(static_cast<Index>(surface.cols()), [&](Index s) { return Vec<Dim>(surface.col(s)); }), grid, false);
   return body;
+}
+
+template <int Dim> DeformableBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, MpmFrame frame,
+                                                       const MpmOptions& options, Index points_along,
+                                                       SharedMaterial material, double density) {
+  switch (frame) {
+    case MpmFrame::total:
+      return splines_on_lattice(mesh, options, points_along, std::move(material), density);
+    case MpmFrame::mesh:
+      return mesh_on_lattice(mesh, options, std::move(material), density);
+    default:
+      return points_on_lattice(mesh, options, points_along, std::move(material), density);
+  }
 }
 
 template <int Dim> std::vector<Index> points_near_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
@@ -164,6 +197,9 @@ std::vector<Index> nodes_of_points(const DeformableBody<Dim>& body, const std::v
 #define EFREE_INSTANTIATE(Dim)                                                                                        \
   template DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>&, const MpmOptions&, Index, SharedMaterial,      \
                                                  double);                                                             \
+  template DeformableBody<Dim> mesh_on_lattice(const FineMesh<Dim>&, const MpmOptions&, SharedMaterial, double);      \
+  template DeformableBody<Dim> body_on_lattice(const FineMesh<Dim>&, MpmFrame, const MpmOptions&, Index,              \
+                                               SharedMaterial, double);                                               \
   template std::vector<Index> points_near_facets(const FineMesh<Dim>&, const std::vector<Index>&, const Points<Dim>&, \
                                                  double);                                                             \
   template std::vector<Index> nodes_of_points(const DeformableBody<Dim>&, const std::vector<Index>&);                 \

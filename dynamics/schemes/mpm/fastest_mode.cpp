@@ -23,6 +23,33 @@ template <int Dim> double random_at(const Site<Dim>& site, Index body, int axis,
   return static_cast<double>((z ^ z >> 31) >> 11) * 0x1p-52 - 1.0;
 }
 
+/// Forces to the slots by gradients of the mode times moduli, the stiffness of every point being the same along all
+/// axes.
+template <int Dim> void scatter_of_points(const PointGrid<Dim>& grid, const Points<Dim>& mode, Chunk<Dim>& chunk,
+                                          const Particles<Dim>& of) {
+  const Matter<Dim>& matter = chunk.matter;
+  const double* gathered = grid.gather(chunk, of, mode);
+  double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p, gathered += 4 * gathered_columns)
+    for (int k = 0; k < 4 * Dim; ++k) columns[16 * p + k] = -matter.modulus[p] * gathered[4 + k];
+  scatter(chunk.size(), of.box, {.x = matter.x.data(), .stress = columns, .volume = matter.volume.data()},
+          grid.clear_slots(of));
+}
+template <int Dim> void scatter_of_mesh(const World<Dim>& world, const PointGrid<Dim>& grid, const Points<Dim>& mode,
+                                        Chunk<Dim>& chunk, Particles<Dim>& of) {
+  const double* values = grid.gather_values(chunk, of, mode);
+  Points<Dim> at_vertices(Dim, of.count());
+  for (Index l = 0; l < of.count(); ++l) at_vertices.col(l) = Eigen::Map<const Vec<Dim>>(values + 4 * l);
+  const Points<Dim* Dim> gradients = of.mesh->spatial_gradients(chunk, at_vertices);
+  double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p) {
+    std::fill_n(columns + 16 * p, 16, 0.0);
+    for (int j = 0; j < Dim; ++j)
+      for (int i = 0; i < Dim; ++i) columns[16 * p + 4 * j + i] = -chunk.matter.modulus[p] * gradients(Dim * j + i, p);
+  }
+  scatter_values(of.count(), of.box, of.positions(chunk).data(), of.mesh->forces(world, chunk), grid.clear_slots(of));
+}
+
 }  // namespace
 
 /// Moves the mode to the current grid: it keeps its values at sites of the previous grid, and gets a small random part
@@ -56,16 +83,7 @@ template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGri
   double squared = 0.0;
   for (int k = 0; k < products; ++k) {
     grid.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-      const Matter<Dim>& matter = chunk.matter;
-      const double* gathered = grid.gather(chunk, of, mode_);
-      double* column = grid.columns(chunk);
-      for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns, gathered += 4 * gathered_columns) {
-        std::fill_n(column, 4 * scattered_columns, 0.0);
-        const double stiffness = matter.volume[p] * matter.modulus[p];
-        for (int j = 0; j < Dim; ++j)
-          for (int i = 0; i < Dim; ++i) column[4 * (4 + j) + i] = stiffness * gathered[4 * (1 + j) + i];
-      }
-      scatter(chunk.size(), of.box, false, matter.x.data(), grid.columns(chunk), grid.clear_slots(of));
+      of.mesh ? scatter_of_mesh(world, grid, mode_, chunk, of) : scatter_of_points(grid, mode_, chunk, of);
       grid.take_slots(chunk, of);
     });
     collect_forces(world, forces);

@@ -29,7 +29,8 @@ template <int Dim> class GridContact final : public Interaction<Dim> {
   void find_shared(const World<Dim>& world);
   void find_normals(const World<Dim>& world);
   void find_fronts(const World<Dim>& world);
-  /// Calls visit(point, slot, entry of shared_at_) for the points of a chunk and the shared nodes around them.
+  /// Calls visit(particle, gradient of a spline, number of a shared node, which of the two it is) for the particles of
+  /// a chunk and the shared nodes around them.
   template <class Visit> void for_each_shared(const World<Dim>& world, std::size_t c, const Visit& visit) const;
 
   const PointGrid<Dim>& grid_;
@@ -62,8 +63,8 @@ void GridContact<Dim>::for_each_shared(const World<Dim>& world, std::size_t c, c
   thread_local std::vector<Index> node_at;
   node_at.assign(of.marked.size(), -1);
   for (std::size_t l = 0; l < nodes.size(); ++l) node_at[of.slots[l]] = nodes[l];
-  for (Index p = 0; p < chunk.size(); ++p)
-    for_each_site<Dim>(of.box, chunk.matter.x.col(p).data(),
+  for (Index p = 0; p < of.count(); ++p)
+    for_each_site<Dim>(of.box, of.positions(chunk).col(p).data(),
                        [&](const std::array<std::ptrdiff_t, 3>& place, double, const Vec<Dim>& dN) {
                          std::ptrdiff_t slot = place[Dim - 1];
                          for (int i = 0; i + 1 < Dim; ++i)
@@ -77,7 +78,7 @@ template <int Dim> void GridContact<Dim>::find_normals(const World<Dim>& world) 
   std::vector<std::array<Vec<Dim>, 2>> slope(shared_.size(), {Vec<Dim>::Zero(), Vec<Dim>::Zero()});
   for (std::size_t c = 0; c < world.chunks.size(); ++c)
     for_each_shared(world, c, [&](Index p, const Vec<Dim>& dN, Index k, int side) {
-      slope[k][side] -= world.chunks[c].matter.mass[p] * dN;  // with the node; dN is with the point
+      slope[k][side] -= grid_.particles[c].masses(world.chunks[c])[p] * dN;  // with the node; dN is with the particle
     });
   for (std::size_t k = 0; k < shared_.size(); ++k) {
     // Of the two the one that is steeper for its mass knows better where it ends.
@@ -90,15 +91,16 @@ template <int Dim> void GridContact<Dim>::find_normals(const World<Dim>& world) 
   }
 }
 
-/// How far points reach, from the node, along the normal (against it for the second body).
+/// How far particles reach, from the node, along the normal (against it for the second body).
 template <int Dim> void GridContact<Dim>::find_fronts(const World<Dim>& world) {
   for (std::size_t c = 0; c < world.chunks.size(); ++c) {
-    const Matter<Dim>& matter = world.chunks[c].matter;
+    const Chunk<Dim>& chunk = world.chunks[c];
+    const Particles<Dim>& of = grid_.particles[c];
     for_each_shared(world, c, [&](Index p, const Vec<Dim>&, Index k, int side) {
       SharedNode<Dim>& shared = shared_[k];
       const Vec<Dim> along = side == 0 ? shared.normal : Vec<Dim>(-shared.normal);
       const double reach =
-          along.dot(matter.x.col(p) - world.nodes.x.col(shared.node[side])) + half_size<Dim>(matter, p, along);
+          along.dot(of.positions(chunk).col(p) - world.nodes.x.col(shared.node[side])) + of.reach(chunk, p, along);
       shared.front[side] = std::max(shared.front[side], reach);
     });
   }

@@ -17,7 +17,10 @@
 namespace efree {
 namespace {
 
-using internal::gathered_columns, internal::Particles, internal::scattered_columns;
+using internal::gathered_columns, internal::Particles;
+
+/// Steps between looks for points that are too far from their neighbours.
+constexpr Index separation_interval = 8;
 
 void require_options(const MpmOptions& options) {
   const auto fail = [](const std::string& what) { throw InputError("the material point method: " + what); };
@@ -51,6 +54,13 @@ template <int Dim> void take_gradient(const double* column, Particles<Dim>& part
     particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
 }
 
+/// Velocity of a point: its own, or of its cell the mean of the vertices.
+template <int Dim> Vec<Dim> point_velocity(const Chunk<Dim>& chunk, const Particles<Dim>& particles, Index point) {
+  Vec<Dim> momentum = Vec<Dim>::Zero();
+  particles.for_each_share(chunk, point, [&](Index k, double mass) { momentum += mass * particles.v.col(k); });
+  return momentum / chunk.matter.mass[point];
+}
+
 template <int Dim> class Mpm final : public Scheme<Dim> {
  public:
   explicit Mpm(const MpmOptions& options) : options_(options), grid_(options) { require_options(options); }
@@ -59,7 +69,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
 
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
   void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
-  StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) const override;
+  StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) override;
   void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) override;
   void collect_forces(World<Dim>& world) override;
   void find_prescribed(World<Dim>& world) override { grid_.find_prescribed(world); }
@@ -76,7 +86,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     Points<Dim> result(Dim, world.num_points());
     for (std::size_t c = 0; c < world.chunks.size(); ++c)
       for (Index p = 0; p < world.chunks[c].size(); ++p)
-        result.col(world.point_number(world.chunks[c], p)) = grid_.particles[c].v.col(p);
+        result.col(world.point_number(world.chunks[c], p)) = point_velocity(world.chunks[c], grid_.particles[c], p);
     return result;
   }
   std::optional<double> stable_step(const World<Dim>& world) const override;
@@ -84,7 +94,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     archive(grid_.particles, owed_, fastest_, highest_frequency_, wave_speed_, strain_, strain_since_estimate_);
   }
   void resume(World<Dim>& world) override {
-    for (Particles<Dim>& of : grid_.particles) of.marked.clear();  // of other points
+    for (std::size_t c = 0; c < grid_.particles.size(); ++c) grid_.particles[c].complete(world.chunks[c]);
     grid_.rebuild(world, false);
   }
 
@@ -94,13 +104,16 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
            options_.transfer == Transfer::aflip;
   }
   bool is_polynomial() const { return options_.transfer == Transfer::polypic; }
-  void transfer_to_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
+  void transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
   void filter_velocities(World<Dim>& world);
   void find_gradients(World<Dim>& world);
   void return_momentum(World<Dim>& world);
   void find_separated(const Chunk<Dim>& chunk, const double* stress, Particles<Dim>& particles) const;
   void estimate_frequency(World<Dim>& world);
-  void move_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
+  void move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
+  void move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
+  void find_power(const World<Dim>& world, const Chunk<Dim>& chunk, const double* stress,
+                  Particles<Dim>& particles) const;
 
   MpmOptions options_;
   internal::PointGrid<Dim> grid_;
@@ -117,16 +130,23 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
 template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
   if (world.axisymmetric())
     throw InputError("the material point method is of plane strain or in space, not of an axisymmetric section");
-  for (std::size_t b = 0; b < bodies.size(); ++b)
-    if (bodies[b].nodes.cols() != 0 || bodies[b].points.cols() == 0)
-      throw InputError(fmt::format("body {}: the material point method makes its own nodes, expected points only", b));
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const auto fail = [&](const std::string& what) { throw InputError(fmt::format("body {}: {}", b, what)); };
+    if (bodies[b].points.cols() == 0) fail("expected material points");
+    const bool is_mesh = bodies[b].nodes.cols() != 0;
+    if (is_mesh && bodies[b].cells.cols() == 0)
+      fail("the material point method makes its own nodes: expected points only, or a mesh with vertices and cells");
+    if (is_mesh && options_.remap) fail("remap is for points: strains of a mesh are those between its vertices");
+  }
   for (Chunk<Dim>& chunk : world.chunks) {
+    const DeformableBody<Dim>& body = bodies[chunk.body];
     Particles<Dim>& of = grid_.particles.emplace_back();
-    const auto n = static_cast<Index>(chunk.size());
+    if (body.nodes.cols() != 0) of.mesh.emplace(chunk, body.cells, body.nodes);
+    const std::vector<Index>& number = of.mesh ? of.mesh->number : chunk.number;
+    const auto n = static_cast<Index>(number.size());
     of.v.setZero(Dim, n);
-    of.separated.assign(static_cast<std::size_t>(n), 0);
-    if (const Points<Dim>& given = bodies[chunk.body].velocity; given.size() != 0)
-      of.v = given(Eigen::all, chunk.number);
+    if (!of.mesh) of.separated.assign(number.size(), 0);
+    if (body.velocity.size() != 0) of.v = body.velocity(Eigen::all, number);
     if (is_affine()) of.motion.setZero(Dim * Dim, n);
     if (is_polynomial()) of.motion.setZero(Dim * (internal::num_modes(Dim, options_.degree) - 1), n);
   }
@@ -141,9 +161,10 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
   }
 }
 
-/// Velocities of the points and around them, by those of the nodes.
-template <int Dim> void Mpm<Dim>::transfer_to_points(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles) {
-  const Index n = chunk.size();
+/// Velocities of the particles and around them, by those of the nodes.
+template <int Dim>
+void Mpm<Dim>::transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles) {
+  const Index n = particles.count();
   const double* columns = grid_.gather(chunk, particles, world.nodes.v);
   const bool is_flip = options_.transfer == Transfer::flip || options_.transfer == Transfer::aflip;
   const double* before = nullptr;
@@ -153,7 +174,7 @@ template <int Dim> void Mpm<Dim>::transfer_to_points(World<Dim>& world, Chunk<Di
     const double* column = columns + 4 * gathered_columns * p;
     const Eigen::Map<const Vec<Dim>> now(column);
     particles.moved.col(p) = now;
-    take_gradient(column, particles, p);
+    if (!particles.mesh) take_gradient(column, particles, p);
     auto v = particles.v.col(p);
     if (is_flip)
       v = options_.flip * (v + now - Eigen::Map<const Vec<Dim>>(before + 4 * p)) + (1.0 - options_.flip) * now;
@@ -185,7 +206,7 @@ template <int Dim> void Mpm<Dim>::filter_velocities(World<Dim>& world) {
       on_nodes = grid_.velocities_of(world, [](const Particles<Dim>& of) -> const Points<Dim>& { return of.filtered; });
     grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
       const double* values = grid_.gather_values(chunk, of, on_nodes);
-      for (Index p = 0; p < chunk.size(); ++p) of.filtered.col(p) -= Eigen::Map<const Vec<Dim>>(values + 4 * p);
+      for (Index p = 0; p < of.count(); ++p) of.filtered.col(p) -= Eigen::Map<const Vec<Dim>>(values + 4 * p);
     });
   }
   for (Particles<Dim>& of : grid_.particles) of.filtered = of.v - of.filtered;
@@ -215,7 +236,7 @@ template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
 }
 
 /// Positions and deformation gradients, by velocities and their gradients.
-template <int Dim> void Mpm<Dim>::move_points(World<Dim>&, Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
+template <int Dim> void Mpm<Dim>::move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
   Matter<Dim>& matter = chunk.matter;
   matter.x += dt * particles.moved;
   particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
@@ -227,6 +248,14 @@ template <int Dim> void Mpm<Dim>::move_points(World<Dim>&, Chunk<Dim>& chunk, Pa
       matter.F_since[p].template topLeftCorner<Dim, Dim>() +=
           dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data());
   }
+}
+
+/// Positions of vertices, by which update_points finds deformation gradients.
+template <int Dim> void Mpm<Dim>::move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
+  particles.gradient = particles.mesh->spatial_gradients(chunk, particles.moved);
+  particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
+  particles.mesh->x += dt * particles.moved;
+  particles.release_eroded_cells(chunk);
 }
 
 /// Separated points are too far from their neighbours for the grid to hold them together (numerical fracture): a strip
@@ -268,12 +297,15 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
   for (Index b = 0; b < world.num_bodies(); ++b) momentum_before_[b] = sum_momentum(world, b);
   if (options_.transfer == Transfer::xpic) filter_velocities(world);
   grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    transfer_to_points(world, chunk, of);
-    if (!options_.remap) move_points(world, chunk, of, dt);
+    transfer_to_particles(world, chunk, of);
+    if (of.mesh)
+      move_vertices(chunk, of, dt);
+    else if (!options_.remap)
+      move_points(chunk, of, dt);
   });
   if (options_.remap) {
     find_gradients(world);
-    grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) { move_points(world, chunk, of, dt); });
+    grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) { move_points(chunk, of, dt); });
   }
   world.ledger.add_time("transfers", seconds_since(start));
   grid_.rebuild(world, true);
@@ -283,7 +315,9 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
   strain_since_estimate_ += strain_;
 }
 
-template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>&, Chunk<Dim>& chunk, double least) const {
+template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
+  Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  if (particles.mesh) return deform_by_table(world, chunk, particles.mesh->table, particles.mesh->x, least);
   Matter<Dim>& matter = chunk.matter;
   double* columns = chunk.columns();
   for (Index p = 0; p < chunk.size(); ++p) {
@@ -296,43 +330,55 @@ template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>&, Chunk
                                       matter.now.F.data(), matter.J_ratio.data(), columns);
 }
 
+/// Of points: the power of their stresses in the motion of the last step, and in what remapping took from it.
+template <int Dim> void Mpm<Dim>::find_power(const World<Dim>& world, const Chunk<Dim>& chunk, const double* stress,
+                                             Particles<Dim>& particles) const {
+  const Matter<Dim>& matter = chunk.matter;
+  particles.power = 0.0;
+  if (world.last_step > 0.0)
+    particles.power =
+        -internal::work_of_last_motion(chunk.size(), matter.volume.data(), matter.F_since.data(), stress) /
+        world.last_step;
+  if (!options_.remap || particles.not_strained.size() == 0) return;
+  double lost = 0.0;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const Mat<Dim> rate = Eigen::Map<const Mat<Dim>>(particles.not_strained.col(p).data()) *
+                          matter.F_since[p].template topLeftCorner<Dim, Dim>().inverse();
+    for (int j = 0; j < Dim; ++j)
+      for (int i = 0; i < Dim; ++i) lost += matter.volume[p] * stress[16 * p + 4 * j + i] * rate(i, j);
+  }
+  particles.power -= lost;
+  particles.lost_power += lost;
+}
+
 template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
   share_patch_pressures(chunk);
   Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
   const Matter<Dim>& matter = chunk.matter;
-  const double* stress = chunk.columns();
-  double* columns = grid_.put_momenta(chunk, particles, particles.v);
-  double fastest = 0.0, power = 0.0, lost = 0.0;
-  for (Index p = 0; p < chunk.size(); ++p) {
-    double* column = columns + 4 * scattered_columns * p;
-    const double V = matter.volume[p];
-    for (int j = 0; j < Dim; ++j)
-      for (int i = 0; i < Dim; ++i) column[4 * (4 + j) + i] = -V * stress[16 * p + 4 * j + i];
-    if (!(V > 0.0)) continue;
-    fastest = std::max(fastest, matter.modulus[p] * V / matter.mass[p]);
-    // The power of the stresses now in the motion of the last step: F_since = I + dt gradient.
-    const Mat<Dim> inverse = matter.F_since[p].template topLeftCorner<Dim, Dim>().inverse();
-    const auto power_of = [&](const Points<Dim * Dim>& gradient) {
-      const Mat<Dim> rate = Eigen::Map<const Mat<Dim>>(gradient.col(p).data()) * inverse;
-      double sum = 0.0;
-      for (int j = 0; j < Dim; ++j)
-        for (int i = 0; i < Dim; ++i) sum += column[4 * (4 + j) + i] * rate(i, j);
-      return sum;
-    };
-    power += power_of(particles.gradient);
-    if (options_.remap && particles.not_strained.size() != 0) lost -= power_of(particles.not_strained);
-  }
-  find_separated(chunk, stress, particles);
-  particles.power = power - lost;
-  particles.lost_power += lost;
+  double fastest = 0.0;
+  for (Index p = 0; p < chunk.size(); ++p)
+    if (matter.volume[p] > 0.0) fastest = std::max(fastest, matter.modulus[p] * matter.volume[p] / matter.mass[p]);
   particles.fastest = std::sqrt(fastest);
   particles.speed = std::sqrt(particles.v.colwise().squaredNorm().maxCoeff());
+  internal::ScatteredPoints scattered = particles.moving(chunk, particles.v);
   double* slots = grid_.clear_slots(particles);
-  internal::scatter(chunk.size(), particles.box, is_affine(), matter.x.data(), columns, slots);
+  if (particles.mesh) {
+    const double* forces = particles.mesh->forces(world, chunk);
+    particles.power = 0.0;
+    for (Index k = 0; k < particles.count(); ++k)
+      particles.power += particles.moved.col(k).dot(Eigen::Map<const Vec<Dim>>(forces + 4 * k));
+    internal::scatter_values(particles.count(), particles.box, scattered.x, forces, slots);
+  } else {
+    scattered.stress = chunk.columns();
+    scattered.volume = matter.volume.data();
+    find_power(world, chunk, scattered.stress, particles);
+    if (world.steps % separation_interval == 0) find_separated(chunk, scattered.stress, particles);
+  }
+  internal::scatter(particles.count(), particles.box, scattered, slots);
   if (is_polynomial()) {
     const int count = internal::num_modes(Dim, options_.degree);
-    double* modes = grid_.modes(chunk, count);
-    for (Index p = 0; p < chunk.size(); ++p) {
+    double* modes = grid_.modes(particles, count);
+    for (Index p = 0; p < particles.count(); ++p) {
       std::fill_n(modes + 4 * count * p, 4, 0.0);
       for (int m = 1; m < count; ++m) {
         double* mode = modes + 4 * (count * p + m);
@@ -340,7 +386,7 @@ template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<
         for (int i = 0; i < 3; ++i) mode[i] = i < Dim ? particles.motion(Dim * (m - 1) + i, p) : 0.0;
       }
     }
-    internal::scatter_modes(chunk.size(), particles.box, matter.x.data(), matter.mass.data(), modes, slots);
+    internal::scatter_modes(particles.count(), particles.box, scattered.x, scattered.mass, modes, slots);
   }
   grid_.take_slots(chunk, particles);
 }
@@ -396,13 +442,19 @@ template <int Dim> void Mpm<Dim>::estimate_frequency(World<Dim>& world) {
   auto start = std::chrono::steady_clock::now();
   double fastest = 0.0;
   for (const Particles<Dim>& of : grid_.particles) fastest = std::max(fastest, of.fastest);
+  const bool has_mesh = std::ranges::any_of(grid_.particles, [](const auto& of) { return of.mesh.has_value(); });
+  const auto estimate_now = [&] {
+    return margin * std::sqrt(fastest_.estimate(world, grid_, highest_frequency_ == 0.0 ? 8 : 2));
+  };
   const double bound = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
-  if (options_.degree == 1 || strain_ > violent) {
+  if (has_mesh && strain_ > violent) {
+    highest_frequency_ = std::max(bound, estimate_now());  // cells may be thinner than those of the grid
+  } else if (!has_mesh && (options_.degree == 1 || strain_ > violent)) {
     highest_frequency_ = bound;  // of degree 1 nodes with next to no mass come and go faster than estimates
   } else if (highest_frequency_ == 0.0 || world.steps % interval == 0 || strain_since_estimate_ > most) {
     strain_since_estimate_ = 0.0;
-    const double estimate = margin * std::sqrt(fastest_.estimate(world, grid_, highest_frequency_ == 0.0 ? 8 : 2));
-    highest_frequency_ = std::min(bound, std::max(estimate, forgotten * highest_frequency_));
+    const double estimate = std::max(estimate_now(), forgotten * highest_frequency_);
+    highest_frequency_ = has_mesh ? estimate : std::min(bound, estimate);
   } else if (fastest > wave_speed_) {
     highest_frequency_ *= fastest / wave_speed_;  // stiffer than at the last step
   }

@@ -34,9 +34,10 @@ struct MpmOptions {
   bool remap = false;
 };
 
-/// The scheme with a new grid in every step (updated Lagrangian). Bodies have points and no nodes;
-/// DeformableBody::velocity is that of the points. Bodies have grid nodes of their own, which act on each other by
-/// contact where their points meet. Throws InputError for options out of range.
+/// The scheme with a new grid in every step (updated Lagrangian). Bodies have points and no nodes, and
+/// DeformableBody::velocity is that of the points; or they are meshes with vertices as nodes and a point in each cell,
+/// whose strains are those between the vertices (Lagrangian MPM: Jiang et al. 2015). Bodies have grid nodes of their
+/// own, which act on each other by contact where their points meet. Throws InputError for options out of range.
 template <int Dim> std::unique_ptr<Scheme<Dim>> mpm(const MpmOptions& options);
 
 /// Points of a body for mpm(): its mesh cut by a lattice of so many points along the edges of the grid's cells. Points
@@ -49,6 +50,23 @@ template <int Dim> DeformableBody<Dim> points_on_lattice(const FineMesh<Dim>& me
 /// on points of the surface, which are half a cell apart and less.
 template <int Dim> DeformableBody<Dim> splines_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
                                                           Index points_along, SharedMaterial material, double density);
+
+/// A mesh for mpm(): vertices that the grid moves, with what its cells resist. It holds together however far it is
+/// stretched. Cells with their middle in the same cell of the grid are a pressure patch. Throws InputError as
+/// points_on_lattice does.
+template <int Dim> DeformableBody<Dim> mesh_on_lattice(const FineMesh<Dim>& mesh, const MpmOptions& options,
+                                                       SharedMaterial material, double density);
+
+/// What material points and their shape functions belong to.
+enum class MpmFrame {
+  updated,  ///< a new grid in every step: points_on_lattice
+  total,    ///< the reference configuration: splines_on_lattice
+  mesh,     ///< cells of a mesh, whose vertices a new grid in every step moves: mesh_on_lattice
+};
+/// A body of that frame. points_along counts but for meshes.
+template <int Dim> DeformableBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, MpmFrame frame,
+                                                       const MpmOptions& options, Index points_along,
+                                                       SharedMaterial material, double density);
 
 /// Points, of a body, that are no further than that from these facets of its mesh, ascending: what moves with a part of
 /// the boundary whose velocity is prescribed.

@@ -18,6 +18,8 @@ Index first_site(double position, int degree) {
 
 /// Slots of a box beyond which a chunk is split: clearing them takes as long as the step of its points.
 constexpr double most_slots = 4096;
+/// Slots around a single cell of a Lagrangian mesh.
+constexpr double most_slots_of_one = 1e6;
 /// Mass of a node, over that of a point, below which the point's contact does not act on it.
 constexpr double least_mass = 1e-6;
 /// Sites that a grid can number, on either side of its origin.
@@ -43,19 +45,26 @@ double* room(AlignedVector<double>& of, std::size_t size) {
 template <int Dim> typename PointGrid<Dim>::Box PointGrid<Dim>::find_box(const World<Dim>& world,
                                                                          const Chunk<Dim>& chunk,
                                                                          Particles<Dim>& of) const {
-  const Points<Dim>& x = chunk.matter.x;
+  const Points<Dim>& x = of.positions(chunk);
   const Vec<Dim> low = (x.rowwise().minCoeff() - origin_) / cell_, high = (x.rowwise().maxCoeff() - origin_) / cell_;
   if (!x.allFinite() || !(low.cwiseAbs().maxCoeff() < most_cells) || !(high.cwiseAbs().maxCoeff() < most_cells)) {
     Index at = 0;
     const auto distance = [&](Index p) { return ((x.col(p) - origin_) / cell_).cwiseAbs().maxCoeff(); };
-    for (Index p = 1; p < chunk.size() && std::isfinite(distance(at)); ++p)
+    for (Index p = 1; p < of.count() && std::isfinite(distance(at)); ++p)
       if (!(distance(p) <= distance(at))) at = p;
     throw NumericalError(fmt::format(
-        "at time {:.6g} bodies fly apart: the material point {} is at ({:.6g}), {:.3g} cells away from where the grid "
-        "began, which has no more than {:.3g}. Try smaller steps (courant), or end the run earlier",
-        world.time, world.point_number(chunk, at), fmt::join(x.col(at), ", "), distance(at), most_cells));
+        "at time {:.6g} bodies fly apart: {} is at ({:.6g}), {:.3g} cells away from where the grid began, which "
+        "has no more than {:.3g}. Try smaller steps (courant), or end the run earlier",
+        world.time, of.mesh ? "a vertex" : fmt::format("the material point {}", world.point_number(chunk, at)),
+        fmt::join(x.col(at), ", "), distance(at), most_cells));
   }
-  if (chunk.size() > 1 && (high - low + Vec<Dim>::Constant(degree_ + 4)).prod() > most_slots) return Box::too_large;
+  const double slots = (high - low + Vec<Dim>::Constant(degree_ + 4)).prod();
+  if (chunk.size() > 1 && slots > most_slots) return Box::too_large;
+  if (slots > most_slots_of_one)
+    throw NumericalError(fmt::format(
+        "at time {:.6g} bodies fly apart: the cell at ({:.6g}) is {:.3g} cells of the grid long. Try smaller steps "
+        "(courant), a larger cell of the grid, or end the run earlier",
+        world.time, fmt::join(x.col(0), ", "), (high - low).maxCoeff()));
   Site<Dim> first, size;
   for (int i = 0; i < Dim; ++i) {
     // One more on either side: kernels round otherwise where a point is at a knot.
@@ -71,7 +80,7 @@ template <int Dim> typename PointGrid<Dim>::Box PointGrid<Dim>::find_box(const W
   for (int i = Dim - 1; i > 0; --i) of.box.stride[i - 1] = stride *= size[i];
   thread_local std::vector<char> marked;
   marked.assign(static_cast<std::size_t>(stride) * static_cast<std::size_t>(size[0]), 0);
-  mark_slots(chunk.size(), of.box, x.data(), marked.data());
+  mark_slots(of.count(), of.box, x.data(), marked.data());
   const bool same = !of.marked.empty() && first == of.low && size == of.size && marked == of.marked;
   if (same) return Box::same;
   of.low = first;
@@ -113,7 +122,9 @@ template <int Dim> void PointGrid<Dim>::split(World<Dim>& world, std::size_t c) 
   world.split_chunk(c, given);
   const double lost_power = particles[c].lost_power;
   particles.push_back(particles[c].select(given));
+  particles.back().complete(world.chunks.back());
   particles[c] = particles[c].select(kept);
+  particles[c].complete(world.chunks[c]);
   particles[c].lost_power = lost_power;
 }
 
@@ -181,7 +192,7 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
     for (const Index slot : of.slots) table.nodes.push_back(grids_[chunk.body].find(site_at(of, slot)));
     table.force.assign(4 * table.nodes.size(), 0.0);
     of.momentum.assign(4 * table.nodes.size(), 0.0);
-    of.moved.resize(Dim, chunk.size());
+    if (of.moved.cols() != of.count()) of.moved.setZero(Dim, of.count());
     if (of.gradient.cols() != chunk.size()) of.gradient.setZero(Dim * Dim, chunk.size());
   });
   world.find_node_chunks();
@@ -204,52 +215,32 @@ template <int Dim> const double* PointGrid<Dim>::slot_velocities(const Chunk<Dim
 template <int Dim> const double* PointGrid<Dim>::gather(const Chunk<Dim>& chunk, const Particles<Dim>& of,
                                                         const Points<Dim>& velocity) const {
   thread_local AlignedVector<double> rooms;
-  double* result = room(rooms, 4 * gathered_columns * static_cast<std::size_t>(chunk.size()));
-  internal::gather(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
-  add_common<Dim>(common_velocity(of), chunk.size(), gathered_columns, result);
+  double* result = room(rooms, 4 * gathered_columns * static_cast<std::size_t>(of.count()));
+  internal::gather(of.count(), of.box, of.positions(chunk).data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), of.count(), gathered_columns, result);
   return result;
 }
 
 template <int Dim> const double* PointGrid<Dim>::gather_values(const Chunk<Dim>& chunk, const Particles<Dim>& of,
                                                                const Points<Dim>& velocity) const {
   thread_local AlignedVector<double> rooms;
-  double* result = room(rooms, 4 * static_cast<std::size_t>(chunk.size()));
-  internal::gather_values(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
-  add_common<Dim>(common_velocity(of), chunk.size(), 1, result);
+  double* result = room(rooms, 4 * static_cast<std::size_t>(of.count()));
+  internal::gather_values(of.count(), of.box, of.positions(chunk).data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), of.count(), 1, result);
   return result;
 }
 
 template <int Dim> const double* PointGrid<Dim>::gather_modes(const Chunk<Dim>& chunk, const Particles<Dim>& of,
                                                               const Points<Dim>& velocity) const {
-  double* result = modes(chunk, num_modes(Dim, degree_));
-  internal::gather_modes(chunk.size(), of.box, chunk.matter.x.data(), slot_velocities(chunk, of, velocity), result);
-  add_common<Dim>(common_velocity(of), chunk.size(), num_modes(Dim, degree_), result);
+  double* result = modes(of, num_modes(Dim, degree_));
+  internal::gather_modes(of.count(), of.box, of.positions(chunk).data(), slot_velocities(chunk, of, velocity), result);
+  add_common<Dim>(common_velocity(of), of.count(), num_modes(Dim, degree_), result);
   return result;
 }
 
-template <int Dim> double* PointGrid<Dim>::columns(const Chunk<Dim>& chunk) const {
+template <int Dim> double* PointGrid<Dim>::modes(const Particles<Dim>& of, int count) const {
   thread_local AlignedVector<double> rooms;
-  return room(rooms, 4 * scattered_columns * static_cast<std::size_t>(chunk.size()));
-}
-
-template <int Dim>
-double* PointGrid<Dim>::put_momenta(const Chunk<Dim>& chunk, const Particles<Dim>& of, const Points<Dim>& v) const {
-  double* column = columns(chunk);
-  for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
-    std::fill_n(column, 4 * scattered_columns, 0.0);
-    const double m = chunk.matter.mass[p];
-    for (int i = 0; i < Dim; ++i) column[i] = m * v(i, p);
-    column[3] = m;
-    if (of.is_affine())
-      for (int j = 0; j < Dim; ++j)
-        for (int i = 0; i < Dim; ++i) column[4 * (1 + j) + i] = m * of.motion(i + Dim * j, p);
-  }
-  return columns(chunk);
-}
-
-template <int Dim> double* PointGrid<Dim>::modes(const Chunk<Dim>& chunk, int count) const {
-  thread_local AlignedVector<double> rooms;
-  return room(rooms, 4 * static_cast<std::size_t>(count) * static_cast<std::size_t>(chunk.size()));
+  return room(rooms, 4 * static_cast<std::size_t>(count) * static_cast<std::size_t>(of.count()));
 }
 
 namespace {
@@ -303,8 +294,7 @@ template <int Dim>
 Points<Dim> PointGrid<Dim>::velocities_of(World<Dim>& world,
                                           const std::function<const Points<Dim>&(const Particles<Dim>&)>& of_points) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    const double* column = put_momenta(chunk, of, of_points(of));
-    scatter(chunk.size(), of.box, of.is_affine(), chunk.matter.x.data(), column, clear_slots(of));
+    scatter(of.count(), of.box, of.moving(chunk, of_points(of)), clear_slots(of));
     take_slots(chunk, of);
   });
   Points<Dim> result(Dim, world.nodes.size());
@@ -356,28 +346,43 @@ template <int Dim> void PointGrid<Dim>::scatter_held(World<Dim>& world, const st
                                                      const Vector& speed, int axis, bool varies) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
     of.held.assign(of.momentum.size(), 0.0);
-    double* column = columns(chunk);
     const bool has_gradient = varies && of.held_gradient.size() > 0;
+    Vector mass = Vector::Zero(of.count());
+    Points<Dim> v = Points<Dim>::Zero(Dim, of.count());
+    Points<Dim* Dim> motion = Points<Dim * Dim>::Zero(Dim * Dim, has_gradient ? of.count() : 0);
     bool any = false;
-    for (Index p = 0; p < chunk.size(); ++p, column += 4 * scattered_columns) {
-      std::fill_n(column, 4 * scattered_columns, 0.0);
+    for (Index p = 0; p < chunk.size(); ++p) {
       const Index point = world.point_number(chunk, p);
       if (held[point] == 0) continue;
-      const double mass = chunk.matter.mass[p];
-      column[3] = mass;
-      column[0] = mass * speed[point];
-      for (int j = 0; has_gradient && j < Dim; ++j) column[4 * (1 + j)] = mass * of.held_gradient(axis + Dim * j, p);
+      of.for_each_share(chunk, p, [&](Index particle, double share) {
+        mass[particle] += share;
+        v(0, particle) += share * speed[point];
+        // At a vertex, not in the middle of the cell.
+        const Vec<Dim> apart = of.positions(chunk).col(particle) - chunk.matter.x.col(p);
+        for (int j = 0; has_gradient && j < Dim; ++j)
+          v(0, particle) += share * of.held_gradient(axis + Dim * j, particle) * apart[j];
+      });
       any = true;
     }
     if (!any) return;
+    for (Index k = 0; k < of.count(); ++k) {
+      if (mass[k] == 0.0) continue;
+      v(0, k) /= mass[k];
+      for (int j = 0; has_gradient && j < Dim; ++j) motion(Dim * j, k) = of.held_gradient(axis + Dim * j, k);
+    }
     double* slots = clear_slots(of);
-    scatter(chunk.size(), of.box, has_gradient, chunk.matter.x.data(), columns(chunk), slots);
+    scatter(of.count(), of.box,
+            {.x = of.positions(chunk).data(),
+             .mass = mass.data(),
+             .v = v.data(),
+             .motion = has_gradient ? motion.data() : nullptr},
+            slots);
     for (std::size_t l = 0; l < of.slots.size(); ++l)
       std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.held.data() + 4 * l);
   });
 }
 
-/// Also of other points of these chunks, whose gradients mean nothing and are not used.
+/// Also of other particles of these chunks, whose gradients mean nothing and are not used.
 template <int Dim> void PointGrid<Dim>::gather_held(World<Dim>& world, int axis) {
   Points<Dim> field = Points<Dim>::Zero(Dim, world.nodes.size());
   parallel_for(world.nodes.size(), [&](Index a) {
@@ -386,9 +391,9 @@ template <int Dim> void PointGrid<Dim>::gather_held(World<Dim>& world, int axis)
   });
   for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
     if (std::ranges::all_of(of.held, [](double number) { return number == 0.0; })) return;
-    if (of.held_gradient.size() == 0) of.held_gradient.setZero(Dim * Dim, chunk.size());
+    if (of.held_gradient.size() == 0) of.held_gradient.setZero(Dim * Dim, of.count());
     const double* column = gather(chunk, of, field);
-    for (Index p = 0; p < chunk.size(); ++p, column += 4 * gathered_columns)
+    for (Index p = 0; p < of.count(); ++p, column += 4 * gathered_columns)
       for (int j = 0; j < Dim; ++j) of.held_gradient(axis + Dim * j, p) = column[4 * (4 + j)];
   });
 }
@@ -398,23 +403,23 @@ template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& worl
   std::vector<ContactPoints<Dim>> near(world.chunks.size());
   parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
     const Chunk<Dim>& chunk = world.chunks[c];
-    const Points<Dim>& x = chunk.matter.x;
+    const Particles<Dim>& of = grid.particles[c];
+    const Points<Dim>& x = of.positions(chunk);
     const Vec<Dim> low = x.rowwise().minCoeff(), high = x.rowwise().maxCoeff();
     if (gap_at(0.5 * (low + high)).gap > 0.5 * (high - low).norm() + reach + grid.cell()) return;
-    const Particles<Dim>& of = grid.particles[c];
-    for (Index p = 0; p < chunk.size(); ++p) {
+    for (Index p = 0; p < of.count(); ++p) {
       Gap<Dim> gap = gap_at(x.col(p));
       if (!(gap.gap < reach + grid.cell())) continue;
-      const double half = half_size<Dim>(chunk.matter, p, gap.normal);
+      const double half = of.reach(chunk, p, gap.normal);
       if (!((gap.gap -= half) < reach)) continue;
       const Vec<Dim> at = x.col(p) - half * gap.normal;
-      near[c].begin_point(world.point_number(chunk, p), at, gap);
+      near[c].begin_point(of.identity(world, chunk, p), at, gap);
       // Splines there, of the nodes that there are.
       for_each_site<Dim>(of.box, at.data(), [&](const std::array<std::ptrdiff_t, 3>& place, double N, const Vec<Dim>&) {
         Site<Dim> site = of.low;
         for (int i = 0; i < Dim; ++i) site[i] += static_cast<Index>(place[static_cast<std::size_t>(i)]);
         const Index node = N > 0.0 ? grid.of_body(chunk.body).find(site) : -1;
-        if (node >= 0 && world.nodes.mass[node] > least_mass * chunk.matter.mass[p]) near[c].add_node(node, N);
+        if (node >= 0 && world.nodes.mass[node] > least_mass * of.masses(chunk)[p]) near[c].add_node(node, N);
       });
       near[c].end_point();
     }

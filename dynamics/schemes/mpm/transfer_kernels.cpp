@@ -165,22 +165,27 @@ template <int Dim, int Degree> EFREE_INLINE void gather_modes_of(Index points, c
   }
 }
 
-template <int Dim, int Degree, bool Affine>
-EFREE_INLINE void scatter_of(Index points, const GridBox& box, const double* x, const double* columns, double* slots) {
+template <int Dim, int Degree, bool Moves, bool Affine, bool Stressed>
+EFREE_INLINE void scatter_of(Index points, const GridBox& box, const ScatteredPoints& of, double* slots) {
   const double over_cell = 1.0 / box.cell;
   for (Index p = 0; p < points; ++p) {
     Stencil<Dim, Degree> at;
-    find_stencil(box, x + Dim * p, at);
+    find_stencil(box, of.x + Dim * p, at);
     const SplineRow<Degree>& last = at.axis[Dim - 1];
-    Four momentum, affine[3], stress[3], total = {}, forces = {};
-    const double* column = columns + 4 * scattered_columns * p;
-    load(momentum, column);
-    for (int i = 0; i < 3; ++i) {
-      load(affine[i], column + 4 * (1 + i));
-      load(stress[i], column + 4 * (4 + i));
-      affine[i] *= box.cell;
-      stress[i] *= over_cell;
+    Four momentum = {}, affine[Dim] = {}, stress[Dim] = {}, total = {}, forces = {};
+    if constexpr (Moves) {
+      const double m = of.mass[p];
+      for (int i = 0; i < Dim; ++i) momentum[i] = m * of.v[Dim * p + i];
+      momentum[3] = m;
+      if constexpr (Affine)
+        for (int j = 0; j < Dim; ++j)
+          for (int i = 0; i < Dim; ++i) affine[j][i] = m * of.motion[Dim * (Dim * p + j) + i] * box.cell;
     }
+    if constexpr (Stressed)
+      for (int j = 0; j < Dim; ++j) {
+        load(stress[j], of.stress + 16 * p + 4 * j);
+        stress[j] = -of.volume[p] * stress[j] * over_cell;
+      }
     for_each_row<Dim, Degree>(box, at, [&](std::ptrdiff_t slot, int i, int j) {
       const SplineRow<Degree>&X = at.axis[0], &Y = at.axis[Dim == 3 ? 1 : 0];
       const double Ny = Dim == 3 ? Y.N[j] : 1.0, N = X.N[i] * Ny;
@@ -192,17 +197,23 @@ EFREE_INLINE void scatter_of(Index points, const GridBox& box, const double* x, 
       }
       const Four along = N * stress[Dim - 1];
       for (int k = 0; k <= Degree; ++k) {
-        double* of = slots + 8 * (slot + k);
-        Four l, f, part = mean;
-        load(l, of);
-        load(f, of + 4);
-        if constexpr (Affine) part += last.d[k] * affine[Dim - 1];
-        part *= N * last.N[k];
-        const Four l_now = l + part, f_now = f + (last.N[k] * across + last.dN[k] * along);
-        total += l_now - l;
-        forces += f_now - f;
-        store(of, l_now);
-        store(of + 4, f_now);
+        double* to = slots + 8 * (slot + k);
+        if constexpr (Moves) {
+          Four l, part = mean;
+          load(l, to);
+          if constexpr (Affine) part += last.d[k] * affine[Dim - 1];
+          part *= N * last.N[k];
+          const Four now = l + part;
+          total += now - l;
+          store(to, now);
+        }
+        if constexpr (Stressed) {
+          Four f;
+          load(f, to + 4);
+          const Four now = f + (last.N[k] * across + last.dN[k] * along);
+          forces += now - f;
+          store(to + 4, now);
+        }
       }
     });
     // What the nodes did not get by rounding: over many steps all of it would be drift.
@@ -256,6 +267,30 @@ template <int Dim, int Degree> EFREE_INLINE void scatter_modes_of(Index points, 
   }
 }
 
+template <int Dim, int Degree> EFREE_INLINE void scatter_values_of(Index points, const GridBox& box, const double* x,
+                                                                   const double* values, double* slots) {
+  for (Index p = 0; p < points; ++p) {
+    Stencil<Dim, Degree> at;
+    find_stencil(box, x + Dim * p, at);
+    Four value, total = {}, of;
+    load(value, values + 4 * p);
+    for_each_row<Dim, Degree>(box, at, [&](std::ptrdiff_t slot, int i, int j) {
+      const double N = at.axis[0].N[i] * (Dim == 3 ? at.axis[Dim == 3 ? 1 : 0].N[j] : 1.0);
+      for (int k = 0; k <= Degree; ++k) {
+        double* to = slots + 8 * (slot + k) + 4;
+        load(of, to);
+        const Four now = of + N * at.axis[Dim - 1].N[k] * value;
+        total += now - of;
+        store(to, now);
+      }
+    });
+    double* middle = slots + 8 * middle_slot(box, at) + 4;
+    load(of, middle);
+    of += value - total;
+    store(middle, of);
+  }
+}
+
 template <int Dim, int Degree>
 EFREE_INLINE void mark_slots_of(Index points, const GridBox& box, const double* x, char* marked) {
   for (Index p = 0; p < points; ++p) {
@@ -299,18 +334,25 @@ EFREE_FOR_EACH_MACHINE void gather_modes(Index points, const GridBox& box, const
                                          double* modes) {
   with_degree(box, [&]<int Dim, int Degree>() { gather_modes_of<Dim, Degree>(points, box, x, velocity, modes); });
 }
-EFREE_FOR_EACH_MACHINE void scatter(Index points, const GridBox& box, bool affine, const double* x,
-                                    const double* columns, double* slots) {
+EFREE_FOR_EACH_MACHINE void scatter(Index points, const GridBox& box, const ScatteredPoints& of, double* slots) {
   with_degree(box, [&]<int Dim, int Degree>() {
-    if (affine)
-      scatter_of<Dim, Degree, true>(points, box, x, columns, slots);
+    if (of.mass == nullptr)
+      scatter_of<Dim, Degree, false, false, true>(points, box, of, slots);
+    else if (of.stress == nullptr)
+      of.motion == nullptr ? scatter_of<Dim, Degree, true, false, false>(points, box, of, slots)
+                           : scatter_of<Dim, Degree, true, true, false>(points, box, of, slots);
     else
-      scatter_of<Dim, Degree, false>(points, box, x, columns, slots);
+      of.motion == nullptr ? scatter_of<Dim, Degree, true, false, true>(points, box, of, slots)
+                           : scatter_of<Dim, Degree, true, true, true>(points, box, of, slots);
   });
 }
 EFREE_FOR_EACH_MACHINE void scatter_modes(Index points, const GridBox& box, const double* x, const double* mass,
                                           const double* modes, double* slots) {
   with_degree(box, [&]<int Dim, int Degree>() { scatter_modes_of<Dim, Degree>(points, box, x, mass, modes, slots); });
+}
+EFREE_FOR_EACH_MACHINE void scatter_values(Index points, const GridBox& box, const double* x, const double* values,
+                                           double* slots) {
+  with_degree(box, [&]<int Dim, int Degree>() { scatter_values_of<Dim, Degree>(points, box, x, values, slots); });
 }
 EFREE_FOR_EACH_MACHINE void mark_slots(Index points, const GridBox& box, const double* x, char* marked) {
   with_degree(box, [&]<int Dim, int Degree>() { mark_slots_of<Dim, Degree>(points, box, x, marked); });

@@ -26,9 +26,15 @@ constexpr int num_modes(int dim, int degree) {
 /// Columns of four numbers that `gather` writes for a point: velocity, its spatial gradient by three columns, its
 /// affine part by three columns (sum N v (x) d over the second moment; of degree 1 the gradient).
 inline constexpr int gathered_columns = 7;
-/// Columns that `scatter` takes of a point: its momentum and mass; mass times the affine part of its velocity by three
-/// columns; and three columns whose products with the gradients of splines are forces.
-inline constexpr int scattered_columns = 7;
+/// What points have for the grid, by point.
+struct ScatteredPoints {
+  const double* x;                 ///< positions, box.dim numbers each
+  const double* mass = nullptr;    ///< none: they have stresses alone
+  const double* v = nullptr;       ///< velocities, box.dim numbers each
+  const double* motion = nullptr;  ///< affine parts of the velocities, by columns, box.dim^2 numbers each; or none
+  const double* stress = nullptr;  ///< Kirchhoff stresses, three columns of four, sixteen numbers each; or none
+  const double* volume = nullptr;  ///< with these
+};
 
 /// From velocities of the slots (four numbers each) to the points, at x (box.dim numbers each).
 void gather(Index points, const GridBox& box, const double* x, const double* velocity, double* columns);
@@ -39,10 +45,13 @@ void gather_modes(Index points, const GridBox& box, const double* x, const doubl
 
 /// Adds to momentum and mass, and to force, of the slots (eight numbers each). What each point adds sums up to its
 /// momentum and to no force beyond rounding.
-void scatter(Index points, const GridBox& box, bool affine, const double* x, const double* columns, double* slots);
+void scatter(Index points, const GridBox& box, const ScatteredPoints& of, double* slots);
 /// Likewise of momenta alone, by all modes but the first, whose coefficients are zeros, and so are the fourth numbers.
 void scatter_modes(Index points, const GridBox& box, const double* x, const double* mass, const double* modes,
                    double* slots);
+
+/// Adds values, four numbers for each point, to the second four of the slots (eight numbers each), by splines.
+void scatter_values(Index points, const GridBox& box, const double* x, const double* values, double* slots);
 
 /// Marks the slots with a spline that is not zero at one of the points.
 void mark_slots(Index points, const GridBox& box, const double* x, char* marked);
