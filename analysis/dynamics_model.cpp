@@ -76,6 +76,13 @@ template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh
   return group == mesh.groups().end() ? nullptr : &group->facets;
 }
 
+template <int Dim> std::set<Index> vertices_of(const FineMesh<Dim>& mesh, const std::vector<Index>& facets) {
+  std::set<Index> result;
+  for (const Index f : facets)
+    for (int i = 0; i < Dim; ++i) result.insert(mesh.facets()(i, f));
+  return result;
+}
+
 template <int Dim> bool has_pressure_patches(const DynamicsSettings<Dim>& settings, const Material& material) {
   const bool is_shocked_fluid = settings.options.shock.on() && dynamic_cast<const Fluid*>(&material) != nullptr;
   return settings.pressure_patches.value_or(!is_shocked_fluid);
@@ -100,9 +107,7 @@ template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, c
   if (!has_pressure_patches(settings, *material)) result.body.patches.clear();
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
-      std::set<Index> nodes;
-      for (const Index f : *facets)
-        for (int i = 0; i < Dim; ++i) nodes.insert(mesh.facets()(i, f));
+      const std::set<Index> nodes = vertices_of(mesh, *facets);
       result.nodes_on[part.on].assign(nodes.begin(), nodes.end());
     }
   return result;
@@ -134,12 +139,7 @@ template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, cons
 
 /// Cells with a vertex on these facets, ascending.
 template <int Dim> std::vector<Index> cells_at_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets) {
-  const std::set<Index> on = [&] {
-    std::set<Index> vertices;
-    for (const Index f : facets)
-      for (int i = 0; i < Dim; ++i) vertices.insert(mesh.facets()(i, f));
-    return vertices;
-  }();
+  const std::set<Index> on = vertices_of(mesh, facets);
   std::vector<Index> result;
   for (Index c = 0; c < mesh.num_cells(); ++c)
     if (std::ranges::any_of(mesh.cells().col(c), [&](Index vertex) { return on.contains(vertex); }))

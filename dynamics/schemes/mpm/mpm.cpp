@@ -54,11 +54,10 @@ template <int Dim> void take_gradient(const double* column, Particles<Dim>& part
     particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
 }
 
-/// Velocity of a point: its own, or of its cell the mean of the vertices.
-template <int Dim> Vec<Dim> point_velocity(const Chunk<Dim>& chunk, const Particles<Dim>& particles, Index point) {
-  Vec<Dim> momentum = Vec<Dim>::Zero();
-  particles.for_each_share(chunk, point, [&](Index k, double mass) { momentum += mass * particles.v.col(k); });
-  return momentum / chunk.matter.mass[point];
+/// Velocity of a point: its own, or the mean of the vertices of its cell.
+template <int Dim> Vec<Dim> point_velocity(const Particles<Dim>& particles, Index point) {
+  if (!particles.mesh) return particles.v.col(point);
+  return particles.v(Eigen::all, particles.mesh->cells.col(point)).rowwise().mean();
 }
 
 template <int Dim> class Mpm final : public Scheme<Dim> {
@@ -86,7 +85,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     Points<Dim> result(Dim, world.num_points());
     for (std::size_t c = 0; c < world.chunks.size(); ++c)
       for (Index p = 0; p < world.chunks[c].size(); ++p)
-        result.col(world.point_number(world.chunks[c], p)) = point_velocity(world.chunks[c], grid_.particles[c], p);
+        result.col(world.point_number(world.chunks[c], p)) = point_velocity(grid_.particles[c], p);
     return result;
   }
   std::optional<double> stable_step(const World<Dim>& world) const override;
@@ -104,6 +103,9 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
            options_.transfer == Transfer::aflip;
   }
   bool is_polynomial() const { return options_.transfer == Transfer::polypic; }
+  Particles<Dim>& particles_of(const World<Dim>& world, const Chunk<Dim>& chunk) {
+    return grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  }
   void transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
   void filter_velocities(World<Dim>& world);
   void find_gradients(World<Dim>& world);
@@ -252,8 +254,8 @@ template <int Dim> void Mpm<Dim>::move_points(Chunk<Dim>& chunk, Particles<Dim>&
 
 /// Positions of vertices, by which update_points finds deformation gradients.
 template <int Dim> void Mpm<Dim>::move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
-  particles.gradient = particles.mesh->spatial_gradients(chunk, particles.moved);
-  particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
+  const Points<Dim* Dim> gradient = particles.mesh->spatial_gradients(chunk, particles.moved);
+  particles.strain = dt * std::sqrt(gradient.colwise().squaredNorm().maxCoeff());
   particles.mesh->x += dt * particles.moved;
   particles.release_eroded_cells(chunk);
 }
@@ -316,7 +318,7 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
 }
 
 template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
-  Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  Particles<Dim>& particles = particles_of(world, chunk);
   if (particles.mesh) return deform_by_table(world, chunk, particles.mesh->table, particles.mesh->x, least);
   Matter<Dim>& matter = chunk.matter;
   double* columns = chunk.columns();
@@ -353,7 +355,7 @@ template <int Dim> void Mpm<Dim>::find_power(const World<Dim>& world, const Chun
 
 template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
   share_patch_pressures(chunk);
-  Particles<Dim>& particles = grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  Particles<Dim>& particles = particles_of(world, chunk);
   const Matter<Dim>& matter = chunk.matter;
   double fastest = 0.0;
   for (Index p = 0; p < chunk.size(); ++p)

@@ -193,7 +193,7 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
     table.force.assign(4 * table.nodes.size(), 0.0);
     of.momentum.assign(4 * table.nodes.size(), 0.0);
     if (of.moved.cols() != of.count()) of.moved.setZero(Dim, of.count());
-    if (of.gradient.cols() != chunk.size()) of.gradient.setZero(Dim * Dim, chunk.size());
+    if (!of.mesh && of.gradient.cols() != chunk.size()) of.gradient.setZero(Dim * Dim, chunk.size());
   });
   world.find_node_chunks();
 }

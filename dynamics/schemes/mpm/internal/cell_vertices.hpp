@@ -28,10 +28,6 @@ template <int Dim> struct CellVertices {
   void release(Index point);
   /// Finds `mass` and `table`.
   void complete(const Matter<Dim>& matter);
-  /// Calls visit(vertex) for those of the cell of a point.
-  template <class Visit> void for_each_vertex(Index point, const Visit& visit) const {
-    for (int i = 0; i <= Dim; ++i) visit(cells(i, point));
-  }
   /// Dim^2 x m, spatial gradients, by columns, of values at the vertices (Dim x n) at the m points.
   Points<Dim * Dim> spatial_gradients(Chunk<Dim>& chunk, const Points<Dim>& values);
   /// Forces on the vertices, four numbers each, by Kirchhoff stresses in the columns of the chunk.

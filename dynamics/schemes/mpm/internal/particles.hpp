@@ -27,7 +27,7 @@ template <int Dim> struct Particles {
   Points<Dim> v;               ///< Dim x n, velocities half a step ago
   Matrix motion;               ///< what is known of the velocity around each particle, by Transfer
   Points<Dim> moved;           ///< Dim x n, velocities of the step by which particles move
-  Points<Dim * Dim> gradient;  ///< their gradients at the points, by columns
+  Points<Dim * Dim> gradient;  ///< their gradients, by columns; of points that are particles
   /// Gradients of the nodes' velocities less `gradient` (MpmOptions::remap), and the sum of the powers of the stresses
   /// in these before and after the step.
   Points<Dim * Dim> not_strained;
@@ -72,7 +72,7 @@ template <int Dim> struct Particles {
   template <class Visit> void for_each_share(const Chunk<Dim>& chunk, Index point, const Visit& visit) const {
     const double m = chunk.matter.mass[point];
     if (!mesh) return visit(point, m);
-    mesh->for_each_vertex(point, [&](Index vertex) { visit(vertex, m / (Dim + 1)); });
+    for (int i = 0; i <= Dim; ++i) visit(mesh->cells(i, point), m / (Dim + 1));
   }
 
   /// The particles of these points, without sums over the chunk. Call `complete` afterwards.
@@ -83,7 +83,6 @@ template <int Dim> struct Particles {
     result.v = v(Eigen::all, selected);
     if (moved.size() != 0) result.moved = moved(Eigen::all, selected);
     if (motion.size() != 0) result.motion = motion(Eigen::all, selected);
-    if (gradient.size() != 0) result.gradient = gradient(Eigen::all, points);
     if (held_gradient.size() != 0) result.held_gradient = held_gradient(Eigen::all, selected);
     if (not_strained.size() != 0) result.not_strained = not_strained(Eigen::all, points);
     if (!mesh)
