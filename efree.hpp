@@ -48,6 +48,8 @@
 #include "efree/dynamics/scheme.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/sph/smoothing_kernel.hpp"
+#include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/dynamics/state.hpp"
 #include "efree/geometry/cloud/node_cloud.hpp"

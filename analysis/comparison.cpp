@@ -25,9 +25,13 @@ constexpr double default_mesh_ratio = 3.0;
 /// Edges of cells that are material points, over those of the grid's cells, where the case has no mesh for them.
 constexpr double mesh_frame_edge = 0.5;
 
+/// Options of smoothed particles that are compared with none.
+constexpr double compared_artificial_stress = 0.5, compared_splitting = 0.1;
+
 /// Distance of the nodes of a case.
 template <int Dim> double spacing_of(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings) {
-  const double spacing = settings.method == DynamicsMethod::mpm ? settings.mpm.options.cell
+  const double spacing = settings.method == DynamicsMethod::mpm   ? settings.mpm.options.cell
+                         : settings.method == DynamicsMethod::sph ? settings.sph.options.spacing
                          : settings.method == DynamicsMethod::total_lagrangian
                              ? settings.common.approximation.spacing
                              : source.size / internal::element_size<Dim>;
@@ -62,8 +66,8 @@ template <int Dim> Scene<Dim> vary(Scene<Dim> scene, const ComparedMethod& metho
     return scene;
   }
   source.ratio = 0.0;
-  // For the material point method the mesh is the geometry and no more, but in the frame of a mesh: its edges are those
-  // of OTM unless it has its own.
+  // For particles and the material point method the mesh is the geometry and no more, but in the frame of a mesh: its
+  // edges are those of OTM unless it has its own.
   const double edge = method.method == DynamicsMethod::mpm && method.frame == MpmFrame::mesh
                           ? mesh_frame_edge
                           : internal::element_size<Dim>;
@@ -72,6 +76,12 @@ template <int Dim> Scene<Dim> vary(Scene<Dim> scene, const ComparedMethod& metho
     settings.mpm.options.cell = spacing;
     settings.mpm.frame = method.frame;
     if (method.frame != MpmFrame::updated) settings.mpm.options.remap = false;
+  }
+  if (method.method == DynamicsMethod::sph) {
+    settings.sph.options.spacing = spacing;
+    settings.sph.options.artificial_stress.strength = method.artificial_stress;
+    settings.sph.options.splitting.strain = method.splitting;
+    settings.sph.frame = method.sph_frame;
   }
   return scene;
 }
@@ -192,6 +202,13 @@ const std::vector<ComparedMethod>& compared_methods() {
       {"mpm", "MPM", DynamicsMethod::mpm},
       {"mpm_total", "MPM, total frame", DynamicsMethod::mpm, MpmFrame::total},
       {"mpm_mesh", "MPM, mesh frame", DynamicsMethod::mpm, MpmFrame::mesh},
+      {.name = "sph", .label = "SPH", .method = DynamicsMethod::sph},
+      {.name = "sph_stress",
+       .label = "SPH, artificial stress",
+       .method = DynamicsMethod::sph,
+       .artificial_stress = compared_artificial_stress},
+      {.name = "sph_split", .label = "SPH, splitting", .method = DynamicsMethod::sph, .splitting = compared_splitting},
+      {.name = "sph_total", .label = "SPH, total frame", .method = DynamicsMethod::sph, .sph_frame = SphFrame::total},
   };
   return all;
 }

@@ -12,10 +12,15 @@ namespace efree {
 
 /// A method under comparison. Options that the case does not give have their defaults.
 struct ComparedMethod {
-  std::string name;   ///< "otm", "total_lagrangian", "mpm" and with other frames "mpm_total", "mpm_mesh"
+  /// "otm", "total_lagrangian", "mpm" and with other frames "mpm_total", "mpm_mesh", "sph", with artificial stress
+  /// "sph_stress", with splitting "sph_split", in the total frame "sph_total".
+  std::string name;
   std::string label;  ///< for charts
   DynamicsMethod method = DynamicsMethod::otm;
-  MpmFrame frame = MpmFrame::updated;  ///< of mpm
+  MpmFrame frame = MpmFrame::updated;      ///< of mpm
+  SphFrame sph_frame = SphFrame::updated;  ///< of sph, as the next
+  double artificial_stress = 0.0;          ///< ArtificialStress::strength
+  double splitting = 0.0;                  ///< ParticleSplitting::strain
 };
 /// All methods that can be compared.
 const std::vector<ComparedMethod>& compared_methods();
@@ -62,8 +67,8 @@ struct Comparison {
 };
 
 /// Runs every method at every resolution. Methods that cannot run the scene, or fail, have rows that say why. Throws
-/// InputError for unknown methods, a case without a spacing (mesh_size of OTM, spacing of a cloud, cell of the material
-/// point method), or input with which no method can begin; Cancelled.
+/// InputError for unknown methods, a case without a spacing (mesh_size of OTM, spacing of a cloud or of particles, cell
+/// of the material point method), or input with which no method can begin; Cancelled.
 template <int Dim> Comparison compare_methods(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                               const ComparisonOptions& options, const Monitor& monitor = {});
 

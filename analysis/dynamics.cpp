@@ -10,21 +10,24 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <vector>
 
 namespace efree {
 
 template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<Dim>& dynamics) {
   const Index n = dynamics.num_points();
   const Tensors F = dynamics.deformation(), sigma = dynamics.cauchy_stress();
-  Vector mises(n), pressure(n), J(n);
+  const Points<Dim> v = dynamics.point_velocities();
+  Vector mises(n), pressure(n), J(n), speed(n);
   for (Index p = 0; p < n; ++p) {
     const Voigt<3> stress = stress_of<3>(sigma.col(p));
     mises[p] = von_mises<3>(stress);
     pressure[p] = -stress.template head<3>().mean();
     J[p] = Eigen::Map<const Mat<3>>(F.col(p).data()).determinant();
+    speed[p] = v.col(p).norm();
   }
   std::vector<std::pair<std::string, Vector>> result{
-      {"von_mises", mises}, {"pressure", pressure}, {"J", J}, {"damage", dynamics.damage()}};
+      {"von_mises", mises}, {"pressure", pressure}, {"J", J}, {"speed", speed}, {"damage", dynamics.damage()}};
   std::map<std::string, Vector> of_histories;
   for (Index b = 0; b < dynamics.num_bodies(); ++b) {
     const Matrix history = dynamics.history(b);
@@ -84,6 +87,27 @@ template <int Dim> std::pair<double, double> extremes_at_corners(const DynamicsM
   return {smallest, largest};
 }
 
+/// Likewise at the ends of a particle along the axes: a ball of this radius around its node.
+template <int Dim>
+std::pair<double, double> extremes_of_ball(const ScalarField<Dim>& coordinate, const Vec<Dim>& centre, double radius) {
+  double smallest = coordinate(centre), largest = smallest;
+  for (int i = 0; i < Dim && radius > 0.0; ++i)
+    for (const double side : {-radius, radius}) {
+      const double value = coordinate(centre + side * Vec<Dim>::Unit(i));
+      smallest = std::min(smallest, value);
+      largest = std::max(largest, value);
+    }
+  return {smallest, largest};
+}
+
+/// The number that this share of all, more than 0, does not exceed.
+double quantile(std::vector<double>& values, double share) {
+  const auto count = static_cast<double>(values.size());
+  const auto place = values.begin() + static_cast<std::ptrdiff_t>(std::ceil(share * count)) - 1;
+  std::ranges::nth_element(values, place);
+  return *place;
+}
+
 /// Of nodes or material points, as the probe has it.
 template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const DynamicsModel<Dim>& model,
                                           const std::vector<std::pair<std::string, Vector>>& scalars) {
@@ -92,23 +116,26 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
   const bool nodal = probe.field.empty() && !model.probes_points;
   const Points<Dim> points = nodal ? dynamics.nodes() : dynamics.points();
   const auto field = std::ranges::find(scalars, probe.field, [](const auto& entry) { return entry.first; });
-  double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
+  const Vector& radius = dynamics.world().nodes.radius;
+  const auto extremes_of = [&](Index k) {
+    if (!probe.field.empty()) return std::pair(field->second[k], field->second[k]);
+    if (!nodal) return extremes_at_corners(model, probe.coordinate, k);
+    return extremes_of_ball<Dim>(probe.coordinate, points.col(k), radius.size() == 0 ? 0.0 : radius[k]);
+  };
+  std::vector<double> highs, lows;  // of the latter minus these
   for (Index b = 0; b < dynamics.num_bodies(); ++b) {
     if (!probe.region.empty() && probe.region != model.names[b]) continue;
     const Index begin = nodal ? dynamics.first_node(b) : dynamics.first_point(b);
     const Index end = nodal ? dynamics.first_node(b + 1) : dynamics.first_point(b + 1);
     for (Index k = begin; k < end; ++k) {
-      const Vec<Dim> at = points.col(k);
-      if (!probe.box.isEmpty() && !probe.box.contains(at)) continue;
-      const double value = probe.field.empty() ? probe.coordinate(at) : field->second[k];
-      const auto [low, high] = probe.field.empty() && model.probes_points
-                                   ? extremes_at_corners(model, probe.coordinate, k)
-                                   : std::pair(value, value);
-      smallest = std::min(smallest, low);
-      largest = std::max(largest, high);
+      if (!probe.box.isEmpty() && !probe.box.contains(Vec<Dim>(points.col(k)))) continue;
+      const auto [low, high] = extremes_of(k);
+      highs.push_back(high);
+      lows.push_back(-low);
     }
   }
-  if (smallest > largest) return std::numeric_limits<double>::quiet_NaN();
+  if (highs.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const double largest = quantile(highs, probe.share), smallest = -quantile(lows, probe.share);
   return probe.kind == Kind::largest ? largest : probe.kind == Kind::smallest ? smallest : largest - smallest;
 }
 

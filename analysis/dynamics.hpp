@@ -7,6 +7,7 @@
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 
 #include <array>
@@ -39,8 +40,8 @@ template <int Dim> struct RigidBodySettings {
   RigidBody<Dim> body;
   std::string where{};
 };
-/// Prescribed velocities of the nodes on a part of the boundary (mpm: of all points within a cell of it), by initial
-/// position and time. Empty components are free.
+/// Prescribed velocities of the nodes on a part of the boundary (mpm, sph: of all within a cell, or spacing, of it), by
+/// initial position and time. Empty components are free.
 template <int Dim> struct BoundaryVelocity {
   std::string on;
   std::array<VelocityLaw<Dim>, Dim> velocity;
@@ -66,8 +67,11 @@ template <int Dim> struct DynamicsProbe {
   ScalarField<Dim> coordinate{};  ///< by the positions of nodes
   Vec<Dim> at = Vec<Dim>::Zero();
   std::optional<double> truth{};  ///< of a number: what it would be without errors, where that is known
-  std::string region{};           ///< empty: all of them
-  BoundingBox<Dim> box{};         ///< only nodes or points in it at the time count; empty: all do
+  /// Of a number: what this share of the nodes or points does not exceed (the smallest: fall below), above 0 to 1. 1:
+  /// all of them.
+  double share = 1.0;
+  std::string region{};    ///< empty: all of them
+  BoundingBox<Dim> box{};  ///< only nodes or points in it at the time count; empty: all do
   std::string where{};
 };
 
@@ -75,6 +79,7 @@ enum class DynamicsMethod {
   otm,               ///< nodes at the vertices of the mesh, a material point in every cell
   total_lagrangian,  ///< shape functions of the static solver on the cloud of common.approximation
   mpm,               ///< material points on a lattice, splines of a grid
+  sph,               ///< particles on a lattice, sums over their neighbours
 };
 
 /// Of the material point method.
@@ -84,6 +89,12 @@ struct MpmSettings {
   MpmFrame frame = MpmFrame::updated;
 };
 
+/// Of smoothed particle hydrodynamics.
+struct SphSettings {
+  SphOptions options{};  ///< the origin is a corner of the box around all bodies
+  SphFrame frame = SphFrame::updated;
+};
+
 /// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
 /// the total Lagrangian method.
 template <int Dim> struct DynamicsSettings {
@@ -91,6 +102,7 @@ template <int Dim> struct DynamicsSettings {
   DynamicsMethod method = DynamicsMethod::otm;
   OtmOptions otm{};                                           ///< of that method
   MpmSettings mpm{};                                          ///< likewise
+  SphSettings sph{};                                          ///< likewise
   DynamicsOptions options{};                                  ///< of all methods; the plane is that of common.model
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
@@ -116,7 +128,8 @@ template <int Dim> struct DynamicsSettings {
 /// Whether bodies pass through each other.
 template <int Dim> bool lacks_contact(const DynamicsSettings<Dim>& settings) {
   return settings.method == DynamicsMethod::total_lagrangian ||
-         (settings.method == DynamicsMethod::mpm && settings.mpm.frame == MpmFrame::total);
+         (settings.method == DynamicsMethod::mpm && settings.mpm.frame == MpmFrame::total) ||
+         (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::total);
 }
 
 /// The mesh with its materials, as `prepare` makes it for static analyses; bodies that nothing holds stay, and
@@ -155,8 +168,8 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
                                                            const DynamicsSettings<Dim>& settings,
                                                            const Monitor& monitor = {});
 
-/// Scalar fields of the material points: von_mises, pressure (both of Cauchy's stress), J, damage (1: eroded) and the
-/// scalars of the materials' histories (0 in bodies without).
+/// Scalar fields of the material points: von_mises, pressure (both of Cauchy's stress), J, speed, damage (1: eroded)
+/// and the scalars of the materials' histories (0 in bodies without).
 template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<Dim>& dynamics);
 
 /// Values of all probes now, in their order: one number; of nodes the displacement, then the velocity. NaN where no

@@ -174,9 +174,23 @@ template <int Dim> RegionBody<Dim> region_on_lattice(const FineMesh<Dim>& mesh, 
   return result;
 }
 
-/// The grid of all bodies begins at a corner of their box.
-template <int Dim> MpmOptions mpm_options(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
-  MpmOptions options = settings.mpm.options;
+template <int Dim> RegionBody<Dim> region_of_particles(const FineMesh<Dim>& mesh, const SharedMaterial& material,
+                                                       const DynamicsSettings<Dim>& settings,
+                                                       const SphOptions& options) {
+  double volume = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c) volume += mesh.volume(c);
+  const double count = volume / std::pow(options.spacing, Dim);
+  require_memory(bytes_per_point * count, fmt::format("a body of {:.3g} particles", count),
+                 "take a larger sph.spacing");
+  RegionBody<Dim> result{particles_on_lattice<Dim>(mesh, settings.sph.frame, options, material, 0.0)};
+  for (const auto& part : settings.boundary_velocities)
+    if (const auto* facets = facets_of(mesh, part.on))
+      result.nodes_on[part.on] = points_near_facets<Dim>(mesh, *facets, result.body.points, options.spacing);
+  return result;
+}
+
+/// The lattice of all bodies begins at a corner of their box.
+template <class Options, int Dim> Options with_origin(Options options, const FineMesh<Dim>& mesh) {
   for (int i = 0; i < Dim; ++i) options.origin[static_cast<std::size_t>(i)] = mesh.vertices().row(i).minCoeff();
   return options;
 }
@@ -199,7 +213,7 @@ void set_initial_velocity(const DynamicsSettings<Dim>& settings, const std::stri
 
 template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const std::string& region,
                                               const SharedMaterial& material, const DynamicsSettings<Dim>& settings,
-                                              const MpmOptions& grid, const Monitor& monitor) {
+                                              const FineMesh<Dim>& all, const Monitor& monitor) {
   const auto [where, density] = density_of(settings, region);
   if (!material->finite_strain())
     throw InputError(said_at(where,
@@ -210,7 +224,9 @@ template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const s
       case DynamicsMethod::total_lagrangian:
         return body_on_cloud(part, material, settings, monitor);
       case DynamicsMethod::mpm:
-        return region_on_lattice(part, material, settings, grid);
+        return region_on_lattice(part, material, settings, with_origin(settings.mpm.options, all));
+      case DynamicsMethod::sph:
+        return region_of_particles(part, material, settings, with_origin(settings.sph.options, all));
       default:
         return body_at_vertices(part, material, is_axisymmetric(settings), settings);
     }
@@ -248,14 +264,13 @@ template <int Dim> struct MeshBodies {
 template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                                 const Monitor& monitor) {
   const FineMesh<Dim>& all = *mesh.mesh;
-  const MpmOptions grid = mpm_options(all, settings);
   MeshBodies<Dim> result;
   for (Index r = 0; r < all.num_regions(); ++r) {
     const std::optional<FineMesh<Dim>> extracted = internal::extract_region(all, r);
     if (!extracted) continue;
     const FineMesh<Dim>& part = *extracted;
     result.names.push_back(all.region_names()[r]);
-    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, grid, monitor));
+    result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, all, monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
     if (settings.method == DynamicsMethod::otm &&
@@ -354,9 +369,10 @@ template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, cons
                                      DynamicsModel<Dim>& model) {
   for (const auto& gas : settings.gases) {
     if (settings.method != DynamicsMethod::otm)
-      throw InputError(said_at(gas.where,
-                               "a gas needs nodes at the vertices of the mesh: leave out [cloud] and [mpm], and take "
-                               "dynamics.method = \"otm\""));
+      throw InputError(
+          said_at(gas.where,
+                  "a gas needs nodes at the vertices of the mesh: leave out [cloud], [mpm] and [sph], and take "
+                  "dynamics.method = \"otm\""));
     GasCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
     for (std::size_t b = 0; b < regions.size(); ++b)
       if (const auto found = regions[b].gas_facets.find(gas.on); found != regions[b].gas_facets.end()) {
@@ -475,7 +491,10 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
   }
   if (lacks_contact(settings) && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
-        settings.method == DynamicsMethod::mpm
+        settings.method == DynamicsMethod::sph
+            ? "Bodies pass through each other: with sph.frame = \"total\" there is contact with walls and rigid bodies "
+              "only. Take frame = \"updated\" if bodies meet"
+        : settings.method == DynamicsMethod::mpm
             ? "Bodies pass through each other: with mpm.frame = \"total\" there is contact with walls and rigid bodies "
               "only. Take frame = \"updated\" if bodies meet"
             : "Bodies pass through each other: on a [cloud] there is contact with walls and rigid bodies only. Leave "
@@ -487,7 +506,9 @@ template <int Dim>
 std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
   if (settings.method == DynamicsMethod::otm) return otm<Dim>(settings.otm);
   if (settings.method == DynamicsMethod::mpm && settings.mpm.frame != MpmFrame::total)
-    return mpm<Dim>(mpm_options(mesh, settings));
+    return mpm<Dim>(with_origin(settings.mpm.options, mesh));
+  if (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::updated)
+    return sph<Dim>(with_origin(settings.sph.options, mesh));
   return total_lagrangian<Dim>();
 }
 
@@ -513,7 +534,8 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
       .names = std::move(built.names),
       .initial_box = {},
       .point_sizes = Eigen::Map<const Vector>(built.point_sizes.data(), num_points)};
-  model.probes_points = settings.method == DynamicsMethod::mpm;
+  model.probes_points = settings.method == DynamicsMethod::mpm ||
+                        (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::total);
   const Points<Dim> nodes = model.probes_points ? model.dynamics.points() : model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
   check_gaps(settings, mesh.mesh->vertices());

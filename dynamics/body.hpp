@@ -28,6 +28,7 @@ template <int Dim> struct DeformableBody {
   double density = 0.0;  ///< of mass, in the reference configuration
   Vector densities{};    ///< M, where points differ; empty: `density` is of all of them
   FractureCriteria fracture{};
+  double radius = 0.0;  ///< walls and rigid bodies stay that far away from the nodes [length]
   /// Shape functions at the material points, with gradients: for the total Lagrangian scheme, which keeps them.
   std::optional<ShapeTable<Dim>> shape{};
   /// K x N, with `shape`: shape functions at points of the surface, which walls act on. None: walls act on the nodes.

@@ -97,6 +97,8 @@ template <int Dim> void require_geometry(const DeformableBody<Dim>& body, bool a
     fail("expected a pressure patch for every point, or none");
   for (const Index patch : body.patches)
     if (patch < 0) fail(fmt::format("a pressure patch has the number {}", patch));
+  if (!(body.radius >= 0.0) || !std::isfinite(body.radius))
+    fail(fmt::format("radius {} of the nodes, expected 0 or more", body.radius));
   if (body.densities.size() != 0) {
     if (body.densities.size() != M || !(body.densities.array() > 0.0).all() || !body.densities.allFinite())
       fail("expected a positive density for every point, or none");
@@ -249,6 +251,8 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
     const Index first = world.first_node[b], count = static_cast<Index>(body.nodes.cols());
     nodes.x.middleCols(first, count) = body.nodes;
     if (count > 0 && body.velocity.size() != 0) nodes.v.middleCols(first, count) = body.velocity;
+    if (body.radius > 0.0 && nodes.radius.size() == 0) nodes.radius.setZero(N);
+    if (nodes.radius.size() != 0) nodes.radius.segment(first, count).setConstant(body.radius);
     nodes.body.insert(nodes.body.end(), count, static_cast<Index>(b));
     Neighbours<Dim> tree;
     if (count > 0) tree.build(body.nodes);

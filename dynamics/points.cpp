@@ -196,19 +196,52 @@ template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk) {
   });
 }
 
-template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
-                                                const Points<Dim>& nodes, double least) {
+namespace {
+
+/// internal::update_deformation of a chunk's points, by its columns.
+template <int Dim> StrainBounds update_deformation(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   using internal::PlaneKind;
   const PlaneKind plane = Dim == 3               ? PlaneKind::none
                           : world.axisymmetric() ? PlaneKind::axisymmetric
                                                  : PlaneKind::strain;
   Matter<Dim>& matter = chunk.matter;
+  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
+                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(),
+                                      chunk.columns());
+}
+
+}  // namespace
+
+template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
+                                                const Points<Dim>& nodes, double least) {
+  Matter<Dim>& matter = chunk.matter;
   double* columns = chunk.columns();
   interpolate_by_table(table, nodes, world.axisymmetric(), columns);
   for (Index p = 0; p < chunk.size(); ++p)
     matter.x.col(p) = table.origin + Eigen::Map<const Vec<Dim>>(columns + 16 * p + 12);
-  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
-                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(), columns);
+  return update_deformation(world, chunk, least);
+}
+
+template <int Dim> void take_increment(Chunk<Dim>& chunk, Index p, const Mat<Dim>& change) {
+  Matter<Dim>& matter = chunk.matter;
+  Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
+  if (chunk.has_patches())
+    F = Mat<3>(matter.F_since[p] * F);
+  else
+    F = matter.now.gradient(p);  // the same, as it was computed
+  matter.F_since[p].setIdentity();
+  if (!chunk.is_eroded(p)) matter.F_since[p].template topLeftCorner<Dim, Dim>() = change;
+}
+
+template <int Dim> StrainBounds deform_by_increments(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
+  Matter<Dim>& matter = chunk.matter;
+  double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p) {
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) columns[16 * p + 4 * i + j] = matter.F_since[p](i, j);
+    if (!chunk.is_eroded(p)) matter.F_since[p].setIdentity();
+  }
+  return update_deformation(world, chunk, least);
 }
 
 template <int Dim> void scatter_by_table(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved,
@@ -274,6 +307,8 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   template void interpolate_by_table(PointTable<Dim>&, const Points<Dim>&, bool, double*);                             \
   template StrainBounds deform_by_table(const World<Dim>&, Chunk<Dim>&, PointTable<Dim>&, const Points<Dim>&, double); \
   template void scatter_by_table(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&, PointTable<Dim>&);        \
+  template void take_increment(Chunk<Dim>&, Index, const Mat<Dim>&);                                                   \
+  template StrainBounds deform_by_increments(const World<Dim>&, Chunk<Dim>&, double);                                  \
   template Mat<3> gradient_by_rows(const World<Dim>&, const double*, double);                                          \
   template void update_position(const World<Dim>&, Chunk<Dim>&, Index);                                                \
   template void update_position_again(const World<Dim>&, Chunk<Dim>&, Index);                                          \

@@ -35,6 +35,12 @@ template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk);
 /// internal::update_deformation leaves them.
 template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
                                                 const Points<Dim>& nodes, double least);
+/// Starts a step of a point whose deformation gradient is multiplied by this one from the left: F_table becomes F, and
+/// F_since the change. Nothing changes at eroded points.
+template <int Dim> void take_increment(Chunk<Dim>& chunk, Index p, const Mat<Dim>& change);
+/// Deformation gradients of the points of a chunk after `take_increment` of all, as internal::update_deformation leaves
+/// them.
+template <int Dim> StrainBounds deform_by_increments(const World<Dim>& world, Chunk<Dim>& chunk, double least);
 /// Forces in a table of the stresses in a chunk's columns, and of zero-energy modes, whose gradients are `moved`.
 template <int Dim> void scatter_by_table(const World<Dim>& world, Chunk<Dim>& chunk, const std::vector<Mat<3>>& moved,
                                          PointTable<Dim>& table);

@@ -145,9 +145,9 @@ template <int Dim> void World<Dim>::find_node_chunks() {
 
 template <int Dim> void World<Dim>::find_points() {
   for (Index b = 0; b < num_bodies(); ++b) {
-    const auto count = static_cast<Index>(bodies[b].cells.cols());
+    Index count = 0;
+    for (const auto& chunk : chunks) count += chunk.body == b ? chunk.size() : 0;
     const Index change = count - (first_point[b + 1] - first_point[b]);
-    if (count == 0 || change == 0) continue;
     for (Index later = b + 1; later <= num_bodies(); ++later) first_point[later] += change;
   }
   ++point_changes;
@@ -222,6 +222,7 @@ void World<Dim>::insert_nodes(Index body, const Points<Dim>& at, const Points<Di
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
   for (Points<Dim>* values : {&nodes.force, &nodes.x_rest}) insert_columns<Dim>(*values, first, nothing);
   insert(nodes.spacing, first, spacing);
+  insert(nodes.radius, first, Vector(0.5 * spacing));
   insert(nodes.mass, first, Vector(Vector::Zero(count)));
   nodes.active.insert(nodes.active.begin() + first, count, 1);
   nodes.body.insert(nodes.body.begin() + first, count, body);

@@ -36,6 +36,7 @@ template <int Dim> struct Nodes {
   Points<Dim> momentum;      ///< where masses are not lumped; empty: mass times v
   Vector mass;               ///< N, lumped; 0: the node moves with others
   Vector spacing;            ///< N, mean distance of the nodes around it at the start
+  Vector radius;             ///< N, how far walls stay away from it [length]; empty: 0
   std::vector<Index> body;   ///< N
   std::vector<char> active;  ///< N, 0: the scheme has merged the node with another
 
@@ -285,7 +286,7 @@ template <int Dim> struct World {
   void put_rows(Chunk<Dim>& chunk, const std::vector<TableRow>& rows) const;
   /// Finds node_chunks, after tables have changed.
   void find_node_chunks();
-  /// Finds first_point and place_of_point, after cells and points were added or taken away.
+  /// Finds first_point and place_of_point, after points were added to chunks or taken away.
   void find_points();
   /// A chunk gives these points, ascending and of whole pressure patches, to a new one after the last. Call find_points
   /// afterwards.

@@ -40,6 +40,12 @@ class DruckerPrager final : public Plastic {
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
+  struct Return;
+  Return return_to_cone(double theta, double e, double a, const ElasticConstants& elastic) const;
+  void respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const;
+  void respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
+                             const Deformation& given, MaterialResponse& response) const;
+
   Hardening cohesion_;
   double eta_, eta_flow_, xi_;
 };

@@ -120,6 +120,7 @@ void J2::respond_near_identity(Index begin, int count, const std::optional<Elast
   std::array<Flow, 8> flows;
   std::array<ElasticConstants, 8> elastic;
   points.length = points.pressure = points.shear = Eight{};
+  points.contraction = Eight{} + 1.0;
   bool plastic = false;
   for (int l = 0; l < count; ++l) {
     if (points.near[l] != 1.0) continue;

@@ -138,6 +138,7 @@ void Rankine::respond_near_identity(Index begin, int count, const Deformation& g
   take_points(given, begin, count, points);
   try_elastic(points);
   points.pressure = points.shear = points.length = Eight{};
+  points.contraction = Eight{} + 1.0;
   for (int l = 0; l < count; ++l) {
     if (points.near[l] != 1.0) continue;
     const Index p = begin + l;

@@ -76,10 +76,13 @@ template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, co
   const Nodes<Dim>& nodes = world.nodes;
   gaps_.resize(static_cast<std::size_t>(nodes.size()));
   parallel_for(nodes.size(), [&](Index a) {
-    if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0))
+    if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0)) {
       gaps_[a] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
-    else
-      gaps_[a] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
+      return;
+    }
+    gaps_[a] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
+    // What overlaps is not pushed out, which would make it fast: where particles end is known to a part of their size.
+    if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0) gaps_[a].gap = std::max(gaps_[a].gap - nodes.radius[a], 0.0);
   });
 }
 

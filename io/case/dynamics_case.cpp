@@ -220,7 +220,9 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
   DynamicsProbe<Dim> probe{.name = entry.text("name"), .region = entry.text("region", ""), .where = entry.where(key)};
   if (key == "at") {
     if (entry.has("box")) entry.fail("box", "box means nothing for a single node");
-    if (entry.has("truth")) entry.fail("truth", "truth is of a single number, not of the motion of a node");
+    for (const char* of_numbers : {"truth", "share"})
+      if (entry.has(of_numbers))
+        entry.fail(of_numbers, fmt::format("{} is of a single number, not of the motion of a node", of_numbers));
     probe.kind = Kind::node;
     probe.at = entry.template point<Dim>("at");
     return probe;
@@ -239,6 +241,7 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
     const auto [a, b] = entry.template corners<Dim>("box");
     probe.box = BoundingBox<Dim>(a.cwiseMin(b), a.cwiseMax(b));
   }
+  probe.share = entry.number("share", {0.0, 1.0, false, true}, 1.0);
   if (entry.has("truth")) probe.truth = entry.number("truth", any_number);
   return probe;
 }
@@ -260,14 +263,20 @@ template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>
   dynamics.method = section.choice<DynamicsMethod>("method",
                                                    {{"otm", DynamicsMethod::otm},
                                                     {"total_lagrangian", DynamicsMethod::total_lagrangian},
-                                                    {"mpm", DynamicsMethod::mpm}},
+                                                    {"mpm", DynamicsMethod::mpm},
+                                                    {"sph", DynamicsMethod::sph}},
                                                    has_cloud         ? DynamicsMethod::total_lagrangian
                                                    : root.has("mpm") ? DynamicsMethod::mpm
+                                                   : root.has("sph") ? DynamicsMethod::sph
                                                                      : DynamicsMethod::otm);
   if (dynamics.method == DynamicsMethod::mpm && has_cloud)
     section.fail("method",
                  "method \"mpm\" has its nodes on a grid, and there is a [cloud]: leave out [cloud], or take method = "
                  "\"total_lagrangian\"");
+  if (dynamics.method == DynamicsMethod::sph && has_cloud)
+    section.fail("method",
+                 "method \"sph\" has its particles on a lattice, and there is a [cloud]: leave out [cloud], or take "
+                 "method = \"total_lagrangian\"");
   if (dynamics.method == DynamicsMethod::otm && has_cloud)
     section.fail("method",
                  "method \"otm\" has its nodes at the vertices of the mesh, and there is a [cloud]: leave out [cloud], "
@@ -293,11 +302,10 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
       root.section("otm", {"gamma", "cutoff", "reconnection_strain", "exact_integration", "anisotropy", "merging",
                            "insertion", "momentum", "stabilisation", "seizing"});
   if (root.has("otm") && dynamics.method != DynamicsMethod::otm)
-    root.fail("otm",
-              dynamics.method == DynamicsMethod::mpm
-                  ? "[otm] has options of the method \"otm\", and this case has the method \"mpm\": leave out [otm]"
-                  : "[otm] has options of the method \"otm\", and this case with a [cloud] has the method "
-                    "\"total_lagrangian\": leave out [otm], or [cloud]");
+    root.fail("otm", dynamics.method != DynamicsMethod::total_lagrangian
+                         ? "[otm] has options of the method \"otm\", and this case has another one: leave out [otm]"
+                         : "[otm] has options of the method \"otm\", and this case with a [cloud] has the method "
+                           "\"total_lagrangian\": leave out [otm], or [cloud]");
   OtmOptions& options = dynamics.otm;
   options.lme.gamma = section.number("gamma", {0.1, 20.0, true, true}, options.lme.gamma);
   options.lme.cutoff = section.number("cutoff", {1e-16, 0.1, true, true}, options.lme.cutoff);
@@ -371,6 +379,59 @@ template <int Dim> void read_mpm(const Section& root, DynamicsSettings<Dim>& dyn
   options.remap = section.boolean("remap", options.remap);
 }
 
+/// [sph]; after the material and the geometry.
+template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  const Section section = root.section(
+      "sph", {"spacing", "smoothing", "kernel", "frame", "corrected", "viscosity", "artificial_stress", "splitting"});
+  if (dynamics.method != DynamicsMethod::sph) {
+    if (root.has("sph"))
+      root.fail("sph",
+                "[sph] has options of the method \"sph\", and this case has another one: leave out [sph], or take "
+                "dynamics.method = \"sph\"");
+    return;
+  }
+  if (dynamics.common.model.plane == Plane::axisymmetric)
+    root.fail("sph",
+              "smoothed particles are of plane strain or in space, not of an axisymmetric section: take "
+              "dynamics.method = \"otm\", or all of the body in space");
+  if (!section.has("spacing"))
+    section.fail("",
+                 "key \"spacing\" is missing in [sph]: the distance of the particles; about a twentieth of the height "
+                 "of a heap resolves how it fails");
+  SphSettings& sph = dynamics.sph;
+  SphOptions& options = sph.options;
+  options.spacing = section.number("spacing", positive);
+  options.smoothing = section.number("smoothing", {0.8, 3.0, true, true}, options.smoothing);
+  options.kernel = section.choice<SmoothingKernel>(
+      "kernel", {{"cubic_spline", SmoothingKernel::cubic_spline}, {"wendland_c2", SmoothingKernel::wendland_c2}},
+      options.kernel);
+  sph.frame =
+      section.choice<SphFrame>("frame", {{"updated", SphFrame::updated}, {"total", SphFrame::total}}, sph.frame);
+  options.corrected = section.boolean("corrected", options.corrected);
+  for (const char* key : {"corrected", "viscosity", "artificial_stress", "splitting"})
+    if (sph.frame == SphFrame::total && section.has(key))
+      section.fail(key, fmt::format("{} is for pairs of particles that move past each other, and means nothing with "
+                                    "frame = \"total\"",
+                                    key));
+  if (section.has("viscosity")) {
+    const Section viscosity = section.section("viscosity", {"linear", "quadratic"});
+    options.viscosity.linear = viscosity.number("linear", not_negative, options.viscosity.linear);
+    options.viscosity.quadratic = viscosity.number("quadratic", not_negative, options.viscosity.quadratic);
+  }
+  if (section.has("artificial_stress")) {
+    const Section stress = section.section("artificial_stress", {"strength", "exponent"});
+    options.artificial_stress.strength = stress.number("strength", {0.0, 1.0, true, true}, 0.5);
+    options.artificial_stress.exponent = stress.number("exponent", not_negative, 0.0);
+  }
+  if (section.has("splitting")) {
+    const Section splitting = section.section("splitting", {"strain", "separation", "smoothing", "levels"});
+    options.splitting.strain = splitting.number("strain", positive);
+    options.splitting.separation = splitting.number("separation", {0.2, 0.8, true, true}, options.splitting.separation);
+    options.splitting.smoothing = splitting.number("smoothing", {0.4, 0.9, true, true}, options.splitting.smoothing);
+    options.splitting.levels = static_cast<int>(splitting.integer("levels", 1, 3, options.splitting.levels));
+  }
+}
+
 /// [contact]; after [otm].
 template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>& dynamics) {
   const Section section = root.section("contact", {"stiffness", "friction"});
@@ -440,7 +501,7 @@ std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path&
 Section::Keys dynamics_keys() {
   return {"title",    "definitions", "geometry", "cloud",      "quadrature", "analysis", "material",
           "velocity", "fracture",    "wall",     "rigid_body", "boundary",   "gas",      "contact",
-          "probe",    "time",        "dynamics", "otm",        "mpm",        "output"};
+          "probe",    "time",        "dynamics", "otm",        "mpm",        "sph",      "output"};
 }
 
 template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
@@ -456,7 +517,8 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
                                    "velocity", "spin", "mass", "inertia"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
-  const auto probes = root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region", "truth"});
+  const auto probes =
+      root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region", "truth", "share"});
 
   DynamicsCase<Dim> result;
   read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,
@@ -476,6 +538,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   read_dynamics(root, result);
   read_otm(root, result);
   read_mpm(root, result);
+  read_sph(root, result);
   read_contact(root, result);
   read_gases(gases, places, result);
   read_times(time, output, result);

@@ -339,10 +339,21 @@ template <int Dim> SharedMaterial MaterialReader<Dim>::fluid(const Section& sect
 
 template <int Dim> SharedMaterial MaterialReader<Dim>::drucker_prager(const Section& section) const {
   constexpr double degree = std::numbers::pi / 180.0;
+  const double friction = section.number("friction", {0.0, 90.0, true});
+  const auto* given = section.has("cohesion") ? section.table().get("cohesion") : nullptr;
+  // Dry sand has none.
+  const bool has_none =
+      friction > 0.0 && given && given->is_number() && section.number("cohesion", not_negative) == 0.0;
   DruckerPragerParameters parameters{.moduli = moduli(section),
-                                     .cohesion = hardening(section, "cohesion"),
-                                     .friction = degree * section.number("friction", {0.0, 90.0, true})};
-  if (section.has("dilatancy")) parameters.dilatancy = degree * section.number("dilatancy", {0.0, 90.0, true});
+                                     .cohesion = has_none ? Hardening(0.0) : hardening(section, "cohesion"),
+                                     .friction = degree * friction};
+  if (section.has("dilatancy")) {
+    const double dilatancy = section.number("dilatancy", {0.0, 90.0, true});
+    if (dilatancy > friction)
+      section.fail("dilatancy", fmt::format("dilatancy is {}, expected no more than the friction of {} degrees",
+                                            dilatancy, friction));
+    parameters.dilatancy = degree * dilatancy;
+  }
   parameters.fit = section.choice<ConeFit>("fit",
                                            {{"compression", ConeFit::compression},
                                             {"extension", ConeFit::extension},

@@ -141,6 +141,11 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
                                .field = field->first,
                                .view = model.initial_box,
                                .axisymmetric = case_.common.model.plane == Plane::axisymmetric};
+  if (const Vector& radius = dynamics.world().nodes.radius; dynamics.scheme() == "sph") {
+    // Particles do not stretch with what flows past them.
+    picture.size = 2.0 * radius;
+    for (Index p = 0; p < num_points; ++p) picture.F.col(p) = Mat<3>::Identity().reshaped();
+  }
   const Points<Dim> extent = model.probes_points ? dynamics.points() : dynamics.nodes();
   for (Index a = 0; a < extent.cols(); ++a) picture.view.extend(Vec<Dim>(extent.col(a)));
   for (const auto& [wall, where] : case_.walls) picture.walls.push_back(wall);

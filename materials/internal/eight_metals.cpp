@@ -144,6 +144,7 @@ EFREE_FOR_EACH_MACHINE void flow_back(EightMetals& points, bool flows) {
     if (k < 3) lost[k] += sum[0];
   }
   times(points.left, lost, left);
+  for (int k = 0; k < 6; ++k) left[k] *= points.contraction;
   congruent(inverse, left, points.metric);
   for (int k = 0; k < 3; ++k) points.metric[k] -= 1.0;
 }

@@ -22,6 +22,7 @@ struct alignas(64) EightMetals {
   Eight deviator[6];
   // What `flow_back` takes.
   Eight length;           ///< of the flow, along the deviator
+  Eight contraction;      ///< exp(-2/3 of its volumetric strain)
   Eight pressure, shear;  ///< stress: pressure I + shear times the deviator of trial strains
   // What it finds.
   Eight P[9];

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/linear/internal/smoother.hpp"
 
+#include "efree/core/internal/random.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/solvers/linear/internal/held_nodes.hpp"
@@ -45,14 +46,6 @@ template <int Dim> Mat<Dim> inverse_on(const Mat<Dim>& D, const Mat<Dim>& free) 
   return free * (free * D * free + scale * held).inverse() * free;
 }
 
-/// Numbers between -1 and 1 that look random (Steele, Lea & Flood 2014).
-double noise(std::uint64_t i) {
-  i = (i + 1) * 0x9e3779b97f4a7c15ull;
-  i = (i ^ i >> 30) * 0xbf58476d1ce4e5b9ull;
-  i = (i ^ i >> 27) * 0x94d049bb133111ebull;
-  return 0x1p-63 * static_cast<double>(static_cast<std::int64_t>(i ^ i >> 31));
-}
-
 }  // namespace
 
 int smoothing_degree(double reach) {
@@ -71,7 +64,7 @@ Smoother<Dim>::Smoother(const BlockMatrix<Dim>& K, const std::function<Mat<Dim>(
     scale_[i] = mean > 0.0 ? std::sqrt(mean) : 1.0;
     inverse_diagonal_[i] = (scale_[i] * inverse_on<Dim>(D, open) * scale_[i]).template cast<float>();
     Vec<Dim> start;
-    for (int d = 0; d < Dim; ++d) start[d] = noise(static_cast<std::uint64_t>(Dim) * i + d);
+    for (int d = 0; d < Dim; ++d) start[d] = internal::random_number(static_cast<std::uint64_t>(Dim) * i + d);
     r.col(i) = open * start;
   });
   blocks_.resize(K.chunks.size());

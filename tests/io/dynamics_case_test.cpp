@@ -127,7 +127,7 @@ TEST(DynamicsCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[dynamics]\nimbalance = 0\n"), says("imbalance"));
   EXPECT_THAT(refuses(rubber + "[[gas]]\non = \"left\"\npressure = 1\n"), says("not closed"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[[gas]]\non = \"left\"\npressure = 1\n"),
-              says("leave out [cloud] and [mpm], and take dynamics.method = \"otm\""));
+              says("leave out [cloud], [mpm] and [sph], and take dynamics.method = \"otm\""));
   EXPECT_THAT(refuses(rubber + "[accuracy]\nenergy = 0.01\n"), says("[accuracy] is for static analyses"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
@@ -865,13 +865,15 @@ TEST(DynamicsRun, CheckpointsOfOtherCasesAndDamagedOnesAreRefused) {
 }
 
 TEST(DynamicsRun, ExamplesOfTheMaterialPointMethodBegin) {
-  for (const char* name : {"torn_sheet", "pressed_block", "twisted_bar"}) {
+  // The strip has little energy in its first steps, in which its ends take hold.
+  for (const auto& [name, steps] : {std::pair("torn_sheet", 3), std::pair("pressed_block", 3),
+                                    std::pair("twisted_bar", 3), std::pair("stretched_strip", 40)}) {
     const auto any = read_case(fs::path(EFREE_EXAMPLES) / "mpm" / (std::string(name) + ".toml"));
     std::visit(
-        [&](const auto& example) {
+        [&, name = name, steps = steps](const auto& example) {
           if constexpr (requires { example.mpm; }) {
             auto model = build_dynamics_model(example);
-            for (int k = 0; k < 3; ++k) model.dynamics.step();
+            for (int k = 0; k < steps; ++k) model.dynamics.step();
             EXPECT_LT(std::abs(model.dynamics.energy().error()), 1e-2) << name;
           }
         },

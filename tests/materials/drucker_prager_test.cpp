@@ -6,6 +6,7 @@
 #include "efree/tests/materials/paths.hpp"
 
 #include <gmock/gmock.h>
+#include <random>
 
 namespace efree {
 namespace {
@@ -110,6 +111,32 @@ TEST(DruckerPrager, PlasticVolumeGrowsByTheDilatancyAngle) {
                              : 6.0 * s / std::sqrt(3.0) / (fit == ConeFit::compression ? 3.0 - s : 3.0 + s);
       EXPECT_GT(shear, 0.004);
       EXPECT_NEAR(volume / shear, eta, 1e-13);
+    }
+}
+
+TEST(DruckerPrager, PointsWithoutTangentsHaveTheSameStressAndHistoryAsThoseWith) {
+  // Eight at a time without principal axes, and one by one in these: elastic, on the cone, at the apex, and strained by
+  // so much that the former leave them to the latter.
+  std::mt19937 generator(1);
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  for (const double dilatancy : {0.0, 0.2, friction})
+    for (const double size : {1e-4, 3e-3, 0.02, 0.3}) {
+      const DruckerPrager rock = soil(ConeFit::plane_strain, dilatancy, Strain::finite);
+      constexpr Index n = 37;
+      Deformation points = Deformation::none(Points<3>::Zero(3, n), rock.history_size());
+      points.dt = 1.0;
+      for (int step = 0; step < 2; ++step) {
+        for (Index p = 0; p < n; ++p)
+          for (int k = 0; k < 9; ++k) points.F(k, p) += size * (number(generator) + (k % 4 == 0 ? 0.3 : 0.0));
+        const MaterialResponse in_axes = respond(rock, points, true), eight = respond(rock, points, false);
+        const double scale = in_axes.P.cwiseAbs().maxCoeff();
+        EXPECT_LT((in_axes.P - eight.P).cwiseAbs().maxCoeff(), 1e-9 * scale + 1e-12);
+        EXPECT_LT((in_axes.history - eight.history).cwiseAbs().maxCoeff(), 1e-11);
+        EXPECT_LT((in_axes.energy - eight.energy).cwiseAbs().maxCoeff(), 1e-11);
+        EXPECT_LT((in_axes.dissipated - eight.dissipated).cwiseAbs().maxCoeff(), 1e-11);
+        EXPECT_EQ((eight.dissipated.array() > 0.0).any(), size > 1e-3);
+        points.history = eight.history;
+      }
     }
 }
 

@@ -242,14 +242,9 @@ template <int Dim> void Mpm<Dim>::move_points(Chunk<Dim>& chunk, Particles<Dim>&
   Matter<Dim>& matter = chunk.matter;
   matter.x += dt * particles.moved;
   particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
-  for (Index p = 0; p < chunk.size(); ++p) {
-    Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
-    F = Mat<3>(matter.F_since[p] * F);
-    matter.F_since[p].setIdentity();
-    if (!chunk.is_eroded(p))
-      matter.F_since[p].template topLeftCorner<Dim, Dim>() +=
-          dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data());
-  }
+  for (Index p = 0; p < chunk.size(); ++p)
+    take_increment<Dim>(chunk, p,
+                        Mat<Dim>::Identity() + dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data()));
 }
 
 /// Positions of vertices, by which update_points finds deformation gradients.
@@ -320,16 +315,7 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
 template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   Particles<Dim>& particles = particles_of(world, chunk);
   if (particles.mesh) return deform_by_table(world, chunk, particles.mesh->table, particles.mesh->x, least);
-  Matter<Dim>& matter = chunk.matter;
-  double* columns = chunk.columns();
-  for (Index p = 0; p < chunk.size(); ++p) {
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) columns[16 * p + 4 * i + j] = matter.F_since[p](i, j);
-    if (!chunk.is_eroded(p)) matter.F_since[p].setIdentity();
-  }
-  return internal::update_deformation(chunk.size(), Dim == 2 ? internal::PlaneKind::strain : internal::PlaneKind::none,
-                                      least, matter.volume.data(), matter.F_table.data(), matter.F_since.data(),
-                                      matter.now.F.data(), matter.J_ratio.data(), columns);
+  return deform_by_increments(world, chunk, least);
 }
 
 /// Of points: the power of their stresses in the motion of the last step, and in what remapping took from it.

@@ -1,0 +1,501 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Scenes of smoothed particles, for tests and benchmarks.
+#pragma once
+
+#include "efree/basis/internal/neighbours.hpp"
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/sph/internal/pair_kernels.hpp"
+#include "efree/dynamics/schemes/sph/sph.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/materials/drucker_prager.hpp"
+
+#include "clock.hpp"
+#include "elastic_block.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace efree::bench {
+
+constexpr double earth_gravity = 9.81;
+
+/// Particles in disorder, with unequal smoothing lengths, velocities and symmetric stresses.
+template <int Dim> struct RandomParticles {
+  Points<Dim> x, v;
+  Vector smoothing, mass;
+  std::vector<double> stress;  ///< over the square of the density, as sum_forces takes it
+
+  explicit RandomParticles(Index along, double largest_ratio, unsigned seed = 1) {
+    std::mt19937 generator(seed);
+    std::uniform_real_distribution<double> number(-1.0, 1.0);
+    Index n = 1;
+    for (int i = 0; i < Dim; ++i) n *= along;
+    x.resize(Dim, n);
+    v.resize(Dim, n);
+    smoothing.resize(n);
+    mass.resize(n);
+    constexpr int size = internal::tensor_size(Dim);
+    stress.assign(static_cast<std::size_t>(size * n), 0.0);
+    for (Index a = 0; a < n; ++a) {
+      Index rest = a;
+      for (int i = 0; i < Dim; ++i, rest /= along) {
+        x(i, a) = static_cast<double>(rest % along) + 0.3 * number(generator);
+        v(i, a) = number(generator);
+      }
+      smoothing[a] = 1.2 * (1.0 + (largest_ratio - 1.0) * 0.5 * (1.0 + number(generator)));
+      mass[a] = 1.0 + 0.5 * number(generator);
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i <= j; ++i)
+          stress[size * a + internal::tensor_index(Dim, i, j)] = stress[size * a + internal::tensor_index(Dim, j, i)] =
+              number(generator);
+    }
+  }
+};
+
+/// What is left of <L v, V sigma> + <v, f> over the sum of the absolute values, of particles in two chunks; f are
+/// forces by the stresses alone. And the sum of the forces, over that of their sizes.
+template <int Dim> std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_ratio) {
+  const RandomParticles<Dim> of(Dim == 2 ? 24 : 10, largest_ratio);
+  const auto n = static_cast<Index>(of.x.cols());
+  std::vector<std::vector<Index>> chunks(2);
+  for (Index a = 0; a < n; ++a) chunks[of.x(0, a) + 0.7 * of.x(1, a) < 0.8 * std::cbrt(n) ? 0 : 1].push_back(a);
+  std::vector<internal::ParticlePairs> pairs;
+  internal::find_pairs<Dim>(of.x, of.smoothing, kernel_support + 0.1, {chunks[0], chunks[1]}, pairs);
+  constexpr int size = internal::tensor_size(Dim);
+  double products = 0.0, scale = 0.0, forces_scale = 0.0;
+  Vec<Dim> total = Vec<Dim>::Zero();
+  for (const internal::ParticlePairs& chunk : pairs) {
+    std::vector<double> x(4 * chunk.all()), v(x), stress(size * chunk.all()), density(2 * chunk.all(), 1.0),
+        rates(size * chunk.all()), forces(4 * chunk.all());
+    for (Index l = 0; l < chunk.all(); ++l) {
+      const Index a = chunk.particles[l];
+      for (int i = 0; i < Dim; ++i) {
+        x[4 * l + i] = of.x(i, a);
+        v[4 * l + i] = of.v(i, a);
+      }
+      x[4 * l + 3] = 1.0 / of.smoothing[a];
+      v[4 * l + 3] = of.mass[a];
+      std::copy_n(of.stress.data() + size * a, size, stress.data() + size * l);
+    }
+    const internal::LocalParticles local{
+        .dim = Dim, .kernel = kernel, .one_size = largest_ratio == 1.0, .x = x.data(), .v = v.data()};
+    internal::sum_rates(chunk, local, rates.data());
+    internal::sum_forces(chunk, local, {.stress = stress.data(), .density = density.data()}, forces.data());
+    // V L with L = 1 / rho sum ..., and sigma = rho^2 times these: rho cancels.
+    for (Index l = 0; l < chunk.own; ++l) {
+      for (int k = 0; k < size; ++k) {
+        const double product = v[4 * l + 3] * rates[size * l + k] * stress[size * l + k];
+        products += product;
+        scale += std::abs(product);
+      }
+      for (int i = 0; i < Dim; ++i) {
+        const double force = forces[4 * l + i];
+        products += force * v[4 * l + i];
+        scale += std::abs(force * v[4 * l + i]);
+        forces_scale += std::abs(force);
+        total[i] += force;
+      }
+    }
+  }
+  return {std::abs(products) / scale, total.norm() / forces_scale};
+}
+
+/// A block that vibrates and spins without viscosity, in so many steps: what it loses of its momentum, over that, and
+/// of its energy.
+inline std::pair<double, double> vibrating_block(Index steps, const SphOptions& given = {.spacing = 0.05},
+                                                 double courant = 0.5) {
+  SphOptions options = given;
+  options.viscosity = {0.0, 0.0};
+  DeformableBody<2> body = particles_on_lattice<2>(block<2>(1.0, 0.25), SphFrame::updated, options, soft(), 1.0);
+  body.velocity.resize(2, body.nodes.cols());
+  for (Index a = 0; a < body.nodes.cols(); ++a) {
+    const auto x = body.nodes.col(a);
+    body.velocity.col(a) << 0.01 + 0.02 * std::cos(std::numbers::pi * x[0]), 0.01;
+  }
+  Dynamics<2> dynamics({body}, sph<2>(options), {.courant = courant, .imbalance = 10.0});
+  const auto start = dynamics.balance();
+  for (Index k = 0; k < steps; ++k) dynamics.step();
+  const auto end = dynamics.balance();
+  return {(end.momentum - start.momentum).norm() / start.momentum.norm(), end.total() / start.total() - 1.0};
+}
+
+/// Soil, or rods that stand for it.
+struct Soil {
+  double density, bulk, nu, cohesion, friction, dilatancy;  ///< bulk modulus [stress]; angles in degrees
+  double young() const { return 3.0 * bulk * (1.0 - 2.0 * nu); }
+  ConeFit fit = ConeFit::plane_strain;
+  SharedMaterial material() const {
+    constexpr double degree = std::numbers::pi / 180.0;
+    return DruckerPrager({.moduli = {.nu = nu, .kappa = bulk},
+                          .cohesion = cohesion,
+                          .friction = friction * degree,
+                          .dilatancy = dilatancy * degree,
+                          .fit = fit,
+                          .strain = Strain::finite});
+  }
+};
+/// Aluminium rods (Bui, Fukagawa, Sako & Ohno 2008).
+constexpr Soil rods{.density = 2650.0, .bulk = 0.7e6, .nu = 0.3, .cohesion = 0.0, .friction = 19.8, .dilatancy = 0.0};
+
+/// Particles of a rectangle from the origin on.
+inline DeformableBody<2> soil_block(double length, double height, const SphOptions& options, const Soil& soil,
+                                    SphFrame frame = SphFrame::updated) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, length, height), {.size = 0.5 * height});
+  return particles_on_lattice<2>(mesh, frame, options, soil.material(), soil.density);
+}
+
+/// Speed that 99 % of the points stay below.
+template <int Dim> double speed_of_most(const Dynamics<Dim>& dynamics) {
+  std::vector<double> speeds;
+  const Points<Dim> v = dynamics.point_velocities();
+  for (Index a = 0; a < v.cols(); ++a) speeds.push_back(v.col(a).norm());
+  std::ranges::sort(speeds);
+  return speeds[(99 * speeds.size()) / 100];
+}
+
+/// By particle, whether it is of the heap: the most particles that hang together by distances of less than 1.5 spacings
+/// (the larger of the two).
+template <int Dim> std::vector<char> find_heap(const Points<Dim>& x, const Vector& spacing) {
+  internal::Neighbours<Dim> tree;
+  tree.build(x);
+  const auto n = static_cast<Index>(x.cols());
+  std::vector<Index> part(static_cast<std::size_t>(n), -1), sizes;
+  for (Index first = 0; first < n; ++first) {
+    if (part[first] >= 0) continue;
+    const Index number = std::ssize(sizes);
+    std::vector<Index> open{first};
+    part[first] = number;
+    sizes.push_back(0);
+    while (!open.empty()) {
+      const Index a = open.back();
+      open.pop_back();
+      ++sizes.back();
+      std::vector<Index> near;
+      tree.within(x.col(a), 1.5 * spacing.maxCoeff(), near);
+      for (const Index b : near)
+        if (part[b] < 0 && (x.col(b) - x.col(a)).norm() < 1.5 * std::max(spacing[a], spacing[b])) {
+          part[b] = number;
+          open.push_back(b);
+        }
+    }
+  }
+  const Index largest = std::ranges::max_element(sizes) - sizes.begin();
+  std::vector<char> result;
+  for (const Index number : part) result.push_back(number == largest ? 1 : 0);
+  return result;
+}
+
+/// A heap at the end of its run.
+struct Heap {
+  double toe = 0.0;                ///< largest x of the far sides of its particles
+  double furthest = 0.0;           ///< of all particles
+  double crest = 0.0;              ///< height
+  double failure = 0.0;            ///< x where the surface begins to fall
+  double speed = 0.0;              ///< that 99 % stay below
+  double energy_error = 0.0;       ///< of the balance, over the largest energy
+  Index particles = 0, steps = 0;  ///< at the end
+  double seconds = 0.0;
+  std::vector<double> surface;  ///< heights by 64 equal parts of 0 <= x < 2.5 lengths
+};
+
+/// Collapse of a rectangle of soil between the wall x = 0 and nothing, on a floor that it sticks to.
+inline Heap collapse(double length, double height, const SphOptions& options, const Soil& soil, double end) {
+  Dynamics<2> dynamics({soil_block(length, height, options, soil)}, sph<2>(options), {.imbalance = 0.1});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0, .friction = 0.0});
+  dynamics.set_gravity({0.0, -earth_gravity});
+  const double start = seconds();
+  dynamics.run(end);
+  Heap heap;
+  heap.seconds = seconds() - start;
+  const Points<2> x = dynamics.points();
+  const Vector& radius = dynamics.world().nodes.radius;
+  const std::vector<char> is_of_heap = find_heap<2>(x, 2.0 * radius);
+  heap.surface.assign(64, 0.0);
+  for (Index a = 0; a < x.cols(); ++a) {
+    heap.furthest = std::max(heap.furthest, x(0, a) + radius[a]);
+    if (is_of_heap[a] == 0) continue;
+    heap.toe = std::max(heap.toe, x(0, a) + radius[a]);
+    const auto part = static_cast<std::size_t>(std::clamp(x(0, a) / (2.5 * length) * 64.0, 0.0, 63.0));
+    heap.surface[part] = std::max(heap.surface[part], x(1, a) + radius[a]);
+  }
+  heap.crest = heap.surface.front();
+  std::size_t part = 0;
+  while (part < 64 && heap.surface[part] > 0.98 * heap.crest) ++part;
+  heap.failure = static_cast<double>(part) / 64.0 * 2.5 * length;
+  heap.speed = speed_of_most(dynamics);
+  heap.energy_error = dynamics.energy().largest_error();
+  heap.particles = dynamics.num_points();
+  heap.steps = dynamics.steps();
+  return heap;
+}
+
+/// A bed of soil between smooth walls whose weight grows for half of the time.
+struct Bed {
+  double slope = 0.0;    ///< of the vertical stress with the depth at the start over rho g, by least squares of all but
+                         ///< the outer three rows and columns
+  double largest = 0.0;  ///< deviation from that line of a particle three columns inside, over the stress at the floor
+  double speed = 0.0;
+};
+inline Bed bed_at_rest(const SphOptions& options, const Soil& soil, double size, double end) {
+  const DeformableBody<2> body = soil_block(size, size, options, soil);
+  Dynamics<2> dynamics({body}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0});
+  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0});
+  dynamics.add_wall({.normal = {-1.0, 0.0}, .level = -size});
+  constexpr int stages = 100;
+  for (int k = 1; k <= stages; ++k) {
+    const double part = 0.5 * (1.0 - std::cos(std::numbers::pi * k / stages));
+    dynamics.set_gravity({0.0, -part * earth_gravity});
+    dynamics.run(0.5 * end * k / stages);
+  }
+  dynamics.run(end);
+  const Tensors stress = dynamics.cauchy_stress();
+  const double margin = 3.0 * options.spacing;
+  Eigen::Matrix<double, Eigen::Dynamic, 2> lines(stress.cols(), 2);
+  Vector values(stress.cols());
+  std::vector<char> is_inside;
+  Index count = 0;
+  for (Index a = 0; a < stress.cols(); ++a) {
+    const auto x = body.points.col(a);
+    if (x[1] < margin || x[1] > size - margin) continue;
+    is_inside.push_back(x[0] > margin && x[0] < size - margin ? 1 : 0);
+    lines.row(count) << 1.0, body.points(1, a);
+    values[count++] = stress(4, a);
+  }
+  const Eigen::Vector2d line = (lines.topRows(count).transpose() * lines.topRows(count))
+                                   .ldlt()
+                                   .solve(lines.topRows(count).transpose() * values.head(count));
+  const double weight = soil.density * earth_gravity;
+  double largest = 0.0;
+  for (Index k = 0; k < count; ++k)
+    if (is_inside[k] != 0) largest = std::max(largest, std::abs(lines.row(k).dot(line) - values[k]));
+  return {.slope = line[1] / weight, .largest = largest / (weight * size), .speed = speed_of_most(dynamics)};
+}
+
+/// Integral of |grad W_p - sum over daughters of grad W_d / 2^Dim|^2 in the plane for a particle with spacing 1 [1/d^4]
+/// (Lopez, Roose & Recarey Morfa 2013): what a neighbour anywhere sees of splitting. Kernels are at the mean of the
+/// smoothing lengths of the two, that of the neighbour being `neighbour` times the parent's.
+inline double splitting_error(double smoothing, double separation, double ratio, double neighbour) {
+  const auto gradient = [](const Vec<2>& x, double h) {
+    const double r = x.norm();
+    return Vec<2>(kernel_slope_over_distance(SmoothingKernel::cubic_spline, 2, r, h) * x);
+  };
+  const double h = smoothing, h_parent = 0.5 * h * (1.0 + neighbour), h_daughter = 0.5 * h * (ratio + neighbour);
+  const double reach = kernel_support * std::max(h_parent, h_daughter) + separation;
+  constexpr int cells = 400;  // midpoint rule
+  const double edge = 2.0 * reach / cells;
+  double sum = 0.0;
+  for (int i = 0; i < cells; ++i)
+    for (int j = 0; j < cells; ++j) {
+      const Vec<2> x(-reach + (i + 0.5) * edge, -reach + (j + 0.5) * edge);
+      Vec<2> difference = gradient(x, h_parent);
+      for (const double a : {-0.5, 0.5})
+        for (const double b : {-0.5, 0.5}) difference -= 0.25 * gradient(x - separation * Vec<2>(a, b), h_daughter);
+      sum += difference.squaredNorm() * edge * edge;
+    }
+  return sum;
+}
+
+/// Mean of tau / sigma_n of a point of soil that flows in simple shear with constant normal stress, at the end.
+inline double shear_ratio(const Soil& soil, double normal_stress) {
+  const SharedMaterial material = soil.material();
+  Deformation point = Deformation::none(Points<3>::Zero(3, 1), material->history_size());
+  point.dt = 1.0;
+  MaterialResponse response = respond(*material, point, false);
+  const auto stress = [&](double shear, double dilation) {
+    Mat<3> F = Mat<3>::Identity();
+    F(0, 1) = shear;
+    F(1, 1) = std::exp(dilation);
+    point.F.col(0) = F.reshaped();
+    material->respond(point, response);
+    return Mat<3>(response.stress(0) * F.transpose() / F.determinant());
+  };
+  // Compressed without lateral strain, then sheared; the height follows by secants.
+  double dilation = -normal_stress / (soil.bulk * 1.5), shear = 0.0;
+  Mat<3> now;
+  for (int step = 0; step < 4000; ++step) {
+    shear = 0.05 * std::max(0, step - 100) / 3900.0;
+    double a = dilation, b = dilation + 1e-6;
+    double at_a = stress(shear, a)(1, 1) + normal_stress;
+    for (int k = 0; k < 50 && std::abs(at_a) > 1e-12 * normal_stress; ++k) {
+      const double at_b = stress(shear, b)(1, 1) + normal_stress;
+      const double next = b - at_b * (b - a) / (at_b - at_a);
+      a = std::exchange(b, next);
+      at_a = at_b;
+      if (a == b) break;
+    }
+    dilation = b;
+    now = stress(shear, dilation);
+    point.history.swap(response.history);
+  }
+  return now(0, 1) / -now(1, 1);
+}
+
+/// A stiff block that slides down a plane with friction: its acceleration over the closed form, less one.
+inline double sliding_error(double slope_degrees, double friction) {
+  const SphOptions options{.spacing = 0.05};
+  const Soil stiff{.density = 2000.0, .bulk = 2e6, .nu = 0.2, .cohesion = 1e6, .friction = 30.0, .dilatancy = 0.0};
+  Dynamics<2> dynamics({soil_block(1.0, 0.5, options, stiff)}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = friction});
+  const double angle = slope_degrees * std::numbers::pi / 180.0;
+  // It is pressed on the plane slowly, so that it does not bounce; the plane tilts when it is at rest.
+  const double normal = earth_gravity * std::cos(angle), along = earth_gravity * std::sin(angle);
+  constexpr int stages = 50;
+  for (int k = 1; k <= stages; ++k) {
+    dynamics.set_gravity({0.0, -0.5 * normal * (1.0 - std::cos(std::numbers::pi * k / stages))});
+    dynamics.run(1.0 * k / stages);
+  }
+  dynamics.set_gravity({along, -normal});
+  const double start = dynamics.points().row(0).mean();
+  dynamics.run(2.0);
+  const double moved = dynamics.points().row(0).mean() - start;
+  return 2.0 * moved / (along - friction * normal) - 1.0;
+}
+
+/// How a column of cohesive soil lies after its collapse.
+struct Clumps {
+  double closest = 0.0;      ///< smallest distance of two particles over the spacing
+  double void_radius = 0.0;  ///< largest distance of a particle inside from its fourth neighbour, over the spacing
+  Index close_pairs = 0;     ///< closer than half the spacing
+  double energy_error = 0.0, speed = 0.0;
+};
+inline Clumps cohesive_collapse(const SphOptions& options, double end) {
+  constexpr Soil clay{.density = 1850.0, .bulk = 1.5e6, .nu = 0.3, .cohesion = 5e3, .friction = 25.0, .dilatancy = 0.0};
+  Dynamics<2> dynamics({soil_block(4.0, 2.0, options, clay)}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0, .friction = 0.0});
+  dynamics.set_gravity({0.0, -earth_gravity});
+  dynamics.run(end);
+  const Points<2> x = dynamics.points();
+  internal::Neighbours<2> tree;
+  tree.build(x);
+  Clumps clumps{.closest = std::numeric_limits<double>::infinity()};
+  for (Index a = 0; a < x.cols(); ++a) {
+    std::vector<Index> near;
+    tree.within(x.col(a), 3.0 * options.spacing, near);
+    std::vector<double> distances;
+    for (const Index b : near)
+      if (b != a) distances.push_back((x.col(b) - x.col(a)).norm() / options.spacing);
+    std::ranges::sort(distances);
+    if (distances.empty()) continue;
+    clumps.closest = std::min(clumps.closest, distances.front());
+    clumps.close_pairs += std::ranges::count_if(distances, [](double d) { return d < 0.5; });
+    if (distances.size() > 3) clumps.void_radius = std::max(clumps.void_radius, distances[3]);
+  }
+  clumps.close_pairs /= 2;
+  clumps.energy_error = dynamics.energy().largest_error();
+  clumps.speed = speed_of_most(dynamics);
+  return clumps;
+}
+
+/// A vertical cut in a soil with associated flow, held by nothing: the speed that 99 % of the particles stay below, 2 s
+/// after its weight has grown for 1 s. A block of three heights between a smooth wall and nothing, on a rough floor.
+inline double speed_of_cut(double height, double spacings) {
+  constexpr Soil clay{
+      .density = 1850.0, .bulk = 1.5e6, .nu = 0.3, .cohesion = 5e3, .friction = 25.0, .dilatancy = 25.0};
+  SphOptions options{.spacing = height / spacings};
+  options.viscosity.linear = 1.0;
+  Dynamics<2> dynamics({soil_block(3.0 * height, height, options, clay)}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0, .friction = 0.0});
+  constexpr int stages = 50;
+  for (int k = 1; k <= stages; ++k) {
+    dynamics.set_gravity({0.0, -0.5 * earth_gravity * (1.0 - std::cos(std::numbers::pi * k / stages))});
+    dynamics.run(1.0 * k / stages);
+  }
+  dynamics.run(3.0);
+  return speed_of_most(dynamics);
+}
+
+/// A strip of rubber 20 by 40 particles whose ends move apart at a fiftieth of the speed of sound.
+struct StretchedParticles {
+  double scatter = 0.0;  ///< standard deviation over mean of the axial stress in the middle half at a stretch of 1.3
+  double gap_at =
+      0.0;  ///< stretch at which a distance of neighbours along the axis is twice the mean, or the run ends; 0: none
+};
+inline StretchedParticles stretch_particles(const SphOptions& options, SphFrame frame, double to) {
+  constexpr double rate = 1e-3;
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 20.0, 40.0), {.size = 5.0});
+  DeformableBody<2> body = particles_on_lattice<2>(mesh, frame, options, soft(), 1.0);
+  const Points<2> X = body.points;
+  body.velocity.setZero(2, X.cols());
+  body.velocity.row(1) = rate * (X.row(1).array() - 20.0).matrix();
+  Dynamics<2> dynamics({body}, frame == SphFrame::total ? total_lagrangian<2>() : sph<2>(options), {.imbalance = 10.0});
+  for (Index a = 0; a < X.cols(); ++a)
+    if (std::abs(X(1, a) - 20.0) > 18.0) dynamics.prescribe(a, 1, body.velocity(1, a));
+  StretchedParticles result;
+  const auto stretch = [&] { return 1.0 + rate * dynamics.time(); };
+  for (double next = 1.01; next < to + 1e-9; next += 0.01) {
+    try {
+      dynamics.run((next - 1.0) / rate);
+    } catch (const NumericalError&) {
+      if (result.gap_at == 0.0) result.gap_at = stretch();
+      return result;
+    }
+    const Points<2> x = dynamics.points();
+    std::vector<double> along;
+    for (Index p = 0; p < X.cols(); ++p)
+      if (std::abs(X(0, p) - 10.5) < 0.1) along.push_back(x(1, p));
+    std::ranges::sort(along);
+    for (std::size_t k = 1; k < along.size(); ++k)
+      if (result.gap_at == 0.0 && along[k] - along[k - 1] > 2.0 * stretch() * options.spacing)
+        result.gap_at = stretch();
+    if (std::abs(next - 1.3) > 1e-9) continue;
+    const Tensors sigma = dynamics.cauchy_stress();
+    std::vector<double> axial;
+    for (Index p = 0; p < X.cols(); ++p)
+      if (std::abs(X(1, p) - 20.0) < 10.0) axial.push_back(sigma(4, p));
+    const Eigen::Map<const Vector> values(axial.data(), std::ssize(axial));
+    result.scatter = std::sqrt((values.array() - values.mean()).square().mean()) / values.mean();
+  }
+  return result;
+}
+
+/// A cylinder of sand in space, 0.1 m high and wide: how far it runs out beyond its radius, over that; and the angle of
+/// its slope.
+struct Pile {
+  double run_out = 0.0, angle = 0.0, speed = 0.0, energy_error = 0.0, seconds = 0.0;
+  Index particles = 0;
+};
+inline Pile pile(double spacing) {
+  constexpr double radius = 0.1, height = 0.1;
+  constexpr Soil sand{.density = 2600.0,
+                      .bulk = 5e6,
+                      .nu = 0.3,
+                      .cohesion = 0.0,
+                      .friction = 30.0,
+                      .dilatancy = 0.0,
+                      .fit = ConeFit::compression};
+  const SphOptions options{.spacing = spacing, .origin = {-radius, -radius, 0.0}};
+  const FineMesh<3> mesh(solids::cylinder(radius, height, 0.02));
+  const auto body = particles_on_lattice<3>(mesh, SphFrame::updated, options, sand.material(), sand.density);
+  Dynamics<3> dynamics({body}, sph<3>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = Vec<3>::UnitZ(), .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  dynamics.set_gravity({0.0, 0.0, -earth_gravity});
+  const double start = seconds();
+  dynamics.run(0.6);
+  const Points<3> x = dynamics.points();
+  const std::vector<char> is_of_pile = find_heap<3>(x, 2.0 * dynamics.world().nodes.radius);
+  double furthest = 0.0, top = 0.0;
+  for (Index a = 0; a < x.cols(); ++a) {
+    if (is_of_pile[a] == 0) continue;
+    furthest = std::max(furthest, x.col(a).head<2>().norm() + 0.5 * spacing);
+    top = std::max(top, x(2, a) + 0.5 * spacing);
+  }
+  return {.run_out = (furthest - radius) / radius,
+          .angle = std::atan(top / furthest) * 180.0 / std::numbers::pi,
+          .speed = speed_of_most(dynamics),
+          .energy_error = dynamics.energy().largest_error(),
+          .seconds = seconds() - start,
+          .particles = dynamics.num_points()};
+}
+
+}  // namespace efree::bench

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Which particles are near each other.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace efree::internal {
+
+/// Pairs of a chunk of particles with each other, once each, and with those around the chunk.
+struct ParticlePairs {
+  std::vector<Index> particles;      ///< of the world by local number: those of the chunk, then those around it
+  Index own = 0;                     ///< how many are of the chunk
+  std::vector<Index> begin{0};       ///< by own particle: its first pair, and one past the last of all
+  std::vector<std::uint16_t> other;  ///< by pair: local number, larger than that of the first
+
+  Index all() const { return static_cast<Index>(particles.size()); }
+  Index count() const { return static_cast<Index>(other.size()); }
+};
+
+/// Pairs of all chunks that are closer than `reach` times the larger of their `size`. chunks: the particles of each.
+/// Throws NumericalError for a chunk with more than 65535 particles around. Deterministic; linear in the number of
+/// particles.
+template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, double reach,
+                                   const std::vector<std::span<const Index>>& chunks,
+                                   std::vector<ParticlePairs>& pairs);
+
+}  // namespace efree::internal

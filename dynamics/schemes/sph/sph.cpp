@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/schemes/sph/sph.hpp"
+
+#include "efree/core/aligned.hpp"
+#include "efree/core/internal/random.hpp"
+#include "efree/core/internal/spectrum.hpp"
+#include "efree/dynamics/points.hpp"
+#include "efree/dynamics/schemes/sph/internal/increment.hpp"
+#include "efree/dynamics/schemes/sph/internal/lattice_waves.hpp"
+#include "efree/dynamics/schemes/sph/internal/pair_kernels.hpp"
+#include "efree/dynamics/schemes/sph/internal/splitting.hpp"
+
+#include <fmt/format.h>
+#include <utility>
+
+namespace efree {
+namespace {
+
+using internal::LocalParticles, internal::ParticlePairs, internal::tensor_index, internal::tensor_size;
+
+/// Steps between estimates of the highest frequency, a margin for what comes until the next, and what is left of the
+/// last estimate where the next one is lower.
+constexpr Index estimate_interval = 16;
+constexpr double margin = 1.25, forgotten = 0.9;
+/// How much further than the support, over the smoothing length, pairs are listed.
+constexpr double list_skin = 0.25;
+/// Steps between looks for particles to split.
+constexpr Index splitting_interval = 8;
+
+void require_options(const SphOptions& options) {
+  const auto fail = [](const std::string& what) { throw InputError("smoothed particles: " + what); };
+  const auto is_positive = [](double number) { return number > 0.0 && std::isfinite(number); };
+  const auto is_number = [](double number) { return number >= 0.0 && std::isfinite(number); };
+  if (!is_positive(options.spacing)) fail(fmt::format("spacing {}, expected a positive length", options.spacing));
+  if (!(options.smoothing >= 0.8) || options.smoothing > 3.0)
+    fail(fmt::format("smoothing {}, expected 0.8 to 3 times the spacing", options.smoothing));
+  if (!is_number(options.viscosity.linear) || !is_number(options.viscosity.quadratic))
+    fail(fmt::format("viscosity {} and {}, expected 0 or more", options.viscosity.linear, options.viscosity.quadratic));
+  if (!is_number(options.artificial_stress.strength) || !is_number(options.artificial_stress.exponent))
+    fail(fmt::format("artificial stress {} with the exponent {}, expected 0 or more",
+                     options.artificial_stress.strength, options.artificial_stress.exponent));
+  const ParticleSplitting& splitting = options.splitting;
+  if (!is_number(splitting.strain))
+    fail(fmt::format("splitting from a strain of {}, expected 0 or more", splitting.strain));
+  if (!(splitting.separation >= 0.2) || splitting.separation > 0.8 || !(splitting.smoothing >= 0.4) ||
+      splitting.smoothing > 0.9 || splitting.levels < 1 || splitting.levels > 3)
+    fail(fmt::format("splitting with separation {}, smoothing {}, {} levels; expected 0.2 to 0.8, 0.4 to 0.9, 1 to 3",
+                     splitting.separation, splitting.smoothing, splitting.levels));
+}
+
+/// A tensor in arrays by particle.
+template <int Dim> Mat<Dim> tensor_at(const double* from) {
+  Mat<Dim> result;
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) result(i, j) = from[tensor_index(Dim, i, j)];
+  return result;
+}
+template <int Dim> void put_tensor(const Mat<Dim>& tensor, double* to) {
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) to[tensor_index(Dim, i, j)] = tensor(i, j);
+}
+
+/// Arrays by local number, of this thread.
+struct LocalArrays {
+  AlignedVector<double> x, v, stress, artificial, density, sums, moments;
+};
+LocalArrays& local_arrays() {
+  thread_local LocalArrays arrays;
+  return arrays;
+}
+
+template <int Dim> class Sph final : public Scheme<Dim> {
+ public:
+  explicit Sph(const SphOptions& options) : options_(options) { require_options(options); }
+  std::string name() const override { return "sph"; }
+
+  void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
+  void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
+  StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) override;
+  void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) override;
+  void collect_forces(World<Dim>& world) override;
+  Points<Dim> point_velocities(const World<Dim>& world) const override { return world.nodes.v; }
+  std::optional<double> stable_step(const World<Dim>& world) const override {
+    const ParticleViscosity& viscosity = options_.viscosity;
+    const double rate = damping_ * (viscosity.linear * wave_rate_ + viscosity.quadratic * approach_rate_);
+    return world.options.courant * internal::damped_step(margin * frequency_, rate);
+  }
+  void pack(Archive& archive) override {
+    archive(sizes_.smoothing, sizes_.splits, x_listed_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
+    archive(frequency_, mode_, estimates_, correction_);
+  }
+  void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
+
+ private:
+  void list_pairs(const World<Dim>& world, const Points<Dim>& x);
+  void estimate_frequency(const World<Dim>& world, int products);
+  const ParticlePairs& pairs_of(const World<Dim>& world, const Chunk<Dim>& chunk) const {
+    return pairs_[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  }
+  LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
+                                 double ago) const;
+  std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v,
+                                              const AlignedVector<double>& stress, internal::PairForces by,
+                                              Points<Dim>& forces) const;
+  Mat<Dim> artificial_stress(const Mat<Dim>& stress) const;
+  Mat<Dim> correction_by(const Mat<Dim>& moment) const;
+
+  SphOptions options_;
+  double damping_ = 0.0;    ///< fastest damping by a viscosity of one, times the smoothing length over the wave speed
+  double wave_rate_ = 0.0;  ///< largest speed of pressure waves over the smoothing length [1/time]
+  double approach_rate_ = 0.0;  ///< largest q of pairs, as of ParticleViscosity, over the smoothing length [1/time]
+  double frequency_ = 0.0;      ///< highest angular one, an estimate from below [1/time]
+  Points<Dim> mode_;            ///< Dim x N, with that frequency
+  std::int64_t estimates_ = 0;
+  internal::ParticleSizes sizes_;
+  std::vector<ParticlePairs> pairs_;  ///< by chunk
+  std::vector<double> wave_rates_;    ///< likewise
+  Points<Dim> x_listed_;              ///< positions where pairs were listed
+  // By particle, as sum_forces takes them.
+  AlignedVector<double> stress_, artificial_, density_;
+  AlignedVector<double> correction_;                     ///< by particle, tensors; empty: none
+  double viscous_power_ = 0.0, artificial_power_ = 0.0;  ///< lost at the last step
+  bool counts_power_ = false;
+};
+
+template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
+  if (world.axisymmetric())
+    throw InputError("smoothed particles are of plane strain or in space, not of an axisymmetric section");
+  for (std::size_t b = 0; b < bodies.size(); ++b)
+    if (bodies[b].points.cols() == 0 || bodies[b].nodes != bodies[b].points)
+      throw InputError(
+          fmt::format("body {}: smoothed particles are nodes and points at once: expected as many of both "
+                      "at the same places (particles_on_lattice)",
+                      b));
+  damping_ = internal::damping_on_lattice<Dim>(options_);
+  const Index n = world.nodes.size();
+  for (const Chunk<Dim>& chunk : world.chunks)
+    for (Index p = 0; p < chunk.size(); ++p) world.nodes.mass[world.point_number(chunk, p)] = chunk.matter.mass[p];
+  world.nodes.spacing.setConstant(n, options_.spacing);
+  world.options.contact.stiffness = 0.0;  // sums over all particles act between bodies, too
+  sizes_.smoothing.setConstant(n, options_.smoothing * options_.spacing);
+  sizes_.splits.assign(static_cast<std::size_t>(n), 0);
+  list_pairs(world, world.nodes.x);
+}
+
+template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Points<Dim>& x) {
+  std::vector<std::vector<Index>> particles(world.chunks.size());
+  std::vector<std::span<const Index>> chunks;
+  for (std::size_t c = 0; c < world.chunks.size(); ++c) {
+    const Chunk<Dim>& chunk = world.chunks[c];
+    for (Index p = 0; p < chunk.size(); ++p) particles[c].push_back(world.point_number(chunk, p));
+    chunks.emplace_back(particles[c]);
+  }
+  internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, pairs_);
+  x_listed_ = x;
+  const auto n = static_cast<std::size_t>(x.cols());
+  const auto size = static_cast<std::size_t>(tensor_size(Dim));
+  wave_rates_.resize(world.chunks.size());
+  stress_.resize(size * n);
+  correction_.resize(options_.corrected ? size * n : 0);
+  artificial_.resize(options_.artificial_stress.strength > 0.0 ? size * n : 0);
+  density_.resize(2 * n);
+}
+
+/// Power iteration with the stiffness of the particles against any strain as against that of a pressure wave, which is
+/// no less, from the mode of the last estimate.
+template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, int products) {
+  constexpr double mixed_in = 0.05;  // random part over the root mean square: another mode may become the fastest
+  constexpr int size = tensor_size(Dim);
+  const Nodes<Dim>& nodes = world.nodes;
+  const Index n = nodes.size();
+  mode_.conservativeResizeLike(Points<Dim>::Zero(Dim, n));  // daughters are after their body: any start will do
+  const double mean = std::sqrt(mode_.squaredNorm() / static_cast<double>(mode_.size()));
+  const double amount = mean > 0.0 && std::isfinite(mean) ? mixed_in * mean : 1.0;
+  if (amount == 1.0) mode_.setZero();
+  for (Index k = 0; k < mode_.size(); ++k)
+    mode_(k) += amount * internal::random_number(static_cast<std::uint64_t>(mode_.size() * estimates_ + k));
+  ++estimates_;
+  AlignedVector<double> stress(stress_.size(), 0.0);
+  Points<Dim> forces(Dim, n);
+  double squared = 0.0;
+  for (int k = 0; k < products; ++k) {
+    parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
+      const Chunk<Dim>& chunk = world.chunks[c];
+      const ParticlePairs& pairs = pairs_[c];
+      AlignedVector<double>& rates = local_arrays().sums;
+      rates.resize(std::max(rates.size(), static_cast<std::size_t>(size * pairs.all())));
+      internal::sum_rates(pairs, local_particles(world, mode_, pairs, 0.0), rates.data());
+      for (Index p = 0; p < chunk.size(); ++p) {
+        const Matter<Dim>& matter = chunk.matter;
+        const auto at = static_cast<std::size_t>(size * pairs.particles[p]);
+        const double before = matter.volume[p] * matter.J_ratio[p] / matter.mass[p];
+        const Mat<Dim> correction =
+            options_.corrected ? tensor_at<Dim>(correction_.data() + at) : Mat<Dim>(Mat<Dim>::Identity());
+        // Stresses over the square of the density, by the mass of the particle as it is at rest.
+        const double stiffness = before * before * matter.modulus[p] * matter.volume[p] / matter.mass[p];
+        put_tensor<Dim>(stiffness * tensor_at<Dim>(rates.data() + size * p) * correction * correction,
+                        stress.data() + at);
+      }
+    });
+    sum_forces(world, mode_, stress, {}, forces);
+    forces = -forces;
+    double work = 0.0, norm = 0.0;
+    for (Index a = 0; a < n; ++a) {
+      work += forces.col(a).dot(mode_.col(a));
+      mode_.col(a) = forces.col(a) / nodes.mass[a];
+      norm += forces.col(a).dot(mode_.col(a));
+    }
+    squared = work > 0.0 ? norm / work : 0.0;
+    if (!(norm > 0.0)) break;
+    mode_ /= std::sqrt(norm);
+  }
+  frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
+}
+
+template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
+  auto start = std::chrono::steady_clock::now();
+  counts_power_ = true;
+  const Points<Dim>& x = world.nodes.x;
+  if (!x.allFinite()) throw NumericalError(fmt::format("at time {:.6g} particles are nowhere", world.time));
+  const bool due = options_.splitting.strain > 0.0 && world.steps % splitting_interval == 0;
+  const double smallest = sizes_.smoothing.minCoeff();
+  if (const Index split = due ? internal::split_particles(world, options_.splitting, sizes_) : 0; split > 0) {
+    world.ledger.add_count("split particles", split);
+    frequency_ *= smallest / sizes_.smoothing.minCoeff();
+    list_pairs(world, x);
+  }
+  // What all have moved together brings no particles closer to each other.
+  const Vec<Dim> mean = (x - x_listed_).rowwise().mean();
+  const double furthest = ((x - x_listed_).colwise() - mean).colwise().squaredNorm().maxCoeff();
+  const double most = 0.5 * list_skin * sizes_.smoothing.minCoeff();
+  if (!(furthest < most * most)) list_pairs(world, x);
+  world.ledger.add_time("pairs", seconds_since(start));
+}
+
+/// Particles with these velocities, where they were that time ago by them.
+template <int Dim> LocalParticles Sph<Dim>::local_particles(const World<Dim>& world, const Points<Dim>& velocities,
+                                                            const ParticlePairs& pairs, double ago) const {
+  LocalArrays& arrays = local_arrays();
+  const auto n = static_cast<std::size_t>(pairs.all());
+  arrays.x.resize(std::max(arrays.x.size(), 4 * n));
+  arrays.v.resize(arrays.x.size());
+  const Nodes<Dim>& nodes = world.nodes;
+  bool one_size = true;
+  for (std::size_t l = 0; l < n; ++l) {
+    const Index a = pairs.particles[l];
+    double *x = arrays.x.data() + 4 * l, *v = arrays.v.data() + 4 * l;
+    x[2] = v[2] = 0.0;
+    for (int i = 0; i < Dim; ++i) {
+      v[i] = velocities(i, a);
+      x[i] = nodes.x(i, a) - ago * v[i];
+    }
+    x[3] = 1.0 / sizes_.smoothing[a];
+    v[3] = nodes.mass[a];
+    one_size = one_size && x[3] == arrays.x[3];
+  }
+  return {.dim = Dim, .kernel = options_.kernel, .one_size = one_size, .x = arrays.x.data(), .v = arrays.v.data()};
+}
+
+template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
+  constexpr int size = tensor_size(Dim);
+  const ParticlePairs& pairs = pairs_of(world, chunk);
+  const double half = 0.5 * world.last_step;
+  AlignedVector<double>&rates = local_arrays().sums, &moments = local_arrays().moments;
+  for (auto* sums : {&rates, &moments})
+    sums->resize(std::max(sums->size(), static_cast<std::size_t>(size * pairs.all())));
+  internal::sum_rates(pairs, local_particles(world, world.nodes.v, pairs, half), rates.data(),
+                      options_.corrected ? moments.data() : nullptr);
+  Matter<Dim>& matter = chunk.matter;
+  const auto volume_over_mass = [&](Index p) { return matter.volume[p] * matter.J_ratio[p] / matter.mass[p]; };
+  for (Index p = 0; p < chunk.size(); ++p) {
+    matter.x.col(p) = world.nodes.x.col(pairs.particles[p]);
+    Mat<Dim> change = Mat<Dim>::Identity();
+    if (!chunk.is_eroded(p)) {
+      Mat<Dim> rate = half * volume_over_mass(p) * tensor_at<Dim>(rates.data() + size * p);
+      if (options_.corrected)
+        rate *= correction_by(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
+      else
+        rate *= 1.0 + rate.trace();  // by the volume in the middle of the step
+      change = internal::increment<Dim>(rate);
+    }
+    take_increment(chunk, p, change);
+  }
+  const StrainBounds bounds = deform_by_increments(world, chunk, least);
+  if (!options_.corrected) return bounds;
+  // Forces take the correction where particles are now: gradients of positions are their moments.
+  internal::sum_rates(pairs, local_particles(world, world.nodes.x, pairs, 0.0), moments.data());
+  for (Index p = 0; p < chunk.size(); ++p)
+    if (!chunk.is_eroded(p))
+      put_tensor<Dim>(correction_by(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p)),
+                      correction_.data() + size * pairs.particles[p]);
+  return bounds;
+}
+
+/// What makes gradients exact where velocities are linear: the inverse of the moment sum V (x_j - x_i) (x) grad W,
+/// which is 1 inside, about 1/2 across a surface and 0.23 in the corner of a cube. Particles with less get part of it.
+template <int Dim> Mat<Dim> Sph<Dim>::correction_by(const Mat<Dim>& moment) const {
+  constexpr double least = 0.2;
+  const Mat<Dim> less = moment - least * Mat<Dim>::Identity();
+  // Whether all eigenvalues are larger than that.
+  bool regular = less(0, 0) > 0.0 && less.template topLeftCorner<2, 2>().determinant() > 0.0;
+  if constexpr (Dim == 3) regular = regular && less.determinant() > 0.0;
+  if (regular) return moment.inverse();
+  const auto [values, axes] = internal::spectrum<Dim>(moment);
+  return axes * values.cwiseMax(least).cwiseInverse().asDiagonal() * axes.transpose();
+}
+
+/// -strength on the axes with tension.
+template <int Dim> Mat<Dim> Sph<Dim>::artificial_stress(const Mat<Dim>& stress) const {
+  const auto [values, axes] = internal::spectrum<Dim>(stress);
+  return -options_.artificial_stress.strength * axes * values.cwiseMax(0.0).asDiagonal() * axes.transpose();
+}
+
+template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
+  constexpr int size = tensor_size(Dim);
+  const Matter<Dim>& matter = chunk.matter;
+  const double* columns = chunk.columns();
+  double& wave_rate = wave_rates_[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  wave_rate = 0.0;
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const auto a = static_cast<std::size_t>(world.point_number(chunk, p));
+    double *stress = stress_.data() + size * a, *density = density_.data() + 2 * a;
+    const double J = matter.J_ratio[p], rest = chunk.is_eroded(p) ? 0.0 : matter.mass[p] / matter.volume[p];
+    Mat<Dim> over_squares = Mat<Dim>::Zero();
+    if (rest > 0.0)
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i < Dim; ++i) over_squares(i, j) = J / (rest * rest) * columns[16 * p + 4 * j + i];
+    put_tensor<Dim>(
+        correction_.empty() ? over_squares : Mat<Dim>(over_squares * tensor_at<Dim>(correction_.data() + size * a)),
+        stress);
+    density[0] = rest > 0.0 ? rest / J : matter.mass[p] / std::pow(world.nodes.spacing[static_cast<Index>(a)], Dim);
+    density[1] = rest > 0.0 ? std::sqrt(matter.modulus[p] / rest) : 0.0;
+    wave_rate = std::max(wave_rate, density[1] / sizes_.smoothing[static_cast<Index>(a)]);
+    if (!artificial_.empty()) put_tensor<Dim>(artificial_stress(over_squares), artificial_.data() + size * a);
+  }
+}
+
+/// Dim x N, forces of stresses by particle and of what `by` has besides; and the power lost to it, by chunk.
+template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const World<Dim>& world, const Points<Dim>& v,
+                                                                         const AlignedVector<double>& stress,
+                                                                         internal::PairForces by,
+                                                                         Points<Dim>& forces) const {
+  constexpr int size = tensor_size(Dim);
+  std::vector<internal::LostPower> lost(world.chunks.size());
+  parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&, by](Index c, Index) {
+    const ParticlePairs& pairs = pairs_[c];
+    LocalArrays& arrays = local_arrays();
+    const auto n = static_cast<std::size_t>(pairs.all());
+    const auto gather = [&](const AlignedVector<double>& from, std::size_t count, AlignedVector<double>& to) {
+      to.resize(std::max(to.size(), count * n));
+      for (std::size_t l = 0; l < n; ++l)
+        std::copy_n(from.data() + count * static_cast<std::size_t>(pairs.particles[l]), count, to.data() + count * l);
+      return to.data();
+    };
+    internal::PairForces local = by;
+    local.stress = gather(stress, size, arrays.stress);
+    local.density = gather(density_, 2, arrays.density);
+    if (by.artificial) local.artificial = gather(artificial_, size, arrays.artificial);
+    arrays.sums.resize(std::max(arrays.sums.size(), 4 * n));
+    lost[c] = internal::sum_forces(pairs, local_particles(world, v, pairs, 0.0), local, arrays.sums.data());
+    for (Index l = 0; l < pairs.own; ++l)
+      forces.col(pairs.particles[l]) = Eigen::Map<const Vec<Dim>>(arrays.sums.data() + 4 * l);
+  });
+  return lost;
+}
+
+template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
+  auto start = std::chrono::steady_clock::now();
+  const ArtificialStress& artificial = options_.artificial_stress;
+  const double exponent = artificial.exponent > 0.0
+                              ? artificial.exponent
+                              : 1.0 / internal::kernel_shape(options_.kernel, 1.0 / options_.smoothing);
+  const auto lost = sum_forces(world, world.nodes.v, stress_,
+                               {.linear = options_.viscosity.linear,
+                                .quadratic = options_.viscosity.quadratic,
+                                .artificial = artificial_.empty() ? nullptr : artificial_.data(),
+                                .reference = 1.0 / options_.smoothing,
+                                .exponent = exponent},
+                               world.nodes.force);
+  approach_rate_ = 0.0;
+  for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / sizes_.smoothing.minCoeff());
+  if (std::exchange(counts_power_, false)) {
+    const double viscous_before = std::exchange(viscous_power_, 0.0),
+                 artificial_before = std::exchange(artificial_power_, 0.0);
+    for (const auto& of : lost) viscous_power_ += of.viscous, artificial_power_ += of.artificial;
+    // The step's velocities with the mean of the forces before and after it. Powers are by forces with velocities half
+    // a step earlier; those of the forces before lie between two of them.
+    const double dt = world.last_step;
+    world.ledger.add_energy("viscous", EnergyKind::loss, dt * (0.25 * viscous_before + 0.75 * viscous_power_));
+    if (!artificial_.empty())
+      world.ledger.add_energy("artificial stress", EnergyKind::loss,
+                              dt * (0.25 * artificial_before + 0.75 * artificial_power_));
+  }
+  world.ledger.add_time("pair forces", seconds_since(start));
+  const double rate_before = std::exchange(wave_rate_, std::ranges::max(wave_rates_));
+  if (rate_before > 0.0 && wave_rate_ > rate_before) frequency_ *= wave_rate_ / rate_before;
+  if (frequency_ == 0.0 || world.steps % estimate_interval == 0) estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
+  world.ledger.add_time("stability", seconds_since(start));
+}
+
+}  // namespace
+
+template <int Dim> std::unique_ptr<Scheme<Dim>> sph(const SphOptions& options) {
+  return std::make_unique<Sph<Dim>>(options);
+}
+
+template std::unique_ptr<Scheme<2>> sph<2>(const SphOptions&);
+template std::unique_ptr<Scheme<3>> sph<3>(const SphOptions&);
+
+}  // namespace efree
