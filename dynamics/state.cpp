@@ -222,7 +222,7 @@ void World<Dim>::insert_nodes(Index body, const Points<Dim>& at, const Points<Di
   const Points<Dim> nothing = Points<Dim>::Zero(Dim, count);
   for (Points<Dim>* values : {&nodes.force, &nodes.x_rest}) insert_columns<Dim>(*values, first, nothing);
   insert(nodes.spacing, first, spacing);
-  insert(nodes.radius, first, Vector(0.5 * spacing));
+  insert(nodes.radius, first, Vector(Vector::Zero(count)));
   insert(nodes.mass, first, Vector(Vector::Zero(count)));
   nodes.active.insert(nodes.active.begin() + first, count, 1);
   nodes.body.insert(nodes.body.begin() + first, count, body);

@@ -155,16 +155,9 @@ void DruckerPrager::respond_near_identity(Index begin, int count, const std::opt
 }
 
 void DruckerPrager::respond(const Deformation& given, MaterialResponse& response) const {
-  const Index n = given.size();
-  if (strain_ == Strain::small || response.tangent) {
-    for (Index p = 0; p < n; ++p) respond_in_axes(p, given, response);
-    return;
-  }
-  std::optional<ElasticConstants> alike;
-  if (n > 0 && moduli_.is_constant()) alike = moduli_.at(given.X.col(0));
-  response.history = given.history;
-  for (Index p = 0; p < n; p += 8)
-    respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), alike, given, response);
+  respond_in_eights(
+      moduli_, strain_, given, response, [&](Index p) { respond_in_axes(p, given, response); },
+      [&](Index begin, int count, const auto& alike) { respond_near_identity(begin, count, alike, given, response); });
 }
 
 }  // namespace efree

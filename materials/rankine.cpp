@@ -160,19 +160,14 @@ void Rankine::respond_near_identity(Index begin, int count, const Deformation& g
       continue;
     }
     for (int k = 0; k < 9; ++k) response.P(k, p) = points.P[k][l];
-    response.history.col(p) = given.history.col(p);
     response.dissipated[p] = 0.0;
   }
 }
 
 void Rankine::respond(const Deformation& given, MaterialResponse& response) const {
-  const Index n = given.size();
-  if (strain_ == Strain::small || response.tangent) {
-    for (Index p = 0; p < n; ++p) respond_in_axes(p, given, response);
-    return;
-  }
-  for (Index p = 0; p < n; p += 8)
-    respond_near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), given, response);
+  respond_in_eights(
+      moduli_, strain_, given, response, [&](Index p) { respond_in_axes(p, given, response); },
+      [&](Index begin, int count, const auto&) { respond_near_identity(begin, count, given, response); });
 }
 
 double softening_modulus(double strength, double fracture_energy, double length) {

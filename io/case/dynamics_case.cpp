@@ -325,21 +325,29 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
   options.seizing = section.boolean("seizing", options.seizing);
 }
 
+/// Whether the case has a method, whose options are in the section of that name. Fails where it has another one and
+/// there is such a section, and in an axisymmetric section, of which `who` is not.
+template <int Dim> bool has_method(const Section& root, const DynamicsSettings<Dim>& dynamics, DynamicsMethod method,
+                                   const char* name, const char* who) {
+  if (dynamics.method != method) {
+    if (root.has(name))
+      root.fail(name, fmt::format("[{0}] has options of the method \"{0}\", and this case has another one: leave out "
+                                  "[{0}], or take dynamics.method = \"{0}\"",
+                                  name));
+    return false;
+  }
+  if (dynamics.common.model.plane == Plane::axisymmetric)
+    root.fail(name, fmt::format("{} of plane strain or in space, not of an axisymmetric section: take dynamics.method "
+                                "= \"otm\", or all of the body in space",
+                                who));
+  return true;
+}
+
 /// [mpm]; after the material and the geometry.
 template <int Dim> void read_mpm(const Section& root, DynamicsSettings<Dim>& dynamics) {
   const Section section =
       root.section("mpm", {"cell", "points", "degree", "transfer", "flip", "order", "remap", "frame"});
-  if (dynamics.method != DynamicsMethod::mpm) {
-    if (root.has("mpm"))
-      root.fail("mpm",
-                "[mpm] has options of the method \"mpm\", and this case has another one: leave out [mpm], or take "
-                "dynamics.method = \"mpm\"");
-    return;
-  }
-  if (dynamics.common.model.plane == Plane::axisymmetric)
-    root.fail("mpm",
-              "the material point method is of plane strain or in space, not of an axisymmetric section: take "
-              "dynamics.method = \"otm\", or all of the body in space");
+  if (!has_method(root, dynamics, DynamicsMethod::mpm, "mpm", "the material point method is")) return;
   if (!section.has("cell"))
     section.fail(
         "",
@@ -383,17 +391,7 @@ template <int Dim> void read_mpm(const Section& root, DynamicsSettings<Dim>& dyn
 template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dynamics) {
   const Section section = root.section(
       "sph", {"spacing", "smoothing", "kernel", "frame", "corrected", "viscosity", "artificial_stress", "splitting"});
-  if (dynamics.method != DynamicsMethod::sph) {
-    if (root.has("sph"))
-      root.fail("sph",
-                "[sph] has options of the method \"sph\", and this case has another one: leave out [sph], or take "
-                "dynamics.method = \"sph\"");
-    return;
-  }
-  if (dynamics.common.model.plane == Plane::axisymmetric)
-    root.fail("sph",
-              "smoothed particles are of plane strain or in space, not of an axisymmetric section: take "
-              "dynamics.method = \"otm\", or all of the body in space");
+  if (!has_method(root, dynamics, DynamicsMethod::sph, "sph", "smoothed particles are")) return;
   if (!section.has("spacing"))
     section.fail("",
                  "key \"spacing\" is missing in [sph]: the distance of the particles; about a twentieth of the height "

@@ -158,4 +158,20 @@ template <class Return> void respond_by_return(const ElasticModuli& moduli, Stra
   for (Index p = 0; p < given.size(); ++p) respond_by_return(p, moduli, strain, kinematic, given, response, returned);
 }
 
+/// Answers for all points eight at a time, near_identity(begin, count, moduli of all or none), at finite strains
+/// without tangents; else one by one, in_axes(p). Histories of the response are those given, to start with.
+template <class InAxes, class NearIdentity>
+void respond_in_eights(const ElasticModuli& moduli, Strain strain, const Deformation& given, MaterialResponse& response,
+                       const InAxes& in_axes, const NearIdentity& near_identity) {
+  const Index n = given.size();
+  if (strain == Strain::small || response.tangent) {
+    for (Index p = 0; p < n; ++p) in_axes(p);
+    return;
+  }
+  std::optional<ElasticConstants> alike;
+  if (n > 0 && moduli.is_constant()) alike = moduli.at(given.X.col(0));
+  response.history = given.history;
+  for (Index p = 0; p < n; p += 8) near_identity(p, static_cast<int>(std::min<Index>(8, n - p)), alike);
+}
+
 }  // namespace efree::internal

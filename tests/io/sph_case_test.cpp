@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Case files of smoothed particles: errors of input, results of runs.
-#include "efree/core/error.hpp"
-#include "efree/io/case/case_file.hpp"
-#include "efree/tests/io/workspace.hpp"
+#include "efree/tests/io/dynamics_cases.hpp"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
 #include <string>
@@ -13,8 +10,7 @@
 namespace efree {
 namespace {
 
-using test::json, test::replaced, test::Workspace;
-using ::testing::AllOf, ::testing::HasSubstr, ::testing::ThrowsMessage;
+using test::json, test::refuses, test::replaced, test::says, test::Workspace;
 namespace fs = std::filesystem;
 
 /// A block of dry sand that loses its wall.
@@ -60,18 +56,6 @@ end = 0.2
 frames = 2
 )toml";
 
-auto refuses(const std::string& text) {
-  return [text] {
-    const Workspace workspace(text);
-    const auto build = [](const auto& any) {
-      if constexpr (requires { build_dynamics_model(any); }) build_dynamics_model(any);
-    };
-    std::visit(build, read_case(workspace / "case.toml"));
-  };
-}
-auto says(const std::string& what) {
-  return ThrowsMessage<InputError>(AllOf(HasSubstr("case.toml:"), HasSubstr(what)));
-}
 std::string with(const std::string& more) {
   return replaced(sand, "spacing = 0.01\n", "spacing = 0.01\n" + more + "\n");
 }

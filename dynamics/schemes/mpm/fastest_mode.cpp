@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
 
+#include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/points.hpp"
 
 #include <algorithm>
@@ -79,25 +80,14 @@ template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGri
   std::vector<std::pair<AlignedVector<double>, AlignedVector<double>>> kept;
   for (std::size_t c = 0; c < world.chunks.size(); ++c)
     kept.emplace_back(world.chunks[c].table.force, grid.particles[c].momentum);
-  Points<Dim> forces(Dim, world.nodes.size());
-  double squared = 0.0;
-  for (int k = 0; k < products; ++k) {
+  const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     grid.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-      of.mesh ? scatter_of_mesh(world, grid, mode_, chunk, of) : scatter_of_points(grid, mode_, chunk, of);
+      of.mesh ? scatter_of_mesh(world, grid, mode, chunk, of) : scatter_of_points(grid, mode, chunk, of);
       grid.take_slots(chunk, of);
     });
     collect_forces(world, forces);
-    double work = 0.0, norm = 0.0;
-    for (Index a = 0; a < world.nodes.size(); ++a) {
-      const double mass = world.nodes.mass[a];
-      work += forces.col(a).dot(mode_.col(a));
-      mode_.col(a) = mass > 0.0 ? Vec<Dim>(forces.col(a) / mass) : Vec<Dim>::Zero();
-      norm += forces.col(a).dot(mode_.col(a));
-    }
-    squared = work > 0.0 ? norm / work : 0.0;
-    if (!(norm > 0.0)) break;
-    mode_ /= std::sqrt(norm);
-  }
+  };
+  const double squared = power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
   for (std::size_t c = 0; c < world.chunks.size(); ++c) {
     std::ranges::copy(kept[c].first, world.chunks[c].table.force.begin());
     std::ranges::copy(kept[c].second, grid.particles[c].momentum.begin());

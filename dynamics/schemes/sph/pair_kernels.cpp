@@ -207,14 +207,15 @@ template <int Dim> EFREE_INLINE void multiply(const double* a, const double* b, 
   }
 }
 
-template <int Dim, bool has_artificial>
+template <int Dim, bool has_artificial, bool has_viscosity>
 EFREE_INLINE LostPower sum_forces_of(const ParticlePairs& pairs, const LocalParticles& of, const PairForces& by,
                                      PairColumns& columns, double* forces) {
   const double *slopes = columns[slope], *pi = columns[approach], *dot = columns[along], *factor = columns[artificial];
   find_slopes<Dim>(pairs, of, columns);
   constexpr int size = tensor_size(Dim);
   for (Index k = 0; k < 4 * pairs.all(); ++k) forces[k] = 0.0;
-  LostPower lost{.approach = find_viscosity<Dim>(pairs, of, by, columns)};
+  LostPower lost;
+  if (has_viscosity) lost.approach = find_viscosity<Dim>(pairs, of, by, columns);
   for (Index i = 0; i < pairs.own; ++i) {
     Four x, v, xj, vj, of_pair, more, sum = {};
     load(x, of.x + 4 * i);
@@ -226,8 +227,10 @@ EFREE_INLINE LostPower sum_forces_of(const ParticlePairs& pairs, const LocalPart
       const Four d = x - xj;
       const double weight = v[3] * vj[3] * slopes[k], share = j < pairs.own ? 1.0 : 0.5;
       multiply<Dim>(by.stress + size * i, by.stress + size * j, d, of_pair);
-      of_pair -= pi[k] * d;
-      lost.viscous += share * weight * pi[k] * dot[k];
+      if constexpr (has_viscosity) {
+        of_pair -= pi[k] * d;
+        lost.viscous += share * weight * pi[k] * dot[k];
+      }
       if constexpr (has_artificial) {
         multiply<Dim>(by.artificial + size * i, by.artificial + size * j, d, more);
         more *= factor[k];
@@ -254,13 +257,20 @@ EFREE_FOR_EACH_MACHINE void rates_kernel(const ParticlePairs& pairs, const Local
             : sum_rates_of<3, false>(pairs, of, columns, rates, moments);
 }
 
+template <int Dim> EFREE_INLINE LostPower sum_forces_by(const ParticlePairs& pairs, const LocalParticles& of,
+                                                        const PairForces& by, PairColumns& columns, double* forces) {
+  const bool has_viscosity = by.linear > 0.0 || by.quadratic > 0.0;
+  if (by.artificial)
+    return has_viscosity ? sum_forces_of<Dim, true, true>(pairs, of, by, columns, forces)
+                         : sum_forces_of<Dim, true, false>(pairs, of, by, columns, forces);
+  return has_viscosity ? sum_forces_of<Dim, false, true>(pairs, of, by, columns, forces)
+                       : sum_forces_of<Dim, false, false>(pairs, of, by, columns, forces);
+}
+
 EFREE_FOR_EACH_MACHINE LostPower forces_kernel(const ParticlePairs& pairs, const LocalParticles& of,
                                                const PairForces& by, PairColumns& columns, double* forces) {
-  if (of.dim == 2)
-    return by.artificial ? sum_forces_of<2, true>(pairs, of, by, columns, forces)
-                         : sum_forces_of<2, false>(pairs, of, by, columns, forces);
-  return by.artificial ? sum_forces_of<3, true>(pairs, of, by, columns, forces)
-                       : sum_forces_of<3, false>(pairs, of, by, columns, forces);
+  return of.dim == 2 ? sum_forces_by<2>(pairs, of, by, columns, forces)
+                     : sum_forces_by<3>(pairs, of, by, columns, forces);
 }
 
 }  // namespace

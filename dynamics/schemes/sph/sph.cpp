@@ -4,6 +4,7 @@
 #include "efree/core/aligned.hpp"
 #include "efree/core/internal/random.hpp"
 #include "efree/core/internal/spectrum.hpp"
+#include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/sph/internal/increment.hpp"
 #include "efree/dynamics/schemes/sph/internal/lattice_waves.hpp"
@@ -94,8 +95,8 @@ template <int Dim> class Sph final : public Scheme<Dim> {
  private:
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
   void estimate_frequency(const World<Dim>& world, int products);
-  const ParticlePairs& pairs_of(const World<Dim>& world, const Chunk<Dim>& chunk) const {
-    return pairs_[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  static std::size_t number_of(const World<Dim>& world, const Chunk<Dim>& chunk) {
+    return static_cast<std::size_t>(&chunk - world.chunks.data());
   }
   LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
                                  double ago) const;
@@ -113,6 +114,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   Points<Dim> mode_;            ///< Dim x N, with that frequency
   std::int64_t estimates_ = 0;
   internal::ParticleSizes sizes_;
+  double smallest_size_ = 0.0;        ///< smallest smoothing length
   std::vector<ParticlePairs> pairs_;  ///< by chunk
   std::vector<double> wave_rates_;    ///< likewise
   Points<Dim> x_listed_;              ///< positions where pairs were listed
@@ -144,6 +146,7 @@ template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const Defor
 }
 
 template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Points<Dim>& x) {
+  if (!x.allFinite()) throw NumericalError(fmt::format("at time {:.6g} particles are nowhere", world.time));
   std::vector<std::vector<Index>> particles(world.chunks.size());
   std::vector<std::span<const Index>> chunks;
   for (std::size_t c = 0; c < world.chunks.size(); ++c) {
@@ -153,6 +156,7 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
   }
   internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, pairs_);
   x_listed_ = x;
+  smallest_size_ = sizes_.smoothing.minCoeff();
   const auto n = static_cast<std::size_t>(x.cols());
   const auto size = static_cast<std::size_t>(tensor_size(Dim));
   wave_rates_.resize(world.chunks.size());
@@ -167,9 +171,8 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
 template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, int products) {
   constexpr double mixed_in = 0.05;  // random part over the root mean square: another mode may become the fastest
   constexpr int size = tensor_size(Dim);
-  const Nodes<Dim>& nodes = world.nodes;
-  const Index n = nodes.size();
-  mode_.conservativeResizeLike(Points<Dim>::Zero(Dim, n));  // daughters are after their body: any start will do
+  mode_.conservativeResizeLike(
+      Points<Dim>::Zero(Dim, world.nodes.size()));  // daughters are after their body: any start will do
   const double mean = std::sqrt(mode_.squaredNorm() / static_cast<double>(mode_.size()));
   const double amount = mean > 0.0 && std::isfinite(mean) ? mixed_in * mean : 1.0;
   if (amount == 1.0) mode_.setZero();
@@ -177,15 +180,13 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
     mode_(k) += amount * internal::random_number(static_cast<std::uint64_t>(mode_.size() * estimates_ + k));
   ++estimates_;
   AlignedVector<double> stress(stress_.size(), 0.0);
-  Points<Dim> forces(Dim, n);
-  double squared = 0.0;
-  for (int k = 0; k < products; ++k) {
+  const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
       const Chunk<Dim>& chunk = world.chunks[c];
       const ParticlePairs& pairs = pairs_[c];
       AlignedVector<double>& rates = local_arrays().sums;
       rates.resize(std::max(rates.size(), static_cast<std::size_t>(size * pairs.all())));
-      internal::sum_rates(pairs, local_particles(world, mode_, pairs, 0.0), rates.data());
+      internal::sum_rates(pairs, local_particles(world, mode, pairs, 0.0), rates.data());
       for (Index p = 0; p < chunk.size(); ++p) {
         const Matter<Dim>& matter = chunk.matter;
         const auto at = static_cast<std::size_t>(size * pairs.particles[p]);
@@ -198,18 +199,10 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
                         stress.data() + at);
       }
     });
-    sum_forces(world, mode_, stress, {}, forces);
+    sum_forces(world, mode, stress, {}, forces);
     forces = -forces;
-    double work = 0.0, norm = 0.0;
-    for (Index a = 0; a < n; ++a) {
-      work += forces.col(a).dot(mode_.col(a));
-      mode_.col(a) = forces.col(a) / nodes.mass[a];
-      norm += forces.col(a).dot(mode_.col(a));
-    }
-    squared = work > 0.0 ? norm / work : 0.0;
-    if (!(norm > 0.0)) break;
-    mode_ /= std::sqrt(norm);
-  }
+  };
+  const double squared = internal::power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
   frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
 }
 
@@ -217,18 +210,17 @@ template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableSte
   auto start = std::chrono::steady_clock::now();
   counts_power_ = true;
   const Points<Dim>& x = world.nodes.x;
-  if (!x.allFinite()) throw NumericalError(fmt::format("at time {:.6g} particles are nowhere", world.time));
   const bool due = options_.splitting.strain > 0.0 && world.steps % splitting_interval == 0;
-  const double smallest = sizes_.smoothing.minCoeff();
   if (const Index split = due ? internal::split_particles(world, options_.splitting, sizes_) : 0; split > 0) {
     world.ledger.add_count("split particles", split);
-    frequency_ *= smallest / sizes_.smoothing.minCoeff();
+    const double smallest_before = smallest_size_;
     list_pairs(world, x);
+    frequency_ *= smallest_before / smallest_size_;
   }
   // What all have moved together brings no particles closer to each other.
   const Vec<Dim> mean = (x - x_listed_).rowwise().mean();
   const double furthest = ((x - x_listed_).colwise() - mean).colwise().squaredNorm().maxCoeff();
-  const double most = 0.5 * list_skin * sizes_.smoothing.minCoeff();
+  const double most = 0.5 * list_skin * smallest_size_;
   if (!(furthest < most * most)) list_pairs(world, x);
   world.ledger.add_time("pairs", seconds_since(start));
 }
@@ -259,7 +251,7 @@ template <int Dim> LocalParticles Sph<Dim>::local_particles(const World<Dim>& wo
 
 template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   constexpr int size = tensor_size(Dim);
-  const ParticlePairs& pairs = pairs_of(world, chunk);
+  const ParticlePairs& pairs = pairs_[number_of(world, chunk)];
   const double half = 0.5 * world.last_step;
   AlignedVector<double>&rates = local_arrays().sums, &moments = local_arrays().moments;
   for (auto* sums : {&rates, &moments})
@@ -315,7 +307,7 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   constexpr int size = tensor_size(Dim);
   const Matter<Dim>& matter = chunk.matter;
   const double* columns = chunk.columns();
-  double& wave_rate = wave_rates_[static_cast<std::size_t>(&chunk - world.chunks.data())];
+  double& wave_rate = wave_rates_[number_of(world, chunk)];
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
     const auto a = static_cast<std::size_t>(world.point_number(chunk, p));
@@ -378,7 +370,7 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
                                 .exponent = exponent},
                                world.nodes.force);
   approach_rate_ = 0.0;
-  for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / sizes_.smoothing.minCoeff());
+  for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / smallest_size_);
   if (std::exchange(counts_power_, false)) {
     const double viscous_before = std::exchange(viscous_power_, 0.0),
                  artificial_before = std::exchange(artificial_power_, 0.0);
