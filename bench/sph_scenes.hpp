@@ -4,7 +4,7 @@
 
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/dynamics/dynamics.hpp"
-#include "efree/dynamics/schemes/sph/internal/pair_kernels.hpp"
+#include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
@@ -60,14 +60,31 @@ template <int Dim> struct RandomParticles {
 };
 
 /// What is left of <L v, V sigma> + <v, f> over the sum of the absolute values, of particles in two chunks; f are
-/// forces by the stresses alone. And the sum of the forces, over that of their sizes.
-template <int Dim> std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_ratio) {
-  const RandomParticles<Dim> of(Dim == 2 ? 24 : 10, largest_ratio);
+/// forces by the stresses alone. And the sum of the forces less those by walls, over that of their sizes. has_walls:
+/// two at right angles, one of them smooth, and an oblique one, on which all particles are pressed.
+template <int Dim>
+std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_ratio, bool has_walls = false) {
+  RandomParticles<Dim> of(Dim == 2 ? 24 : 10, largest_ratio);
   const auto n = static_cast<Index>(of.x.cols());
+  constexpr double pressure = 10.0;  // walls do not pull
+  for (Index a = 0; has_walls && a < n; ++a)
+    for (int i = 0; i < Dim; ++i)
+      of.stress[internal::tensor_size(Dim) * a + internal::tensor_index(Dim, i, i)] -= pressure;
   std::vector<std::vector<Index>> chunks(2);
   for (Index a = 0; a < n; ++a) chunks[of.x(0, a) + 0.7 * of.x(1, a) < 0.8 * std::cbrt(n) ? 0 : 1].push_back(a);
+  std::vector<Wall<Dim>> walls;
+  if (has_walls) {
+    Vec<Dim> oblique = -0.6 * Vec<Dim>::Unit(0) - 0.8 * Vec<Dim>::Unit(1);
+    walls = {{.normal = Vec<Dim>::Unit(0), .level = -0.5, .friction = std::numeric_limits<double>::infinity()},
+             {.normal = Vec<Dim>::Unit(1), .level = -0.4},
+             {.normal = oblique, .level = oblique.dot(of.x.col(n - 1)) - 0.5}};
+  }
+  const auto images = internal::images_by(walls);
   std::vector<internal::ParticlePairs> pairs;
-  internal::find_pairs<Dim>(of.x, of.smoothing, kernel_support + 0.1, {chunks[0], chunks[1]}, pairs);
+  internal::find_pairs<Dim>(of.x, of.smoothing, kernel_support + 0.1, {chunks[0], chunks[1]}, images, pairs);
+  const std::vector<internal::WallBits> pressed(static_cast<std::size_t>(n), 7);
+  const internal::MirroredParticles<Dim> mirrored{images, kernel, of.x, of.v, 0.0, of.mass, of.smoothing, pressed};
+  std::vector<Points<Dim>> wall_forces(walls.size(), Points<Dim>::Zero(Dim, n));
   constexpr int size = internal::tensor_size(Dim);
   double products = 0.0, scale = 0.0, forces_scale = 0.0;
   Vec<Dim> total = Vec<Dim>::Zero();
@@ -87,7 +104,9 @@ template <int Dim> std::pair<double, double> adjoint_errors(SmoothingKernel kern
     const internal::LocalParticles local{
         .dim = Dim, .kernel = kernel, .one_size = largest_ratio == 1.0, .x = x.data(), .v = v.data()};
     internal::sum_rates(chunk, local, rates.data());
+    internal::add_mirrored_rates(chunk, mirrored, rates.data(), nullptr);
     internal::sum_forces(chunk, local, {.stress = stress.data(), .density = density.data()}, forces.data());
+    internal::add_mirrored_forces(chunk, mirrored, {.stress = of.stress.data()}, walls, forces.data(), wall_forces);
     // V L with L = 1 / rho sum ..., and sigma = rho^2 times these: rho cancels.
     for (Index l = 0; l < chunk.own; ++l) {
       for (int k = 0; k < size; ++k) {
@@ -104,6 +123,7 @@ template <int Dim> std::pair<double, double> adjoint_errors(SmoothingKernel kern
       }
     }
   }
+  for (const auto& of_wall : wall_forces) total -= of_wall.rowwise().sum();
   return {std::abs(products) / scale, total.norm() / forces_scale};
 }
 
@@ -143,6 +163,9 @@ struct Soil {
 };
 /// Aluminium rods (Bui, Fukagawa, Sako & Ohno 2008).
 constexpr Soil rods{.density = 2650.0, .bulk = 0.7e6, .nu = 0.3, .cohesion = 0.0, .friction = 19.8, .dilatancy = 0.0};
+/// Those of a like test with other rods (Nguyen, Nguyen, Bui, Nguyen & Fukagawa 2017).
+constexpr Soil rods_2{
+    .density = 2040.0, .bulk = 4.867e6, .nu = 0.3, .cohesion = 0.0, .friction = 21.9, .dilatancy = 0.0};
 
 /// Particles of a rectangle from the origin on.
 inline DeformableBody<2> soil_block(double length, double height, const SphOptions& options, const Soil& soil,
@@ -339,9 +362,64 @@ inline double shear_ratio(const Soil& soil, double normal_stress) {
   return now(0, 1) / -now(1, 1);
 }
 
+/// Mean of tau / sigma_n in the middle of a layer of sand on a rough floor that is pressed and then sheared at constant
+/// volume: three rows at its top and columns at its ends move as a layer without end would.
+inline double shear_ratio_of_layer(const Soil& soil, double spacing) {
+  constexpr double length = 1.0, height = 0.2, pressure = 1e3;
+  const SphOptions options{.spacing = spacing};
+  Dynamics<2> dynamics({soil_block(length, height, options, soil)}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  const Points<2> X = dynamics.points();
+  const double edge = 3.0 * spacing;
+  const auto move_edges = [&](double along, double down) {
+    for (Index a = 0; a < X.cols(); ++a) {
+      if (X(1, a) < height - edge && X(0, a) > edge && X(0, a) < length - edge) continue;
+      dynamics.prescribe(a, 0, along * X(1, a) / height);
+      dynamics.prescribe(a, 1, -down * X(1, a) / height);
+    }
+  };
+  const double strain = pressure / (soil.bulk * 3.0 * (1.0 - soil.nu) / (1.0 + soil.nu));
+  move_edges(0.0, strain * height / 0.1);
+  dynamics.run(0.1);
+  move_edges(0.2 * height, 0.0);
+  dynamics.run(1.1);
+  const Tensors stress = dynamics.cauchy_stress();
+  double shear = 0.0, normal = 0.0;
+  for (Index a = 0; a < X.cols(); ++a) {
+    if (std::abs(X(0, a) - 0.5 * length) > 0.2 * length || X(1, a) > height - 5.0 * spacing) continue;
+    shear += stress(1, a);
+    normal -= stress(4, a);
+  }
+  return shear / normal;
+}
+
+/// A smooth rigid footing is pushed into cohesive soil without weight: its mean pressure over (2 + pi) c (Prandtl 1920)
+/// when it has sunk in by a tenth to a fifth of half its width. One half of it, of that width: `spacings`.
+inline double footing_ratio(double spacings) {
+  constexpr double half = 1.0, length = 5.0, height = 2.5, cohesion = 1e3, speed = 0.05;
+  constexpr Soil clay{
+      .density = 2000.0, .bulk = 1e6, .nu = 0.45, .cohesion = cohesion, .friction = 0.0, .dilatancy = 0.0};
+  const SphOptions options{.spacing = half / spacings};
+  Dynamics<2> dynamics({soil_block(length, height, options, clay)}, sph<2>(options), {.imbalance = 10.0});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0});
+  dynamics.add_wall({.normal = {-1.0, 0.0}, .level = -length});
+  Points<2> corners(2, 4);
+  corners << -half, half, half, -half, height, height, height + half, height + half;
+  dynamics.add_rigid_body({.shape = rigid_shapes::solid<2>(corners, rigid_shapes::polygon(4)),
+                           .velocity = [](double) { return Vec<2>(0.0, -speed); }});
+  dynamics.run(0.1 * half / speed);
+  const Vec<2> before = dynamics.rigid_bodies()[0].impulse;
+  const double start = dynamics.time();
+  dynamics.run(0.2 * half / speed);
+  const double impulse = dynamics.rigid_bodies()[0].impulse[1] - before[1];
+  return impulse / (dynamics.time() - start) / (half * (2.0 + std::numbers::pi) * cohesion);
+}
+
 /// A stiff block that slides down a plane with friction: its acceleration over the closed form, less one.
 inline double sliding_error(double slope_degrees, double friction) {
-  const SphOptions options{.spacing = 0.05};
+  SphOptions options{.spacing = 0.05};
+  options.viscosity.linear = 1.0;  // it does not rock
   const Soil stiff{.density = 2000.0, .bulk = 2e6, .nu = 0.2, .cohesion = 1e6, .friction = 30.0, .dilatancy = 0.0};
   Dynamics<2> dynamics({soil_block(1.0, 0.5, options, stiff)}, sph<2>(options), {.imbalance = 10.0});
   dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = friction});
@@ -354,16 +432,20 @@ inline double sliding_error(double slope_degrees, double friction) {
     dynamics.run(1.0 * k / stages);
   }
   dynamics.set_gravity({along, -normal});
-  const double start = dynamics.points().row(0).mean();
-  dynamics.run(2.0);
-  const double moved = dynamics.points().row(0).mean() - start;
-  return 2.0 * moved / (along - friction * normal) - 1.0;
+  // The closed form is that of a rigid block; this one begins to slide when a shear wave has gone through it.
+  const auto run = [&](double until) {
+    dynamics.run(until);
+    return dynamics.point_velocities().row(0).mean();
+  };
+  const double before = run(1.3), start = dynamics.time(), after = run(3.0);
+  return (after - before) / (dynamics.time() - start) / (along - friction * normal) - 1.0;
 }
 
 /// How a column of cohesive soil lies after its collapse.
 struct Clumps {
   double closest = 0.0;      ///< smallest distance of two particles over the spacing
-  double void_radius = 0.0;  ///< largest distance of a particle inside from its fourth neighbour, over the spacing
+  double void_radius = 0.0;  ///< largest distance of a particle from its fourth neighbour, over the spacing, outside
+                             ///< bands where equivalent plastic strains are more than a half
   Index close_pairs = 0;     ///< closer than half the spacing
   double energy_error = 0.0, speed = 0.0;
 };
@@ -374,7 +456,9 @@ inline Clumps cohesive_collapse(const SphOptions& options, double end) {
   dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0, .friction = 0.0});
   dynamics.set_gravity({0.0, -earth_gravity});
   dynamics.run(end);
+  constexpr double in_band = 0.5;
   const Points<2> x = dynamics.points();
+  const Matrix flow = dynamics.history(0);
   internal::Neighbours<2> tree;
   tree.build(x);
   Clumps clumps{.closest = std::numeric_limits<double>::infinity()};
@@ -388,7 +472,7 @@ inline Clumps cohesive_collapse(const SphOptions& options, double end) {
     if (distances.empty()) continue;
     clumps.closest = std::min(clumps.closest, distances.front());
     clumps.close_pairs += std::ranges::count_if(distances, [](double d) { return d < 0.5; });
-    if (distances.size() > 3) clumps.void_radius = std::max(clumps.void_radius, distances[3]);
+    if (distances.size() > 3 && flow(6, a) < in_band) clumps.void_radius = std::max(clumps.void_radius, distances[3]);
   }
   clumps.close_pairs /= 2;
   clumps.energy_error = dynamics.energy().largest_error();

@@ -282,6 +282,7 @@ template <int Dim> bool Dynamics<Dim>::nodes_persist() const {
 template <int Dim> void Dynamics<Dim>::add_wall(const Wall<Dim>& wall) {
   const RigidShape<Dim> half_space = rigid_shapes::half_space<Dim>(wall.normal, wall.level);
   parts_->rigid->add(parts_->world, {.shape = half_space, .friction = wall.friction}, true);
+  parts_->world.walls.push_back(wall);
 }
 template <int Dim> void Dynamics<Dim>::add_rigid_body(const RigidBody<Dim>& body) {
   parts_->rigid->add(parts_->world, body, false);

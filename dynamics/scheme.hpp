@@ -53,6 +53,9 @@ template <int Dim> class Scheme {
                                                  double /*reach*/) const {
     return {};
   }
+  /// Dim x N by wall: forces by which the scheme itself holds nodes off walls, part of World::nodes.force; empty: it
+  /// leaves them to contact.
+  virtual std::span<const Points<Dim>> wall_forces() const { return {}; }
   /// Points of a chunk after their deformation was updated (columns: as internal::update_deformation leaves them).
   /// Throws NumericalError for points that are inverted, unless they break; returns the strains of the others.
   virtual StrainBounds examine(const World<Dim>& world, Chunk<Dim>& chunk, double dt, StrainBounds bounds);

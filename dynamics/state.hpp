@@ -6,6 +6,7 @@
 #include "efree/core/aligned.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/dynamics/body.hpp"
+#include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/ledger.hpp"
 #include "efree/dynamics/options.hpp"
 
@@ -248,6 +249,7 @@ template <int Dim> struct World {
   std::vector<PrescribedPlace> prescribed_places;
   std::vector<PrescribedPoints<Dim>> prescribed_points;
   std::vector<VelocityLaw<Dim>> velocity_laws;
+  std::vector<Wall<Dim>> walls;
   Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
@@ -271,6 +273,8 @@ template <int Dim> struct World {
   auto nodes_of(Index body) const { return std::views::iota(first_node[body], first_node[body + 1]); }
   /// A point of a chunk, as all bodies number their points.
   Index point_number(const Chunk<Dim>& chunk, Index p) const { return first_point[chunk.body] + chunk.number[p]; }
+  /// The number of a chunk among these.
+  std::size_t number_of(const Chunk<Dim>& chunk) const { return static_cast<std::size_t>(&chunk - chunks.data()); }
   /// The chunk that has a point, and the point's number there.
   std::pair<const Chunk<Dim>&, Index> locate(Index point) const {
     return {chunks[place_of_point[point].first], place_of_point[point].second};

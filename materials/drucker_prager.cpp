@@ -16,6 +16,8 @@ using namespace internal;
 
 namespace {
 
+constexpr Index opening = 7;  ///< row of the history
+
 struct Cone {
   double eta, xi;
 };
@@ -44,17 +46,26 @@ DruckerPrager::DruckerPrager(DruckerPragerParameters parameters)
   eta_flow_ = cone(dilatancy, parameters.fit).eta;
 }
 
+std::vector<HistoryPart> DruckerPrager::history_parts() const {
+  std::vector<HistoryPart> parts = Plastic::history_parts();
+  parts.push_back({"opening_strain", Plastic::history_size(), 1});
+  return parts;
+}
+
 /// The stress p + s n that trial strains theta / 3 + e n come to.
 struct DruckerPrager::Return {
   double p, s;
-  double flow = 0.0;        ///< of the equivalent plastic strain
-  double dissipated = 0.0;  ///< [stress]
-  bool plastic = false;
+  double flow = 0.0;              ///< of the equivalent plastic strain
+  double dissipated = 0.0;        ///< [stress]
+  bool plastic = false;           ///< the elastic strain is another one than on trial
+  double open = 0.0;              ///< volume strain
   Mat<2> slope = Mat<2>::Zero();  ///< of (p, s) by (theta, e), if it is plastic
 };
 
-DruckerPrager::Return DruckerPrager::return_to_cone(double theta, double e, double a,
+/// open: volume strain so far.
+DruckerPrager::Return DruckerPrager::return_to_cone(double trial, double e, double a, double open,
                                                     const ElasticConstants& elastic) const {
+  const double theta = trial + open;
   const double mu = elastic.mu, kappa = elastic.kappa;
   const double root2 = std::sqrt(2.0), most = root2 * e;  // the multiplier that takes all shear away
   // Of the multiplier, and of more volume at the apex: how far the stress is outside.
@@ -69,7 +80,11 @@ DruckerPrager::Return DruckerPrager::return_to_cone(double theta, double e, doub
                      -eta_ * kappa - xi_ * xi_ / eta_ * slope);
   };
   const auto [beyond, slope_there] = outside_cone(0.0);
-  if (!(beyond > 0.0)) return {kappa * theta, 2.0 * mu * e};
+  if (!(beyond > 0.0))
+    return {.p = kappa * theta,
+            .s = 2.0 * mu * e,
+            .plastic = open > 0.0,
+            .slope = Vec<2>(kappa, 2.0 * mu).asDiagonal().toDenseMatrix()};
   resistance(slope_there);
   const double scale = root2 * mu * e + eta_ * kappa * std::abs(theta);
   const bool apex = outside_cone(most).first > 0.0;
@@ -77,7 +92,7 @@ DruckerPrager::Return DruckerPrager::return_to_cone(double theta, double e, doub
   Mat<2> slope;
   if (apex) {
     dv = root(outside_apex, 0.0, theta - eta_flow_ * most, scale);
-    da += xi_ / eta_ * dv;
+    da += xi_ / eta_ * std::max(dv - open, 0.0);
     const double D = resistance(outside_apex(dv).second), soft = xi_ * xi_ * cohesion_.at(a + da).slope;
     const double dv_theta = eta_ * kappa / D, dv_e = -root2 * (eta_ * eta_flow_ * kappa + soft) / D;
     slope << kappa * (1.0 - dv_theta), -kappa * (root2 * eta_flow_ + dv_e), 0.0, 0.0;
@@ -91,19 +106,25 @@ DruckerPrager::Return DruckerPrager::return_to_cone(double theta, double e, doub
         2.0 * mu - root2 * mu * dg_e;
   }
   const double p = kappa * (theta - eta_flow_ * dg - dv);
-  return {p, s, da, cohesion_.work(a, a + da) - (eta_ - eta_flow_) * p * dg, true, slope};
+  return {p,    s,
+          da,   cohesion_.work(a, a + da) - (eta_ - eta_flow_) * p * dg,
+          true, apex && !(cohesion_.at(a + da).stress > 0.0) ? theta : 0.0,
+          slope};
 }
 
 /// In principal axes: any strain, and tangents.
 void DruckerPrager::respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const {
+  double open = 0.0;
   const auto returned = [&](const Vec<3>& trial, double a, const ElasticConstants& elastic, const Vec<3>&) {
     const Meridian at(trial);
-    const Return answer = return_to_cone(at.theta, at.e, a, elastic);
+    const Return answer = return_to_cone(at.theta, at.e, a, given.history(opening, p), elastic);
+    open = answer.open;
     if (!answer.plastic) return still_elastic(trial, a, elastic);
     const Vec<3> left = Vec<3>::Constant(answer.p / elastic.kappa / 3.0) + answer.s / (2.0 * elastic.mu) * at.n;
     return Returned{at.stress(answer.p, answer.s, answer.slope), left, a + answer.flow, answer.dissipated, true};
   };
   respond_by_return(p, moduli_, strain_, 0.0, given, response, returned);
+  response.history(opening, p) = open;
 }
 
 /// The same law for points begin .. begin + count, eight at the most, without principal axes, where elastic strains are
@@ -115,7 +136,8 @@ void DruckerPrager::respond_near_identity(Index begin, int count, const std::opt
   try_elastic(points);
   points.length = points.pressure = points.shear = Eight{};
   points.contraction = Eight{} + 1.0;
-  std::array<double, 8> flows{};
+  std::array<double, 8> flows{}, open{};
+  std::array<bool, 8> changed{};
   bool plastic = false;
   for (int l = 0; l < count; ++l) {
     if (points.near[l] != 1.0) continue;
@@ -123,7 +145,7 @@ void DruckerPrager::respond_near_identity(Index begin, int count, const std::opt
     const ElasticConstants elastic = alike ? *alike : moduli_.at(given.X.col(p));
     const double theta = points.theta[l], e = points.e[l];
     try {
-      const Return answer = return_to_cone(theta, e, given.history(6, p), elastic);
+      const Return answer = return_to_cone(theta, e, given.history(6, p), given.history(opening, p), elastic);
       const double kept = answer.s / (2.0 * elastic.mu);
       points.pressure[l] = answer.p;
       points.shear[l] = e > 0.0 ? answer.s / e : 0.0;
@@ -134,7 +156,8 @@ void DruckerPrager::respond_near_identity(Index begin, int count, const std::opt
       if (const double volume = theta - answer.p / elastic.kappa; volume != 0.0)
         points.contraction[l] = std::exp(-2.0 / 3.0 * volume);
       flows[l] = answer.flow;
-      plastic = true;
+      open[l] = answer.open;
+      plastic = changed[l] = true;
     } catch (const NumericalError& error) {
       throw NumericalError(error.what() + (" " + place(given.X.col(p))));
     }
@@ -148,9 +171,10 @@ void DruckerPrager::respond_near_identity(Index begin, int count, const std::opt
     }
     double *P = response.P.col(p).data(), *history = response.history.col(p).data();
     for (int k = 0; k < 9; ++k) P[k] = points.P[k][l];
-    if (flows[l] == 0.0) continue;
+    if (!changed[l]) continue;
     for (int k = 0; k < 6; ++k) history[k] = points.metric[k][l];
     history[6] += flows[l];
+    history[opening] = open[l];
   }
 }
 

@@ -31,17 +31,23 @@ struct DruckerPragerParameters {
 /// plastic multiplier da = xi dg on the cone. Stresses beyond the apex p = xi c / eta return there, by plastic strains
 /// of which what the cone does not make, dv, is volumetric; da = xi dg + xi / eta dv, the same for stresses that reach
 /// the apex from the cone and for associated flow the book's. Dilatancy below friction makes A unsymmetric.
+///
+/// Without cohesion dv opens gaps between grains, which bear nothing until they have closed again (Tampubolon et al.
+/// 2017): stress is by the trial strains and what is open. One number more is remembered for that.
 class DruckerPrager final : public Plastic {
  public:
   /// Throws InputError for parameters out of range.
   explicit DruckerPrager(DruckerPragerParameters parameters);
   bool symmetric() const override { return eta_ == eta_flow_; }
   bool softens() const override { return cohesion_.falls(); }
+  Index history_size() const override { return Plastic::history_size() + 1; }
+  /// "opening_strain" besides: logarithmic volume strain of what is open.
+  std::vector<HistoryPart> history_parts() const override;
   void respond(const Deformation& deformation, MaterialResponse& response) const override;
 
  private:
   struct Return;
-  Return return_to_cone(double theta, double e, double a, const ElasticConstants& elastic) const;
+  Return return_to_cone(double theta, double e, double a, double open, const ElasticConstants& elastic) const;
   void respond_in_axes(Index p, const Deformation& given, MaterialResponse& response) const;
   void respond_near_identity(Index begin, int count, const std::optional<ElasticConstants>& alike,
                              const Deformation& given, MaterialResponse& response) const;

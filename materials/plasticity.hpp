@@ -10,8 +10,8 @@ namespace efree {
 /// Isotropic elasticity up to a yield surface, backward Euler along principal axes beyond it. The same law at small
 /// strains, of eps = sym(F - 1) = eps_e + eps_p and Cauchy stress, and at finite ones, of F = F_e F_p, Hencky's
 /// logarithmic elastic strains ln V_e and Kirchhoff stress (Simo 1992; de Souza Neto, Peric & Owen 2008, section 14).
-/// Remembers seven numbers (56 bytes): eps_p, or C_p^-1 - 1 with C_p = F_p^T F_p, and the equivalent plastic strain.
-/// `energy` is elastic, and that of back stresses; work against the yield stress, which heats or tears, is
+/// Remembers seven numbers (56 bytes) or more: eps_p, or C_p^-1 - 1 with C_p = F_p^T F_p, and the equivalent plastic
+/// strain. `energy` is elastic, and that of back stresses; work against the yield stress, which heats or tears, is
 /// `dissipated`. Throws NumericalError, with the place, where J <= 0 or no point of the yield surface is found.
 class Plastic : public Material {
  public:

@@ -59,7 +59,10 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
     fail("in an axisymmetric section it does not rotate: expected no inertia");
   const Vec<Dim> none = Vec<Dim>::Zero();
   const RigidState<Dim> at_rest{body.centre, none, Mat<Dim>::Identity(), Spin<Dim>::Zero(), none, none, 0.0};
-  Rigid added{.body = body, .is_wall = is_wall, .now = at_rest, .before = at_rest};
+  Rigid added{.body = body,
+              .wall = is_wall ? std::ranges::count_if(rigids_, &Rigid::is_wall) : -1,
+              .now = at_rest,
+              .before = at_rest};
   if (added.is_free() && std::ranges::any_of(world.surface_points.bodies, [](char has) { return has != 0; }))
     fail("a mass is for bodies whose nodes are their surface, not for those on a cloud");
   // The first velocity of one with a mass is prescribed, too.
@@ -71,10 +74,19 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
   x_searched_.resize(Dim, 0);
 }
 
+/// The forces by which the scheme itself holds nodes off a wall, if it does.
+template <int Dim> const Points<Dim>* RigidContact<Dim>::held_by_scheme(const Rigid& rigid) const {
+  const std::span<const Points<Dim>> forces = scheme_.wall_forces();
+  const bool has = rigid.is_wall() && rigid.wall < std::ssize(forces) && forces[rigid.wall].cols() > 0;
+  return has ? &forces[rigid.wall] : nullptr;
+}
+
 /// Gaps of nodes, infinite where surface points are in contact instead.
 template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid) {
   const Nodes<Dim>& nodes = world.nodes;
   gaps_.resize(static_cast<std::size_t>(nodes.size()));
+  // Particles that a scheme holds off by forces are stopped only where these do not do.
+  const double share = held_by_scheme(rigid) ? 0.5 : 1.0;
   parallel_for(nodes.size(), [&](Index a) {
     if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0)) {
       gaps_[a] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
@@ -82,14 +94,16 @@ template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, co
     }
     gaps_[a] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
     // What overlaps is not pushed out, which would make it fast: where particles end is known to a part of their size.
-    if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0) gaps_[a].gap = std::max(gaps_[a].gap - nodes.radius[a], 0.0);
+    if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0)
+      gaps_[a].gap = std::max(gaps_[a].gap - share * nodes.radius[a], 0.0);
   });
 }
 
-/// The impulse that keeps a node out of a rigid body in this step, with Coulomb friction; `slope`: its derivative with
-/// respect to the rigid body's velocity there. Along axes with prescribed velocity there is none.
+/// The impulse that keeps a node out of a rigid body in this step, with Coulomb friction. pressed: impulse over the
+/// mass of the node by which the scheme holds it off already, which friction counts too; `slope`: derivative of the
+/// impulse with respect to the rigid body's velocity there. Along axes with prescribed velocity there is none.
 template <int Dim> Vec<Dim> RigidContact<Dim>::impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a,
-                                                               double dt, Mat<Dim>* slope) const {
+                                                               double dt, double pressed, Mat<Dim>* slope) const {
   const Nodes<Dim>& nodes = world.nodes;
   const Vec<Dim>& normal = gaps_[a].normal;
   const double gap = gaps_[a].gap;
@@ -97,13 +111,13 @@ template <int Dim> Vec<Dim> RigidContact<Dim>::impulse_on_node(const World<Dim>&
   if (!(gap < std::numeric_limits<double>::infinity())) return Vec<Dim>::Zero();
   const Vec<Dim> relative = nodes.v.col(a) - velocity_of<Dim>(rigid.now, nodes.x.col(a));
   // Nodes inside move out within a stable step, not at once where a step is cut short.
-  const double change = -normal.dot(relative) - gap / (gap < 0.0 ? std::max(dt, world.stable_step) : dt);
-  if (!(change > 0.0)) return Vec<Dim>::Zero();
+  const double change = std::max(0.0, -normal.dot(relative) - gap / (gap < 0.0 ? std::max(dt, world.stable_step) : dt));
+  if (!(change > 0.0) && !(pressed > 0.0)) return Vec<Dim>::Zero();
   const Vec<Dim> direction = nodes.free.col(a).cwiseProduct(normal);
   const double part = direction.squaredNorm();
   if (part < least_free) return Vec<Dim>::Zero();
   const Vec<Dim> slip = nodes.free.col(a).cwiseProduct(Vec<Dim>(relative - normal.dot(relative) * normal));
-  const double sliding = slip.norm(), most = rigid.body.friction * change;
+  const double sliding = slip.norm(), most = rigid.body.friction * (change + pressed);
   const double sticking = sliding > most ? most / sliding : 1.0;
   if (slope) {
     *slope = direction * normal.transpose() / part;
@@ -135,7 +149,7 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
     Mat<n> slope = inertia.asDiagonal();
     for (Index a = 0; a < world.nodes.size(); ++a) {
       Mat<Dim> of_node;
-      const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, &of_node);
+      const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, 0.0, &of_node);
       if (impulse.isZero(0.0)) continue;
       const auto at = velocity_matrix<Dim>(world.nodes.x.col(a) - rigid.now.centre);
       residual += at.transpose() * impulse;
@@ -156,11 +170,18 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
   }
 }
 
-template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k, double dt) {
+template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt) {
   Rigid& rigid = rigids_[k];
   Nodes<Dim>& nodes = world.nodes;
+  const Points<Dim>* held = held_by_scheme(rigid);
+  const bool slides = std::isfinite(rigid.body.friction);
   for (Index a = 0; a < nodes.size(); ++a) {
-    const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, nullptr);
+    double pressed = 0.0;
+    if (held && nodes.mass[a] > 0.0) {
+      rigid.add_reaction(nodes.x.col(a), kick * held->col(a));
+      if (slides) pressed = std::max(0.0, kick * world.walls[rigid.wall].normal.dot(held->col(a)) / nodes.mass[a]);
+    }
+    const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, pressed, nullptr);
     if (impulse.isZero(0.0)) continue;
     rigid.add_reaction(nodes.x.col(a), impulse);
     node_impulses_.push_back({k, a, impulse});
@@ -183,7 +204,7 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
       apply_to_surface(world, rigid, dt);
       find_gaps(world, rigid);
       if (rigid.is_free()) solve_motion(world, rigid, dt);
-      apply_to_nodes(world, k, dt);
+      apply_to_nodes(world, k, kick, dt);
     } else {
       apply_to_points(world, rigid, dt);
     }
@@ -206,7 +227,7 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     lost -= impulse.dot(v - rigids_[k].mean_velocity(nodes.x.col(node)));
   }
   for (Rigid& rigid : rigids_) {
-    auto& [body, is_wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = rigid;
+    auto& [body, wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = rigid;
     const double work = -0.5 * impulse.dot(before.velocity + now.velocity),
                  angular_work = -0.5 * angular_impulse.dot(before.spin + now.spin);
     now.work += work + angular_work;
@@ -250,17 +271,17 @@ template <int Dim> void RigidContact<Dim>::tally(const World<Dim>& world, Energy
 }
 
 template <int Dim> Points<Dim> RigidContact<Dim>::wall_forces() const {
-  Points<Dim> result(Dim, std::ranges::count(rigids_, true, &Rigid::is_wall));
+  Points<Dim> result(Dim, std::ranges::count_if(rigids_, &Rigid::is_wall));
   Index wall = 0;
   for (const Rigid& rigid : rigids_)
-    if (rigid.is_wall) result.col(wall++) = rigid.now.force;
+    if (rigid.is_wall()) result.col(wall++) = rigid.now.force;
   return result;
 }
 
 template <int Dim> std::vector<RigidState<Dim>> RigidContact<Dim>::rigid_bodies() const {
   std::vector<RigidState<Dim>> result;
   for (const Rigid& rigid : rigids_)
-    if (!rigid.is_wall) result.push_back(rigid.now);
+    if (!rigid.is_wall()) result.push_back(rigid.now);
   return result;
 }
 

@@ -90,6 +90,44 @@ TEST(DruckerPrager, StressesReachTheApexContinuouslyFromTheCone) {
   }
 }
 
+TEST(DruckerPrager, GapsBetweenGrainsCloseBeforeThereIsStressAgain) {
+  // Sand is pressed, torn apart and sheared, and pressed together again: its stress is back where its volume is, not
+  // before. With cohesion there are no gaps, and it is stiff at once.
+  for (const Strain strain : {Strain::small, Strain::finite})
+    for (const auto& [cohesion, dilatancy] : {std::pair(0.0, 0.0), std::pair(0.0, 0.3), std::pair(c, 0.0)}) {
+      DruckerPragerParameters sand{.moduli = moduli, .cohesion = Hardening(cohesion), .friction = friction};
+      sand.dilatancy = dilatancy;
+      sand.strain = strain;
+      const DruckerPrager material(sand);
+      Specimen one(material);
+      const auto press = [&](double volume, double shear) {
+        Mat<3> F = strain == Strain::finite ? std::exp(volume / 3.0) * Mat<3>::Identity()
+                                            : Mat<3>((1.0 + volume / 3.0) * Mat<3>::Identity());
+        F(0, 1) = shear;
+        one.to(F);
+        return one.P()(0, 0);
+      };
+      const double pressed = press(-0.003, 0.0);
+      EXPECT_LT(pressed, 0.0);
+      for (const double shear : {0.0, 0.1, 0.0}) press(0.12, shear);
+      if (cohesion == 0.0) {
+        EXPECT_LT(one.P().norm(), 1e-14);
+        EXPECT_NEAR(one.history()[7], 0.12, strain == Strain::finite ? 0.02 : 1e-12);
+      } else {
+        EXPECT_GT(one.P()(0, 0), 0.0);
+        EXPECT_EQ(one.history()[7], 0.0);
+      }
+      const double ajar = press(0.003, 0.0);
+      if (cohesion == 0.0)
+        EXPECT_LT(one.P().norm(), 1e-14) << "still open";
+      else
+        EXPECT_LT(ajar, pressed);
+      if (cohesion > 0.0) continue;
+      EXPECT_NEAR(press(-0.003, 0.0), pressed, 1e-12 * std::abs(pressed));
+      EXPECT_NEAR(one.history()[7], 0.0, 1e-15);
+    }
+}
+
 TEST(DruckerPrager, PlasticVolumeGrowsByTheDilatancyAngle) {
   for (const ConeFit fit : fits)
     for (const double dilatancy : {0.0, 0.2, friction}) {

@@ -147,7 +147,7 @@ TEST(Plasticity, TangentsHoldWherePrincipalStrainsAreEqualOrNearlySo) {
   for (const PlasticMaterial& one : plastic_materials())
     for (const double stretch : {0.9, 1.02, 1.2}) {
       const Tensors F = testing::nearly_equal_stretches(stretch);
-      Deformation at = Deformation::none(Points<3>::Zero(3, F.cols()), 7);
+      Deformation at = Deformation::none(Points<3>::Zero(3, F.cols()), one.material->history_size());
       at.F = F;
       // At small strains the same as symmetric gradients.
       if (!one.material->finite_strain())
@@ -252,7 +252,7 @@ TEST(Plasticity, WithoutATangentNoneIsMadeAndAnswersAreTheSame) {
     EXPECT_EQ(without.history, with.history) << one.name;
     EXPECT_FALSE(one.material->elastic() || one.material->linear()) << one.name;
     const auto parts = one.material->history_parts();
-    ASSERT_EQ(parts.size(), 2u);
+    ASSERT_GE(parts.size(), 2u);
     EXPECT_EQ(parts[1].name, "equivalent_plastic_strain");
     EXPECT_EQ(parts[1].offset, 6);
   }

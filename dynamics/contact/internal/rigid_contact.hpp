@@ -33,7 +33,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   /// A wall or rigid body in the run.
   struct Rigid {
     RigidBody<Dim> body;
-    bool is_wall;
+    Index wall;                                     ///< which of World::walls it is; -1: none
     RigidState<Dim> now, before;                    ///< before: a step ago
     std::vector<Index> near_points{};               ///< surface points that may come into contact soon, ascending
     Points<Dim> point_impulses{};                   ///< on these in the last step
@@ -41,6 +41,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     Vec<Dim> impulse = Vec<Dim>::Zero();            ///< of the bodies on it in this step
     Spin<Dim> angular_impulse = Spin<Dim>::Zero();  ///< likewise, about the centre
 
+    bool is_wall() const { return wall >= 0; }
     bool is_free() const { return body.mass > 0.0 || body.inertia > 0.0; }
     /// Counts an impulse on a body at a position.
     void add_reaction(const Vec<Dim>& at, const Vec<Dim>& on_body) {
@@ -53,7 +54,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     }
     // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
     friend auto fields(Rigid& of) {
-      auto& [body, is_wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = of;
+      auto& [body, wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = of;
       return std::tie(now, near_points, point_impulses, travelled);
     }
   };
@@ -64,10 +65,12 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     Vec<Dim> impulse;
   };
 
+  const Points<Dim>* held_by_scheme(const Rigid& rigid) const;
   void find_gaps(const World<Dim>& world, const Rigid& rigid);
-  Vec<Dim> impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, Mat<Dim>* slope) const;
+  Vec<Dim> impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
+                           Mat<Dim>* slope) const;
   void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
-  void apply_to_nodes(World<Dim>& world, std::size_t k, double dt);
+  void apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt);
   // Points of the material (point_impulses.cpp).
   void apply_to_points(World<Dim>& world, Rigid& rigid, double dt);
   // Surface points (surface_impulses.cpp).

@@ -104,7 +104,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   }
   bool is_polynomial() const { return options_.transfer == Transfer::polypic; }
   Particles<Dim>& particles_of(const World<Dim>& world, const Chunk<Dim>& chunk) {
-    return grid_.particles[static_cast<std::size_t>(&chunk - world.chunks.data())];
+    return grid_.particles[world.number_of(chunk)];
   }
   void transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
   void filter_velocities(World<Dim>& world);

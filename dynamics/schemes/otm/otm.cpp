@@ -260,7 +260,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
 
  private:
   OtmPoints<Dim>& points_of(const World<Dim>& world, const Chunk<Dim>& chunk) {
-    return state_.points[static_cast<std::size_t>(&chunk - world.chunks.data())];
+    return state_.points[world.number_of(chunk)];
   }
 
   void require_bodies(std::span<const DeformableBody<Dim>> bodies) const {

@@ -29,9 +29,9 @@ template <int Dim> class Cubes {
     for (Index i = 0; i < n; ++i) sorted_[next[slot(keys_[i])]++] = i;
   }
 
-  /// Calls visit(particle) for those in the cubes around a particle's, its own included, always in the same order.
-  template <class Visit> void for_each_around(Index particle, const Visit& visit) const {
-    const Cube middle = cube_of(x_.col(particle));
+  /// Calls visit(particle) for those in the cubes around that of a position and in it, always in the same order.
+  template <class Visit> void for_each_around(const Vec<Dim>& at, const Visit& visit) const {
+    const Cube middle = cube_of(at);
     for (std::int64_t i = -1; i <= 1; ++i)
       for (std::int64_t j = -1; j <= 1; ++j)
         for (std::int64_t k = Dim == 3 ? -1 : 0; k <= (Dim == 3 ? 1 : 0); ++k) {
@@ -77,8 +77,9 @@ template <int Dim> class Cubes {
 
 template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, double reach,
                                    const std::vector<std::span<const Index>>& chunks,
-                                   std::vector<ParticlePairs>& pairs) {
-  const Cubes<Dim> cubes(x, reach * size.maxCoeff());
+                                   const std::vector<WallImage<Dim>>& images, std::vector<ParticlePairs>& pairs) {
+  const double furthest = reach * size.maxCoeff();
+  const Cubes<Dim> cubes(x, furthest);
   pairs.resize(chunks.size());
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     thread_local std::vector<Index> local;  // numbers, by particle; -1: none yet
@@ -88,12 +89,13 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
     of.own = of.all();
     of.begin.assign(1, 0);
     of.other.clear();
+    of.mirrored.clear();
     for (Index i = 0; i < of.own; ++i) local[of.particles[i]] = i;
     bool fits = true;
     for (Index i = 0; i < of.own; ++i) {
       const Index particle = of.particles[i];
       const Vec<Dim> at = x.col(particle);
-      cubes.for_each_around(particle, [&](Index j) {
+      cubes.for_each_around(at, [&](Index j) {
         if (local[j] >= 0 && local[j] <= i) return;
         const double most = reach * std::max(size[particle], size[j]);
         if (!((x.col(j) - at).squaredNorm() < most * most)) return;
@@ -105,6 +107,15 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
         of.other.push_back(static_cast<std::uint16_t>(local[j]));
       });
       of.begin.push_back(of.count());
+      for (std::size_t k = 0; k < images.size(); ++k) {
+        const Vec<Dim> image = images[k].of(at);
+        if ((image - at).squaredNorm() > 4.0 * furthest * furthest) continue;  // that far from the walls
+        cubes.for_each_around(image, [&](Index j) {
+          const double most = reach * std::max(size[particle], size[j]);
+          if ((x.col(j) - image).squaredNorm() < most * most)
+            of.mirrored.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), j});
+        });
+      }
     }
     for (const Index j : of.particles) local[j] = -1;
     if (!fits)
@@ -113,9 +124,11 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
   });
 }
 
-template void find_pairs<2>(const Points<2>&, const Vector&, double, const std::vector<std::span<const Index>>&,
-                            std::vector<ParticlePairs>&);
-template void find_pairs<3>(const Points<3>&, const Vector&, double, const std::vector<std::span<const Index>>&,
-                            std::vector<ParticlePairs>&);
+#define EFREE_INSTANTIATE(Dim)                                                                                    \
+  template void find_pairs(const Points<Dim>&, const Vector&, double, const std::vector<std::span<const Index>>&, \
+                           const std::vector<WallImage<Dim>>&, std::vector<ParticlePairs>&);
+EFREE_INSTANTIATE(2)
+EFREE_INSTANTIATE(3)
+#undef EFREE_INSTANTIATE
 
 }  // namespace efree::internal

@@ -8,7 +8,7 @@
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/sph/internal/increment.hpp"
 #include "efree/dynamics/schemes/sph/internal/lattice_waves.hpp"
-#include "efree/dynamics/schemes/sph/internal/pair_kernels.hpp"
+#include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
 #include "efree/dynamics/schemes/sph/internal/splitting.hpp"
 
 #include <fmt/format.h>
@@ -17,7 +17,8 @@
 namespace efree {
 namespace {
 
-using internal::LocalParticles, internal::ParticlePairs, internal::tensor_index, internal::tensor_size;
+using internal::LocalParticles, internal::ParticlePairs, internal::put_tensor, internal::tensor_at,
+    internal::tensor_size;
 
 /// Steps between estimates of the highest frequency, a margin for what comes until the next, and what is left of the
 /// last estimate where the next one is lower.
@@ -25,6 +26,11 @@ constexpr Index estimate_interval = 16;
 constexpr double margin = 1.25, forgotten = 0.9;
 /// How much further than the support, over the smoothing length, pairs are listed.
 constexpr double list_skin = 0.25;
+/// What a volume counts for at most, over that at rest. Rates are by the volume of a particle: that of one which flies
+/// off would grow by itself.
+constexpr double largest_volume = 1.5;
+/// Distance from a wall, over the radius, up to which particles may touch it.
+constexpr double touching_reach = 1.25;
 /// Steps between looks for particles to split.
 constexpr Index splitting_interval = 8;
 
@@ -49,16 +55,9 @@ void require_options(const SphOptions& options) {
                      splitting.separation, splitting.smoothing, splitting.levels));
 }
 
-/// A tensor in arrays by particle.
-template <int Dim> Mat<Dim> tensor_at(const double* from) {
-  Mat<Dim> result;
-  for (int j = 0; j < Dim; ++j)
-    for (int i = 0; i < Dim; ++i) result(i, j) = from[tensor_index(Dim, i, j)];
-  return result;
-}
-template <int Dim> void put_tensor(const Mat<Dim>& tensor, double* to) {
-  for (int j = 0; j < Dim; ++j)
-    for (int i = 0; i < Dim; ++i) to[tensor_index(Dim, i, j)] = tensor(i, j);
+/// Volume of a point over that at rest, as sums take it.
+template <int Dim> double volume_ratio(const Matter<Dim>& matter, Index p) {
+  return std::min(matter.J_ratio[p], largest_volume);
 }
 
 /// Arrays by local number, of this thread.
@@ -88,21 +87,28 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   }
   void pack(Archive& archive) override {
     archive(sizes_.smoothing, sizes_.splits, x_listed_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
-    archive(frequency_, mode_, estimates_, correction_);
+    archive(frequency_, mode_, estimates_, correction_, touching_, free_, wall_forces_);
   }
   void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
+  std::span<const Points<Dim>> wall_forces() const override { return wall_forces_; }
 
  private:
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
+  bool lists_are_due(const World<Dim>& world) const;
   void estimate_frequency(const World<Dim>& world, int products);
-  static std::size_t number_of(const World<Dim>& world, const Chunk<Dim>& chunk) {
-    return static_cast<std::size_t>(&chunk - world.chunks.data());
-  }
   LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
                                  double ago) const;
+  void sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs, double ago, double* rates,
+                 double* moments) const;
+  void sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const;
+  void find_touching(const World<Dim>& world, const Chunk<Dim>& chunk);
+  void find_pressed();
+  internal::MirroredParticles<Dim> mirrored(const World<Dim>& world, const Points<Dim>& v, double ago) const {
+    return {images_, options_.kernel, world.nodes.x, v, ago, world.nodes.mass, sizes_.smoothing, sizes_.pressed};
+  }
   std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v,
                                               const AlignedVector<double>& stress, internal::PairForces by,
-                                              Points<Dim>& forces) const;
+                                              Points<Dim>& forces, std::vector<Points<Dim>>& wall_forces) const;
   Mat<Dim> artificial_stress(const Mat<Dim>& stress) const;
   Mat<Dim> correction_by(const Mat<Dim>& moment) const;
 
@@ -118,6 +124,10 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   std::vector<ParticlePairs> pairs_;  ///< by chunk
   std::vector<double> wave_rates_;    ///< likewise
   Points<Dim> x_listed_;              ///< positions where pairs were listed
+  std::vector<internal::WallImage<Dim>> images_;
+  std::size_t num_walls_ = 0;                        ///< that these are of
+  std::vector<internal::WallBits> touching_, free_;  ///< by particle, the walls that it touches now, is free of
+  std::vector<Points<Dim>> wall_forces_;             ///< Dim x N by wall, part of the forces
   // By particle, as sum_forces takes them.
   AlignedVector<double> stress_, artificial_, density_;
   AlignedVector<double> correction_;                     ///< by particle, tensors; empty: none
@@ -140,8 +150,10 @@ template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const Defor
     for (Index p = 0; p < chunk.size(); ++p) world.nodes.mass[world.point_number(chunk, p)] = chunk.matter.mass[p];
   world.nodes.spacing.setConstant(n, options_.spacing);
   world.options.contact.stiffness = 0.0;  // sums over all particles act between bodies, too
+  if (world.nodes.radius.size() == 0) world.nodes.radius.setZero(n);
   sizes_.smoothing.setConstant(n, options_.smoothing * options_.spacing);
   sizes_.splits.assign(static_cast<std::size_t>(n), 0);
+  sizes_.pressed.assign(static_cast<std::size_t>(n), 0);
   list_pairs(world, world.nodes.x);
 }
 
@@ -154,7 +166,9 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
     for (Index p = 0; p < chunk.size(); ++p) particles[c].push_back(world.point_number(chunk, p));
     chunks.emplace_back(particles[c]);
   }
-  internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, pairs_);
+  images_ = internal::images_by(world.walls);
+  num_walls_ = world.walls.size();
+  internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, images_, pairs_);
   x_listed_ = x;
   smallest_size_ = sizes_.smoothing.minCoeff();
   const auto n = static_cast<std::size_t>(x.cols());
@@ -164,6 +178,9 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
   correction_.resize(options_.corrected ? size * n : 0);
   artificial_.resize(options_.artificial_stress.strength > 0.0 ? size * n : 0);
   density_.resize(2 * n);
+  touching_.resize(n, 0);
+  free_.resize(n, 0);
+  wall_forces_.resize(world.walls.size());
 }
 
 /// Power iteration with the stiffness of the particles against any strain as against that of a pressure wave, which is
@@ -180,17 +197,18 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
     mode_(k) += amount * internal::random_number(static_cast<std::uint64_t>(mode_.size() * estimates_ + k));
   ++estimates_;
   AlignedVector<double> stress(stress_.size(), 0.0);
+  std::vector<Points<Dim>> wall_forces;
   const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
       const Chunk<Dim>& chunk = world.chunks[c];
       const ParticlePairs& pairs = pairs_[c];
       AlignedVector<double>& rates = local_arrays().sums;
       rates.resize(std::max(rates.size(), static_cast<std::size_t>(size * pairs.all())));
-      internal::sum_rates(pairs, local_particles(world, mode, pairs, 0.0), rates.data());
+      sum_rates(world, mode, pairs, 0.0, rates.data(), nullptr);
       for (Index p = 0; p < chunk.size(); ++p) {
         const Matter<Dim>& matter = chunk.matter;
         const auto at = static_cast<std::size_t>(size * pairs.particles[p]);
-        const double before = matter.volume[p] * matter.J_ratio[p] / matter.mass[p];
+        const double before = matter.volume[p] * volume_ratio(matter, p) / matter.mass[p];
         const Mat<Dim> correction =
             options_.corrected ? tensor_at<Dim>(correction_.data() + at) : Mat<Dim>(Mat<Dim>::Identity());
         // Stresses over the square of the density, by the mass of the particle as it is at rest.
@@ -199,16 +217,33 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
                         stress.data() + at);
       }
     });
-    sum_forces(world, mode, stress, {}, forces);
+    sum_forces(world, mode, stress, {}, forces, wall_forces);
     forces = -forces;
   };
   const double squared = internal::power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
   frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
 }
 
+/// Whether particles or images of them that are not listed may have come within the support of each other.
+template <int Dim> bool Sph<Dim>::lists_are_due(const World<Dim>& world) const {
+  if (num_walls_ != world.walls.size()) return true;
+  const Points<Dim> moved = world.nodes.x - x_listed_;
+  // What all have moved together brings no particles closer to each other, but images of them.
+  double furthest = (moved.colwise() - Vec<Dim>(moved.rowwise().mean())).colwise().squaredNorm().maxCoeff();
+  for (const Wall<Dim>& wall : world.walls) {
+    const double nearest = (wall.normal.transpose() * world.nodes.x).minCoeff() - wall.level;
+    if (nearest > kernel_support * sizes_.smoothing.maxCoeff()) continue;
+    const double approach = std::max(0.0, -(wall.normal.transpose() * moved).minCoeff());
+    furthest += approach * approach;
+  }
+  const double most = 0.5 * list_skin * smallest_size_;
+  return !(furthest < most * most);
+}
+
 template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
   auto start = std::chrono::steady_clock::now();
   counts_power_ = true;
+  find_pressed();
   const Points<Dim>& x = world.nodes.x;
   const bool due = options_.splitting.strain > 0.0 && world.steps % splitting_interval == 0;
   if (const Index split = due ? internal::split_particles(world, options_.splitting, sizes_) : 0; split > 0) {
@@ -217,11 +252,7 @@ template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableSte
     list_pairs(world, x);
     frequency_ *= smallest_before / smallest_size_;
   }
-  // What all have moved together brings no particles closer to each other.
-  const Vec<Dim> mean = (x - x_listed_).rowwise().mean();
-  const double furthest = ((x - x_listed_).colwise() - mean).colwise().squaredNorm().maxCoeff();
-  const double most = 0.5 * list_skin * smallest_size_;
-  if (!(furthest < most * most)) list_pairs(world, x);
+  if (lists_are_due(world)) list_pairs(world, x);
   world.ledger.add_time("pairs", seconds_since(start));
 }
 
@@ -249,17 +280,66 @@ template <int Dim> LocalParticles Sph<Dim>::local_particles(const World<Dim>& wo
   return {.dim = Dim, .kernel = options_.kernel, .one_size = one_size, .x = arrays.x.data(), .v = arrays.v.data()};
 }
 
+template <int Dim> void Sph<Dim>::sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
+                                            double ago, double* rates, double* moments) const {
+  internal::sum_rates(pairs, local_particles(world, v, pairs, ago), rates, moments);
+  internal::add_mirrored_rates(pairs, mirrored(world, v, ago), rates, moments);
+}
+
+/// The moments of sum_rates where particles are now, which are the gradients of their positions.
+template <int Dim>
+void Sph<Dim>::sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const {
+  internal::sum_rates(pairs, local_particles(world, world.nodes.x, pairs, 0.0), moments);
+  internal::add_mirrored_rates(pairs, mirrored(world, world.nodes.v, 0.0), nullptr, moments);
+}
+
+/// Particles touch a wall where their stress is a pressure on it, or nothing and they are nearer than their radius;
+/// they are free of it where they are pulled off.
+template <int Dim> void Sph<Dim>::find_touching(const World<Dim>& world, const Chunk<Dim>& chunk) {
+  const double* columns = chunk.columns();
+  for (Index p = 0; p < chunk.size(); ++p) {
+    const Index a = world.point_number(chunk, p);
+    touching_[a] = free_[a] = 0;
+    for (std::size_t w = 0; w < world.walls.size(); ++w) {
+      const internal::WallBits bit = internal::WallBits{1} << w;
+      const Vec<Dim>& n = world.walls[w].normal;
+      double pull = 0.0;
+      for (int j = 0; j < Dim; ++j)
+        for (int i = 0; i < Dim; ++i) pull += n[i] * columns[16 * p + 4 * j + i] * n[j];
+      if (pull > 0.0 || chunk.is_eroded(p)) {
+        free_[a] |= bit;
+        continue;
+      }
+      const double gap = n.dot(world.nodes.x.col(a)) - world.walls[w].level;
+      if (gap < (pull < 0.0 ? touching_reach : 1.0) * world.nodes.radius[a]) touching_[a] |= bit;
+    }
+  }
+}
+
+/// Images act on particles that touch and on those in reach of these particles' images, unless they are pulled off: all
+/// of them begin at once, without stress yet, not one after the other as a wave passes and forces jump.
+template <int Dim> void Sph<Dim>::find_pressed() {
+  sizes_.pressed.resize(touching_.size());
+  parallel_chunks(static_cast<Index>(pairs_.size()), 1, [&](Index c, Index) {
+    const ParticlePairs& pairs = pairs_[c];
+    for (Index i = 0; i < pairs.own; ++i) sizes_.pressed[pairs.particles[i]] = touching_[pairs.particles[i]];
+    for (const internal::MirroredPair& pair : pairs.mirrored) {
+      const Index a = pairs.particles[pair.own];
+      sizes_.pressed[a] |= touching_[pair.other] & images_[pair.image].walls & ~free_[a];
+    }
+  });
+}
+
 template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   constexpr int size = tensor_size(Dim);
-  const ParticlePairs& pairs = pairs_[number_of(world, chunk)];
+  const ParticlePairs& pairs = pairs_[world.number_of(chunk)];
   const double half = 0.5 * world.last_step;
   AlignedVector<double>&rates = local_arrays().sums, &moments = local_arrays().moments;
   for (auto* sums : {&rates, &moments})
     sums->resize(std::max(sums->size(), static_cast<std::size_t>(size * pairs.all())));
-  internal::sum_rates(pairs, local_particles(world, world.nodes.v, pairs, half), rates.data(),
-                      options_.corrected ? moments.data() : nullptr);
+  sum_rates(world, world.nodes.v, pairs, half, rates.data(), options_.corrected ? moments.data() : nullptr);
   Matter<Dim>& matter = chunk.matter;
-  const auto volume_over_mass = [&](Index p) { return matter.volume[p] * matter.J_ratio[p] / matter.mass[p]; };
+  const auto volume_over_mass = [&](Index p) { return matter.volume[p] * volume_ratio(matter, p) / matter.mass[p]; };
   for (Index p = 0; p < chunk.size(); ++p) {
     matter.x.col(p) = world.nodes.x.col(pairs.particles[p]);
     Mat<Dim> change = Mat<Dim>::Identity();
@@ -275,8 +355,8 @@ template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world,
   }
   const StrainBounds bounds = deform_by_increments(world, chunk, least);
   if (!options_.corrected) return bounds;
-  // Forces take the correction where particles are now: gradients of positions are their moments.
-  internal::sum_rates(pairs, local_particles(world, world.nodes.x, pairs, 0.0), moments.data());
+  // Forces take the correction where particles are now.
+  sum_moments(world, pairs, moments.data());
   for (Index p = 0; p < chunk.size(); ++p)
     if (!chunk.is_eroded(p))
       put_tensor<Dim>(correction_by(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p)),
@@ -307,12 +387,13 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   constexpr int size = tensor_size(Dim);
   const Matter<Dim>& matter = chunk.matter;
   const double* columns = chunk.columns();
-  double& wave_rate = wave_rates_[number_of(world, chunk)];
+  find_touching(world, chunk);
+  double& wave_rate = wave_rates_[world.number_of(chunk)];
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
     const auto a = static_cast<std::size_t>(world.point_number(chunk, p));
     double *stress = stress_.data() + size * a, *density = density_.data() + 2 * a;
-    const double J = matter.J_ratio[p], rest = chunk.is_eroded(p) ? 0.0 : matter.mass[p] / matter.volume[p];
+    const double J = volume_ratio(matter, p), rest = chunk.is_eroded(p) ? 0.0 : matter.mass[p] / matter.volume[p];
     Mat<Dim> over_squares = Mat<Dim>::Zero();
     if (rest > 0.0)
       for (int j = 0; j < Dim; ++j)
@@ -330,9 +411,11 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
 /// Dim x N, forces of stresses by particle and of what `by` has besides; and the power lost to it, by chunk.
 template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const World<Dim>& world, const Points<Dim>& v,
                                                                          const AlignedVector<double>& stress,
-                                                                         internal::PairForces by,
-                                                                         Points<Dim>& forces) const {
+                                                                         internal::PairForces by, Points<Dim>& forces,
+                                                                         std::vector<Points<Dim>>& wall_forces) const {
   constexpr int size = tensor_size(Dim);
+  wall_forces.resize(world.walls.size());
+  for (auto& of : wall_forces) of.setZero(Dim, world.nodes.size());
   std::vector<internal::LostPower> lost(world.chunks.size());
   parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&, by](Index c, Index) {
     const ParticlePairs& pairs = pairs_[c];
@@ -350,6 +433,12 @@ template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const W
     if (by.artificial) local.artificial = gather(artificial_, size, arrays.artificial);
     arrays.sums.resize(std::max(arrays.sums.size(), 4 * n));
     lost[c] = internal::sum_forces(pairs, local_particles(world, v, pairs, 0.0), local, arrays.sums.data());
+    local.stress = stress.data();
+    local.density = density_.data();
+    const auto by_walls = internal::add_mirrored_forces(pairs, mirrored(world, v, 0.0), local, world.walls,
+                                                        arrays.sums.data(), wall_forces);
+    lost[c].viscous += by_walls.viscous;
+    lost[c].approach = std::max(lost[c].approach, by_walls.approach);
     for (Index l = 0; l < pairs.own; ++l)
       forces.col(pairs.particles[l]) = Eigen::Map<const Vec<Dim>>(arrays.sums.data() + 4 * l);
   });
@@ -358,6 +447,8 @@ template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const W
 
 template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   auto start = std::chrono::steady_clock::now();
+  // What a wall would pull by the stresses of this step is free of it at once.
+  for (std::size_t a = 0; a < free_.size(); ++a) sizes_.pressed[a] &= ~free_[a];
   const ArtificialStress& artificial = options_.artificial_stress;
   const double exponent = artificial.exponent > 0.0
                               ? artificial.exponent
@@ -368,7 +459,7 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
                                 .artificial = artificial_.empty() ? nullptr : artificial_.data(),
                                 .reference = 1.0 / options_.smoothing,
                                 .exponent = exponent},
-                               world.nodes.force);
+                               world.nodes.force, wall_forces_);
   approach_rate_ = 0.0;
   for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / smallest_size_);
   if (std::exchange(counts_power_, false)) {

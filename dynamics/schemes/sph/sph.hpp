@@ -43,9 +43,10 @@ struct SphOptions {
   std::array<double, 3> origin{};  ///< position of a corner of the lattice that cuts bodies into particles
   double smoothing = 1.2;          ///< smoothing length over the spacing
   SmoothingKernel kernel = SmoothingKernel::cubic_spline;
-  /// Gradients of velocities that are exact where these are linear, at surfaces too (Randles & Libersky 1996), and the
-  /// forces of their adjoint (Bonet & Lok 1999).
-  bool corrected = true;
+  /// Gradients of velocities that are exact where these are linear, at free surfaces too (Randles & Libersky 1996), and
+  /// the forces of their adjoint (Bonet & Lok 1999): bodies that spin keep their angular momentum; steps are half as
+  /// long.
+  bool corrected = false;
   ParticleViscosity viscosity{};
   ArtificialStress artificial_stress{};
   ParticleSplitting splitting{};
@@ -53,9 +54,11 @@ struct SphOptions {
 
 /// The scheme in the updated configuration: gradients of velocities are 1/rho_i sum m_j (v_j - v_i) (x) grad W_ij,
 /// forces m_i sum m_j (sigma_i / rho_i^2 + sigma_j / rho_j^2 - Pi_ij) grad W_ij, each the adjoint of the other. Nodes
-/// are the particles; all bodies interact by the same sums, so that they stick where they meet. Walls act half a
-/// spacing from the particles. Throws InputError for options out of range, and from `begin` for bodies that are not as
-/// particles_on_lattice makes them.
+/// are the particles; all bodies interact by the same sums, so that they stick where they meet. Walls act
+/// by mirror images of the particles that are pressed on them, which keeps these about half a spacing away; with
+/// infinite friction matter flows beside the wall by its own strength. Rigid bodies stop particles half a spacing away.
+/// Throws InputError for options out of range, and from `begin` for bodies that are not as particles_on_lattice makes
+/// them.
 template <int Dim> std::unique_ptr<Scheme<Dim>> sph(const SphOptions& options);
 
 /// What gradients of particles are taken in.

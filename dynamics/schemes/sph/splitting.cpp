@@ -69,6 +69,7 @@ template <int Dim> void split_nodes(World<Dim>& world, Index body, const std::ve
   Points<Dim> at(Dim, count), v(Dim, count);
   Vector spacing(count), smoothing(count), mass(count), radius(count);
   std::vector<int> splits;
+  std::vector<WallBits> pressed;
   std::vector<PrescribedVelocity<Dim>> prescribed;
   std::vector<Index> parents;
   for (Index k = 0; const Index a : due) {
@@ -87,6 +88,7 @@ template <int Dim> void split_nodes(World<Dim>& world, Index body, const std::ve
       radius[k] = nodes.radius.size() != 0 ? nodes.radius[a] : 0.0;
       smoothing[k] = sizes.smoothing[a];
       splits.push_back(sizes.splits[a]);
+      pressed.push_back(sizes.pressed[a]);
       parents.push_back(a);
     }
     nodes.x.col(a) += corner<Dim>(0, edge);
@@ -106,6 +108,7 @@ template <int Dim> void split_nodes(World<Dim>& world, Index body, const std::ve
   all << sizes.smoothing.head(first), smoothing, sizes.smoothing.tail(sizes.smoothing.size() - first);
   sizes.smoothing = std::move(all);
   sizes.splits.insert(sizes.splits.begin() + first, splits.begin(), splits.end());
+  sizes.pressed.insert(sizes.pressed.begin() + first, pressed.begin(), pressed.end());
 }
 
 /// Chunks that have become large are halved, so that threads have pieces of much the same size; points are along a

@@ -15,6 +15,22 @@ constexpr int tensor_index(int dim, int i, int j) {
   return (dim == 2 ? 2 : 4) * j + i;
 }
 
+/// A tensor in these arrays.
+template <int Dim> Mat<Dim> tensor_at(const double* from) {
+  Mat<Dim> result;
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) result(i, j) = from[tensor_index(Dim, i, j)];
+  return result;
+}
+template <int Dim> void put_tensor(const Mat<Dim>& tensor, double* to) {
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) to[tensor_index(Dim, i, j)] = tensor(i, j);
+}
+template <int Dim> void add_tensor(const Mat<Dim>& more, double* to) {
+  for (int j = 0; j < Dim; ++j)
+    for (int i = 0; i < Dim; ++i) to[tensor_index(Dim, i, j)] += more(i, j);
+}
+
 /// Particles by local number of ParticlePairs.
 struct LocalParticles {
   int dim;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/core/types.hpp"
+#include "efree/dynamics/schemes/sph/internal/wall_images.hpp"
 
 #include <cstdint>
 #include <span>
@@ -10,22 +11,29 @@
 
 namespace efree::internal {
 
+/// A particle of a chunk, by its local number, and an image of one of the world, itself or another.
+struct MirroredPair {
+  std::uint32_t own, image;
+  Index other;
+};
+
 /// Pairs of a chunk of particles with each other, once each, and with those around the chunk.
 struct ParticlePairs {
-  std::vector<Index> particles;      ///< of the world by local number: those of the chunk, then those around it
-  Index own = 0;                     ///< how many are of the chunk
-  std::vector<Index> begin{0};       ///< by own particle: its first pair, and one past the last of all
-  std::vector<std::uint16_t> other;  ///< by pair: local number, larger than that of the first
+  std::vector<Index> particles;        ///< of the world by local number: those of the chunk, then those around it
+  Index own = 0;                       ///< how many are of the chunk
+  std::vector<Index> begin{0};         ///< by own particle: its first pair, and one past the last of all
+  std::vector<std::uint16_t> other;    ///< by pair: local number, larger than that of the first
+  std::vector<MirroredPair> mirrored;  ///< with images, ascending by `own`
 
   Index all() const { return static_cast<Index>(particles.size()); }
   Index count() const { return static_cast<Index>(other.size()); }
 };
 
 /// Pairs of all chunks that are closer than `reach` times the larger of their `size`. chunks: the particles of each.
-/// Throws NumericalError for a chunk with more than 65535 particles around. Deterministic; linear in the number of
-/// particles.
+/// Pairs with images likewise, once in each order. Throws NumericalError for a chunk with more than 65535 particles
+/// around. Deterministic; linear in the number of particles.
 template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, double reach,
                                    const std::vector<std::span<const Index>>& chunks,
-                                   std::vector<ParticlePairs>& pairs);
+                                   const std::vector<WallImage<Dim>>& images, std::vector<ParticlePairs>& pairs);
 
 }  // namespace efree::internal

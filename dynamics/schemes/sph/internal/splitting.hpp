@@ -2,14 +2,16 @@
 /// Particles become several smaller ones where they are strained.
 #pragma once
 
+#include "efree/dynamics/schemes/sph/internal/wall_images.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
 
 namespace efree::internal {
 
 /// Numbers by particle that splitting changes.
 struct ParticleSizes {
-  Vector smoothing;         ///< smoothing lengths
-  std::vector<int> splits;  ///< how often a particle and its parents have been split
+  Vector smoothing;               ///< smoothing lengths
+  std::vector<int> splits;        ///< how often a particle and its parents have been split
+  std::vector<WallBits> pressed;  ///< the walls that it is pressed on
 };
 
 /// Splits the particles that are strained beyond the threshold; returns how many. Mass, momentum, kinetic and stored
