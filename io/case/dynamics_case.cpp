@@ -325,8 +325,9 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
   options.seizing = section.boolean("seizing", options.seizing);
 }
 
-/// Whether the case has a method, whose options are in the section of that name. Fails where it has another one and
-/// there is such a section, and in an axisymmetric section, of which `who` is not.
+/// Whether the case uses a method, whose options are in the section `name`. Throws InputError if the case has this
+/// section but uses another method, and for axisymmetric cases, which the method does not support; `who`: the method in
+/// messages.
 template <int Dim> bool has_method(const Section& root, const DynamicsSettings<Dim>& dynamics, DynamicsMethod method,
                                    const char* name, const char* who) {
   if (dynamics.method != method) {

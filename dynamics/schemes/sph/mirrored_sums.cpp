@@ -2,7 +2,6 @@
 #include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace efree::internal {
 namespace {
@@ -12,11 +11,7 @@ namespace {
 template <int Dim, class Visit>
 void for_each_pressed(const ParticlePairs& pairs, const MirroredParticles<Dim>& of, const Visit& visit) {
   const auto at = [&](Index a) { return Vec<Dim>(of.x.col(a) - of.ago * of.v.col(a)); };
-  const double norm = kernel_norm(of.kernel, Dim);
-  const auto slope = [&](double r, Index a) {
-    const double h = of.smoothing[a];
-    return norm * kernel_slope(of.kernel, r / h) / (h * h * h * h * (Dim == 3 ? h : 1.0));
-  };
+  const auto slope = [&](double r, Index a) { return kernel_slope_over_distance(of.kernel, Dim, r, of.smoothing[a]); };
   for (const MirroredPair& pair : pairs.mirrored) {
     const WallImage<Dim>& image = of.images[pair.image];
     const Index first = pairs.particles[pair.own];

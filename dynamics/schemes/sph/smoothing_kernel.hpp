@@ -50,7 +50,8 @@ inline double kernel_value(SmoothingKernel kernel, int dim, double r, double h) 
 /// W'(r) / r [1/length^(dim + 2)]: the gradient by the position of one particle is that times its distance vector from
 /// the other.
 inline double kernel_slope_over_distance(SmoothingKernel kernel, int dim, double r, double h) {
-  return internal::kernel_norm(kernel, dim) / std::pow(h, dim + 2) * internal::kernel_slope(kernel, r / h);
+  const double power = h * h * h * h * (dim == 3 ? h : 1.0);
+  return internal::kernel_norm(kernel, dim) * internal::kernel_slope(kernel, r / h) / power;
 }
 
 }  // namespace efree

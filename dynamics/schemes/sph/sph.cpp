@@ -29,8 +29,8 @@ constexpr double list_skin = 0.25;
 /// What a volume counts for at most, over that at rest. Rates are by the volume of a particle: that of one which flies
 /// off would grow by itself.
 constexpr double largest_volume = 1.5;
-/// Distance from a wall, over the radius, up to which particles may touch it.
-constexpr double touching_reach = 1.25;
+/// Distance from a wall, over the radius, up to which particles may be in contact with it.
+constexpr double contact_reach = 1.25;
 /// Steps between looks for particles to split.
 constexpr Index splitting_interval = 8;
 
@@ -87,7 +87,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   }
   void pack(Archive& archive) override {
     archive(sizes_.smoothing, sizes_.splits, x_listed_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
-    archive(frequency_, mode_, estimates_, correction_, touching_, free_, wall_forces_);
+    archive(frequency_, mode_, estimates_, correction_, in_contact_, detached_, wall_forces_);
   }
   void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
   std::span<const Points<Dim>> wall_forces() const override { return wall_forces_; }
@@ -101,7 +101,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   void sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs, double ago, double* rates,
                  double* moments) const;
   void sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const;
-  void find_touching(const World<Dim>& world, const Chunk<Dim>& chunk);
+  void find_contacts(const World<Dim>& world, const Chunk<Dim>& chunk);
   void find_pressed();
   internal::MirroredParticles<Dim> mirrored(const World<Dim>& world, const Points<Dim>& v, double ago) const {
     return {images_, options_.kernel, world.nodes.x, v, ago, world.nodes.mass, sizes_.smoothing, sizes_.pressed};
@@ -125,9 +125,10 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   std::vector<double> wave_rates_;    ///< likewise
   Points<Dim> x_listed_;              ///< positions where pairs were listed
   std::vector<internal::WallImage<Dim>> images_;
-  std::size_t num_walls_ = 0;                        ///< that these are of
-  std::vector<internal::WallBits> touching_, free_;  ///< by particle, the walls that it touches now, is free of
-  std::vector<Points<Dim>> wall_forces_;             ///< Dim x N by wall, part of the forces
+  std::size_t num_walls_ = 0;  ///< that these are of
+  std::vector<internal::WallBits> in_contact_,
+      detached_;                          ///< by particle, the walls that it is in contact with now, is detached from
+  std::vector<Points<Dim>> wall_forces_;  ///< Dim x N by wall, part of the forces
   // By particle, as sum_forces takes them.
   AlignedVector<double> stress_, artificial_, density_;
   AlignedVector<double> correction_;                     ///< by particle, tensors; empty: none
@@ -178,8 +179,8 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
   correction_.resize(options_.corrected ? size * n : 0);
   artificial_.resize(options_.artificial_stress.strength > 0.0 ? size * n : 0);
   density_.resize(2 * n);
-  touching_.resize(n, 0);
-  free_.resize(n, 0);
+  in_contact_.resize(n, 0);
+  detached_.resize(n, 0);
   wall_forces_.resize(world.walls.size());
 }
 
@@ -293,13 +294,13 @@ void Sph<Dim>::sum_moments(const World<Dim>& world, const ParticlePairs& pairs, 
   internal::add_mirrored_rates(pairs, mirrored(world, world.nodes.v, 0.0), nullptr, moments);
 }
 
-/// Particles touch a wall where their stress is a pressure on it, or nothing and they are nearer than their radius;
-/// they are free of it where they are pulled off.
-template <int Dim> void Sph<Dim>::find_touching(const World<Dim>& world, const Chunk<Dim>& chunk) {
+/// Particles are in contact with a wall where their stress is a pressure on it, or zero and they are nearer than their
+/// radius; they are detached from it where their stress pulls.
+template <int Dim> void Sph<Dim>::find_contacts(const World<Dim>& world, const Chunk<Dim>& chunk) {
   const double* columns = chunk.columns();
   for (Index p = 0; p < chunk.size(); ++p) {
     const Index a = world.point_number(chunk, p);
-    touching_[a] = free_[a] = 0;
+    in_contact_[a] = detached_[a] = 0;
     for (std::size_t w = 0; w < world.walls.size(); ++w) {
       const internal::WallBits bit = internal::WallBits{1} << w;
       const Vec<Dim>& n = world.walls[w].normal;
@@ -307,25 +308,25 @@ template <int Dim> void Sph<Dim>::find_touching(const World<Dim>& world, const C
       for (int j = 0; j < Dim; ++j)
         for (int i = 0; i < Dim; ++i) pull += n[i] * columns[16 * p + 4 * j + i] * n[j];
       if (pull > 0.0 || chunk.is_eroded(p)) {
-        free_[a] |= bit;
+        detached_[a] |= bit;
         continue;
       }
       const double gap = n.dot(world.nodes.x.col(a)) - world.walls[w].level;
-      if (gap < (pull < 0.0 ? touching_reach : 1.0) * world.nodes.radius[a]) touching_[a] |= bit;
+      if (gap < (pull < 0.0 ? contact_reach : 1.0) * world.nodes.radius[a]) in_contact_[a] |= bit;
     }
   }
 }
 
-/// Images act on particles that touch and on those in reach of these particles' images, unless they are pulled off: all
+/// Images act on particles in contact and on those in reach of these particles' images, unless they are detached: all
 /// of them begin at once, without stress yet, not one after the other as a wave passes and forces jump.
 template <int Dim> void Sph<Dim>::find_pressed() {
-  sizes_.pressed.resize(touching_.size());
+  sizes_.pressed.resize(in_contact_.size());
   parallel_chunks(static_cast<Index>(pairs_.size()), 1, [&](Index c, Index) {
     const ParticlePairs& pairs = pairs_[c];
-    for (Index i = 0; i < pairs.own; ++i) sizes_.pressed[pairs.particles[i]] = touching_[pairs.particles[i]];
+    for (Index i = 0; i < pairs.own; ++i) sizes_.pressed[pairs.particles[i]] = in_contact_[pairs.particles[i]];
     for (const internal::MirroredPair& pair : pairs.mirrored) {
       const Index a = pairs.particles[pair.own];
-      sizes_.pressed[a] |= touching_[pair.other] & images_[pair.image].walls & ~free_[a];
+      sizes_.pressed[a] |= in_contact_[pair.other] & images_[pair.image].walls & ~detached_[a];
     }
   });
 }
@@ -387,7 +388,7 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   constexpr int size = tensor_size(Dim);
   const Matter<Dim>& matter = chunk.matter;
   const double* columns = chunk.columns();
-  find_touching(world, chunk);
+  find_contacts(world, chunk);
   double& wave_rate = wave_rates_[world.number_of(chunk)];
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
@@ -447,8 +448,8 @@ template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const W
 
 template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   auto start = std::chrono::steady_clock::now();
-  // What a wall would pull by the stresses of this step is free of it at once.
-  for (std::size_t a = 0; a < free_.size(); ++a) sizes_.pressed[a] &= ~free_[a];
+  // Walls do not pull particles that the stresses of this step detach.
+  for (std::size_t a = 0; a < detached_.size(); ++a) sizes_.pressed[a] &= ~detached_[a];
   const ArtificialStress& artificial = options_.artificial_stress;
   const double exponent = artificial.exponent > 0.0
                               ? artificial.exponent
