@@ -139,6 +139,12 @@ template <int Dim> double measure_extreme(const DynamicsProbe<Dim>& probe, const
   return probe.kind == Kind::largest ? largest : probe.kind == Kind::smallest ? smallest : largest - smallest;
 }
 
+/// NaN at the start.
+template <int Dim> double measure_mean_force(const DynamicsProbe<Dim>& probe, const Dynamics<Dim>& dynamics) {
+  if (dynamics.time() == 0.0) return std::numeric_limits<double>::quiet_NaN();
+  return dynamics.rigid_bodies()[probe.rigid_body].impulse[probe.component] / dynamics.time();
+}
+
 }  // namespace
 
 template <int Dim>
@@ -151,8 +157,12 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
   for (std::size_t k = 0; k < settings.probes.size(); ++k) {
     const DynamicsProbe<Dim>& probe = settings.probes[k];
     const auto& node = model.probe_nodes[k];
-    result.emplace_back(probe.name,
-                        node ? measure_node(probe, *node, model) : std::vector{measure_extreme(probe, model, scalars)});
+    if (node)
+      result.emplace_back(probe.name, measure_node(probe, *node, model));
+    else if (probe.kind == DynamicsProbe<Dim>::Kind::mean_force)
+      result.emplace_back(probe.name, std::vector{measure_mean_force(probe, model.dynamics)});
+    else
+      result.emplace_back(probe.name, std::vector{measure_extreme(probe, model, scalars)});
   }
   return result;
 }

@@ -58,14 +58,17 @@ template <int Dim> struct DynamicsProbe {
   enum class Kind {
     largest,
     smallest,
-    extent,  ///< the largest less the smallest
-    node,    ///< displacement and velocity of the node (mpm: material point) nearest to a position at the start
+    extent,      ///< the largest less the smallest
+    node,        ///< displacement and velocity of the node (mpm: material point) nearest to a position at the start
+    mean_force,  ///< component of the force of all bodies on a rigid body, mean over the time since the start
   };
   std::string name;
   Kind kind = Kind::largest;
   std::string field{};            ///< of material points, as in point_scalars; empty: of nodes, by `coordinate`
   ScalarField<Dim> coordinate{};  ///< by the positions of nodes
   Vec<Dim> at = Vec<Dim>::Zero();
+  std::size_t rigid_body = 0;     ///< that the mean force is on
+  int component = 0;              ///< of the mean force
   std::optional<double> truth{};  ///< of a number: what it would be without errors, where that is known
   /// Of a number: what this share of the nodes or points does not exceed (the smallest: fall below), above 0 to 1. 1:
   /// all of them.
@@ -180,6 +183,8 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
 
 /// Error of the energy balance from which on there is a warning.
 inline constexpr double warned_imbalance = 0.01;
+/// Share of the particles that have clumped at the end, of which there is a warning.
+inline constexpr double warned_clumped = 0.015;
 /// Energy lost by reconnection, over the largest energy, from which on there is a warning.
 inline constexpr double warned_reconnection = 0.1;
 /// Error of the energy balance at the end of a run that rejects it, or DynamicsOptions::imbalance if that is less.

@@ -359,7 +359,7 @@ template <int Dim> void set_up_probes(const DynamicsSettings<Dim>& settings, Dyn
       model.remarks.push_back(fmt::format("probe \"{}\": the {} at ({:.6g}), {:.3g} from its position", probe.name,
                                           model.probes_points ? "material point" : "node", fmt::join(node.start, ", "),
                                           distance));
-    } else if (probe.field.empty()) {
+    } else if (probe.kind != DynamicsProbe<Dim>::Kind::mean_force && probe.field.empty()) {
       located(settings.common, probe.where, [&] { return probe.coordinate(model.dynamics.nodes().col(0)); });
     }
   }

@@ -38,6 +38,13 @@ std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
         "points were stretched until they were too far from their neighbours for the grid. Try more points along a "
         "cell (mpm.points), mpm.degree = 3 or mpm.frame = \"mesh\" (\"total\" where bodies do not meet)",
         separated, dynamics.num_points()));
+  if (const auto clumped = static_cast<double>(dynamics.count("clumped particles"));
+      clumped > warned_clumped * static_cast<double>(dynamics.num_points()))
+    warnings.push_back(fmt::format(
+        "Stresses scatter, and bodies may break where their material does not (tensile instability): {} of {} "
+        "particles are closer to another than half of their spacing. Try sph.artificial_stress = {{ strength = 0.5 }}, "
+        "sph.frame = \"total\" where bodies do not meet or flow, or [mpm]",
+        clumped, dynamics.num_points()));
   for (const auto& [name, values] : measure_probes(settings, model))
     if (std::isnan(values[0]))
       warnings.push_back(fmt::format("Probe \"{}\" has no value: no node or point is in its box at the end", name));

@@ -186,18 +186,24 @@ bool piles() {
   return good;
 }
 
-bool cohesive() {
+template <int Dim> bool cohesive_in(double spacing) {
   bool good = true;
-  const SphOptions plain{.spacing = 0.04 * halved};
+  const SphOptions plain{.spacing = spacing * halved};
   SphOptions cured = plain;
   cured.artificial_stress.strength = 0.5;
-  const Clumps clumped = cohesive_collapse(plain, 2.0), smooth = cohesive_collapse(cured, 2.0);
+  const Clumps clumped = cohesive_collapse<Dim>(plain, 2.0), smooth = cohesive_collapse<Dim>(cured, 2.0);
+  const auto in = [](const std::string& what) { return fmt::format("{}D, {}", Dim, what); };
+  good &= row("cohesive", in("without artificial stress: pairs closer than half the spacing"), clumped.close_pairs, 1.0,
+              1e9);
+  good &= row("cohesive", in("with it: closest pair over the spacing"), smooth.closest, 0.5, 2.0);
   good &=
-      row("cohesive", "without artificial stress: pairs closer than half the spacing", clumped.close_pairs, 1.0, 1e9);
-  good &= row("cohesive", "with it: closest pair over the spacing", smooth.closest, 0.5, 2.0);
-  good &= row("cohesive", "with it: largest distance of the fourth neighbour", smooth.void_radius, 0.0, 2.0);
-  good &= row("cohesive", "with it: error of the energy balance", std::abs(smooth.energy_error), 0.0, 0.05);
+      row("cohesive", in("with it: largest distance of the fourth (sixth) neighbour"), smooth.void_radius, 0.0, 2.0);
+  good &= row("cohesive", in("with it: error of the energy balance"), std::abs(smooth.energy_error), 0.0, 0.05);
   return good;
+}
+bool cohesive() {
+  const bool in_plane = cohesive_in<2>(0.04), in_space = cohesive_in<3>(0.08);
+  return in_plane && in_space;
 }
 
 bool speed() {
@@ -242,7 +248,7 @@ void chart() {
     SphOptions options{.spacing = 0.04};
     options.artificial_stress.strength = strength;
     const double start = seconds();
-    const Clumps clumps = cohesive_collapse(options, 2.0);
+    const Clumps clumps = cohesive_collapse<2>(options, 2.0);
     std::printf("tension,%g,%g,%g,%g\n", strength, clumps.closest, clumps.void_radius, seconds() - start);
     std::fflush(stdout);
   }

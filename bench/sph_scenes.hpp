@@ -444,22 +444,38 @@ inline double sliding_error(double slope_degrees, double friction) {
 /// How a column of cohesive soil lies after its collapse.
 struct Clumps {
   double closest = 0.0;      ///< smallest distance of two particles over the spacing
-  double void_radius = 0.0;  ///< largest distance of a particle from its fourth neighbour, over the spacing, outside
-                             ///< bands where equivalent plastic strains are more than a half
+  double void_radius = 0.0;  ///< largest distance of a particle from its fourth neighbour (in space the sixth), over
+                             ///< the spacing, outside bands where equivalent plastic strains are more than a half
   Index close_pairs = 0;     ///< closer than half the spacing
   double energy_error = 0.0, speed = 0.0;
 };
-inline Clumps cohesive_collapse(const SphOptions& options, double end) {
-  constexpr Soil clay{.density = 1850.0, .bulk = 1.5e6, .nu = 0.3, .cohesion = 5e3, .friction = 25.0, .dilatancy = 0.0};
-  Dynamics<2> dynamics({soil_block(4.0, 2.0, options, clay)}, sph<2>(options), {.imbalance = 10.0});
-  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
-  dynamics.add_wall({.normal = {1.0, 0.0}, .level = 0.0, .friction = 0.0});
-  dynamics.set_gravity({0.0, -earth_gravity});
+/// Clay 2 m high, 4 m long in the plane and a quarter of 4 m by 4 m in space, falls down the free sides.
+template <int Dim> Clumps cohesive_collapse(const SphOptions& options, double end) {
+  constexpr Soil clay{.density = 1850.0,
+                      .bulk = 1.5e6,
+                      .nu = 0.3,
+                      .cohesion = 5e3,
+                      .friction = 25.0,
+                      .dilatancy = 0.0,
+                      .fit = Dim == 2 ? ConeFit::plane_strain : ConeFit::compression};
+  const auto body = [&] {
+    if constexpr (Dim == 2)
+      return soil_block(4.0, 2.0, options, clay);
+    else
+      return particles_on_lattice<3>(FineMesh<3>(solids::box({2.0, 2.0, 2.0}, 1.0)), SphFrame::updated, options,
+                                     clay.material(), clay.density);
+  }();
+  Dynamics<Dim> dynamics({body}, sph<Dim>(options), {.imbalance = 10.0});
+  const Vec<Dim> up = Vec<Dim>::Unit(Dim - 1);
+  dynamics.add_wall({.normal = up, .level = 0.0, .friction = std::numeric_limits<double>::infinity()});
+  for (int i = 0; i < Dim - 1; ++i) dynamics.add_wall({.normal = Vec<Dim>::Unit(i), .level = 0.0, .friction = 0.0});
+  dynamics.set_gravity(-earth_gravity * up);
   dynamics.run(end);
   constexpr double in_band = 0.5;
-  const Points<2> x = dynamics.points();
+  constexpr std::size_t around = 2 * Dim;
+  const Points<Dim> x = dynamics.points();
   const Matrix flow = dynamics.history(0);
-  internal::Neighbours<2> tree;
+  internal::Neighbours<Dim> tree;
   tree.build(x);
   Clumps clumps{.closest = std::numeric_limits<double>::infinity()};
   for (Index a = 0; a < x.cols(); ++a) {
@@ -472,7 +488,8 @@ inline Clumps cohesive_collapse(const SphOptions& options, double end) {
     if (distances.empty()) continue;
     clumps.closest = std::min(clumps.closest, distances.front());
     clumps.close_pairs += std::ranges::count_if(distances, [](double d) { return d < 0.5; });
-    if (distances.size() > 3 && flow(6, a) < in_band) clumps.void_radius = std::max(clumps.void_radius, distances[3]);
+    if (distances.size() >= around && flow(6, a) < in_band)
+      clumps.void_radius = std::max(clumps.void_radius, distances[around - 1]);
   }
   clumps.close_pairs /= 2;
   clumps.energy_error = dynamics.energy().largest_error();

@@ -60,7 +60,7 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
   const Vec<Dim> none = Vec<Dim>::Zero();
   const RigidState<Dim> at_rest{body.centre, none, Mat<Dim>::Identity(), Spin<Dim>::Zero(), none, none, 0.0};
   Rigid added{.body = body,
-              .wall = is_wall ? std::ranges::count_if(rigids_, &Rigid::is_wall) : -1,
+              .wall = is_wall ? static_cast<Index>(std::ranges::count_if(rigids_, &Rigid::is_wall)) : -1,
               .now = at_rest,
               .before = at_rest};
   if (added.is_free() && std::ranges::any_of(world.surface_points.bodies, [](char has) { return has != 0; }))

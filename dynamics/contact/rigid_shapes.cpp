@@ -5,39 +5,84 @@
 #include "efree/dynamics/contact/internal/facet.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/LU>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <boost/geometry.hpp>
+#include <boost/geometry/index/rtree.hpp>
+#include <cmath>
+#include <iterator>
 #include <memory>
+#include <utility>
+#include <vector>
 
 namespace efree::rigid_shapes {
 namespace {
 
-/// Closed facets.
-template <int Dim> struct Hull {
-  Points<Dim> vertices;
-  Facets<Dim> facets;  ///< outwards
-  Eigen::AlignedBox<double, Dim> box{};
-  internal::FacetTree<Dim> tree{vertices, facets};
+namespace bg = boost::geometry;
+template <int Dim> using Place = bg::model::point<double, Dim, bg::cs::cartesian>;
+template <int Dim> Place<Dim> place(const Vec<Dim>& x) {
+  if constexpr (Dim == 2)
+    return {x[0], x[1]};
+  else
+    return {x[0], x[1], x[2]};
+}
 
-  Mat<Dim> corners(Index f) const { return internal::facet_corners(vertices, facets, f); }
+/// Closed facets, in a tree of their boxes: they may be of any size.
+template <int Dim> class Hull {
+ public:
+  Hull(const Points<Dim>& vertices, const Facets<Dim>& facets) : vertices_(vertices), facets_(facets) {
+    std::vector<Entry> entries;
+    for (Index f = 0; f < facets.cols(); ++f) {
+      Eigen::AlignedBox<double, Dim> box;
+      for (int i = 0; i < Dim; ++i) box.extend(Vec<Dim>(vertices.col(facets(i, f))));
+      box_.extend(box);
+      entries.emplace_back(Box(place<Dim>(box.min()), place<Dim>(box.max())), f);
+    }
+    tree_ = {entries.begin(), entries.end()};
+    size_ = box_.diagonal().norm();
+  }
+
+  Mat<Dim> corners(Index f) const { return internal::facet_corners(vertices_, facets_, f); }
+  Vec<Dim> middle() const { return box_.center(); }
+  void turn() { facets_.row(0).swap(facets_.row(1)); }
 
   Gap<Dim> gap(const Vec<Dim>& x) const {
     // Far away the distance from the box is enough.
-    const double from_box = box.exteriorDistance(x), reach = tree.reach;
-    if (from_box > 2.0 * reach) {
-      const Vec<Dim> to = x.cwiseMax(box.min()).cwiseMin(box.max());
+    const double from_box = box_.exteriorDistance(x);
+    if (from_box > size_) {
+      const Vec<Dim> to = x.cwiseMax(box_.min()).cwiseMin(box_.max());
       return {from_box, (x - to) / from_box};
     }
-    thread_local std::vector<Index> found;
-    const double at_most = (tree.centres.points().col(tree.centres.nearest(x)) - x).norm();
-    tree.centres.within(x, at_most + reach, found);
-    internal::NearestFacet<Dim> nearest(1e-9 * reach);
-    for (const Index f : found) nearest.compare(f, corners(f).colwise() - x);
+    // Facets whose boxes are no further away than one of them.
+    const double slack = 1e-9 * size_;
+    internal::NearestFacet<Dim> nearest(slack);
+    const auto compare = [&](const Entry& entry) {
+      nearest.compare(entry.second, corners(entry.second).colwise() - x);
+    };
+    thread_local std::vector<Entry> found;
+    found.clear();
+    tree_.query(bg::index::nearest(place<Dim>(x), 1), std::back_inserter(found));
+    compare(found.front());
+    const Vec<Dim> reach = Vec<Dim>::Constant(nearest.distance() + slack);
+    found.clear();
+    tree_.query(bg::index::intersects(Box(place<Dim>(x - reach), place<Dim>(x + reach))), std::back_inserter(found));
+    for (const Entry& entry : found) compare(entry);
     const double side = nearest.is_inside() ? -1.0 : 1.0;
     // On the surface the direction is that of the facet.
-    const Vec<Dim> out = nearest.distance() > 1e-6 * reach ? Vec<Dim>(-side * nearest.to())
+    const Vec<Dim> out = nearest.distance() > 1e-7 * size_ ? Vec<Dim>(-side * nearest.to())
                                                            : internal::area_of<Dim>(corners(nearest.facet()));
     return {side * nearest.distance(), out.normalized()};
   }
+
+ private:
+  using Box = bg::model::box<Place<Dim>>;
+  using Entry = std::pair<Box, Index>;
+  Points<Dim> vertices_;
+  Facets<Dim> facets_;  ///< outwards
+  Eigen::AlignedBox<double, Dim> box_{};
+  double size_;  ///< its diagonal
+  bg::index::rtree<Entry, bg::index::linear<16>> tree_;
 };
 
 }  // namespace
@@ -73,8 +118,7 @@ template <int Dim> RigidShape<Dim> solid(const Points<Dim>& vertices, const Face
     throw InputError(fmt::format("a rigid body: expected facets of its {} vertices", vertices.cols()));
   require(vertices.allFinite(), "a rigid body: expected vertices that are numbers");
   const auto hull = std::make_shared<Hull<Dim>>(vertices, facets);
-  for (const Index a : facets.reshaped()) hull->box.extend(Vec<Dim>(vertices.col(a)));
-  const Vec<Dim> middle = hull->box.center();
+  const Vec<Dim> middle = hull->middle();
   Vec<Dim> sum = Vec<Dim>::Zero();
   double size = 0.0, volume = 0.0;
   for (Index f = 0; f < facets.cols(); ++f) {
@@ -88,8 +132,53 @@ template <int Dim> RigidShape<Dim> solid(const Points<Dim>& vertices, const Face
   if (!(sum.norm() < 1e-9 * size)) throw InputError("a rigid body: its facets are not closed, or not oriented alike");
   if (!(std::abs(volume) > 1e-12 * std::pow(size, Dim / (Dim - 1.0))))
     throw InputError("a rigid body: its facets enclose nothing");
-  if (volume < 0.0) hull->facets.row(0).swap(hull->facets.row(1));
+  if (volume < 0.0) hull->turn();
   return [hull](const Vec<Dim>& x) { return hull->gap(x); };
+}
+
+RigidShape<3> ground(const GreyImage<2>& heights) {
+  const auto [nx, ny] = heights.size;
+  if (nx < 2 || ny < 2)
+    throw InputError(fmt::format("a ground of heights: {} x {} pixels, expected at least 2 x 2", nx, ny));
+  require(heights.values.size() == static_cast<std::size_t>(nx * ny) &&
+              std::ranges::all_of(heights.values, [](float height) { return std::isfinite(height); }),
+          "a ground of heights: expected a height for every pixel that is a number");
+  // The surface, the same corners along its rim at the bottom, and the middle of the bottom.
+  const Index top = nx * ny, rim = 2 * (nx + ny) - 4;
+  Points<3> vertices(3, top + rim + 1);
+  for (Index j = 0; j < ny; ++j)
+    for (Index i = 0; i < nx; ++i) {
+      const Vec<2> at = heights.origin + heights.spacing.cwiseProduct(
+                                             Vec<2>(static_cast<double>(i) + 0.5, static_cast<double>(j) + 0.5));
+      vertices.col(i + nx * j) << at, heights.values[static_cast<std::size_t>(i + nx * j)];
+    }
+  const auto surface = vertices.leftCols(top);
+  const Vec<3> lowest = surface.rowwise().minCoeff(), highest = surface.rowwise().maxCoeff();
+  const double bottom = lowest[2] - (highest - lowest).head<2>().maxCoeff();
+  std::vector<Index> around;  // counterclockwise
+  for (Index i = 0; i < nx - 1; ++i) around.push_back(i);
+  for (Index j = 0; j < ny - 1; ++j) around.push_back(nx - 1 + nx * j);
+  for (Index i = nx - 1; i > 0; --i) around.push_back(i + nx * (ny - 1));
+  for (Index j = ny - 1; j > 0; --j) around.push_back(nx * j);
+  for (Index k = 0; k < rim; ++k) vertices.col(top + k) << vertices.col(around[k]).head<2>(), bottom;
+  vertices.col(top + rim) << 0.5 * (lowest + highest).head<2>(), bottom;
+  std::vector<std::array<Index, 3>> triangles;
+  for (Index j = 0; j < ny - 1; ++j)
+    for (Index i = 0; i < nx - 1; ++i) {
+      const Index a = i + nx * j, b = a + 1, c = b + nx, d = a + nx;
+      triangles.push_back({a, b, c});
+      triangles.push_back({a, c, d});
+    }
+  for (Index k = 0; k < rim; ++k) {
+    const Index next = (k + 1) % rim, a = top + k, b = top + next, c = around[next], d = around[k];
+    triangles.push_back({a, b, c});
+    triangles.push_back({a, c, d});
+    triangles.push_back({b, a, top + rim});
+  }
+  Facets<3> facets(3, static_cast<Index>(triangles.size()));
+  for (Index f = 0; f < facets.cols(); ++f)
+    for (int i = 0; i < 3; ++i) facets(i, f) = triangles[static_cast<std::size_t>(f)][static_cast<std::size_t>(i)];
+  return solid<3>(vertices, facets);
 }
 
 Facets<2> polygon(Index corners) {

@@ -13,6 +13,7 @@
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/geometry/meshing/surface_image.hpp"
+#include "efree/io/case/internal/case_parts.hpp"
 #include "efree/io/case/internal/read_geometry.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/confined/internal/transfer.hpp"
@@ -302,11 +303,7 @@ void report_lost(const LostFeatures& lost, MadeMesh<3>& made) {
 /// How an image is read.
 template <int Dim> ImageOptions<Dim> image_options(const Section& image, bool is_raw) {
   ImageOptions<Dim> reading;
-  if (image.has("spacing")) {
-    reading.spacing = image.numbers("spacing", positive);
-    if (reading.spacing.size() != 1 && reading.spacing.size() != Dim)
-      image.fail("spacing", fmt::format("spacing has {} numbers, expected one or {}", reading.spacing.size(), Dim));
-  }
+  reading.spacing = read_pixel_spacing(image, Dim);
   if (image.has("threshold")) reading.threshold = image.number("threshold", any_number);
   if (!reading.threshold) refuse(image, {"below"}, "an image without a threshold");
   reading.below = image.boolean("below", false);

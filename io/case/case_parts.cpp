@@ -49,6 +49,14 @@ template <int Dim> void read_common(const CaseText& text, const Section& analysi
   common.model.plane = analysis.choice<Plane>("plane", planes, Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
 }
 
+std::vector<double> read_pixel_spacing(const Section& image, std::size_t dim) {
+  if (!image.has("spacing")) return {};
+  std::vector<double> spacing = image.numbers("spacing", positive);
+  if (spacing.size() != 1 && spacing.size() != dim)
+    image.fail("spacing", fmt::format("spacing has {} numbers, expected one or {}", spacing.size(), dim));
+  return spacing;
+}
+
 Section::Keys cloud_keys() {
   return {"spacing", "seed",  "support", "weight",  "kernel",    "features",
           "growth",  "least", "boxes",   "regions", "boundaries"};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Explicit dynamics.
 #include "efree/core/error.hpp"
+#include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/surface.hpp"
 #include "efree/io/case/internal/case_parts.hpp"
 #include "efree/io/case/internal/case_readers.hpp"
@@ -101,11 +102,32 @@ template <int Dim, int Size> std::function<Vec<Size>(double)> read_function_of_t
   return [function](double t) { return Vec<Size>(function(t * Vec<Dim>::Unit(0))); };
 }
 
+/// What `read` makes of the file of an entry.
+template <class Read> auto read_file(const Section& entry, const std::filesystem::path& folder, const Read& read) {
+  const std::string path = (folder / entry.text("file")).string();
+  try {
+    return read(path);
+  } catch (const InputError& error) {
+    entry.fail("file", error.what());
+  }
+}
+
+/// Heights of a terrain: the grey values of an image.
+GreyImage<2> read_heights(const Section& entry, const std::filesystem::path& folder) {
+  const ImageOptions<2> options{.spacing = read_pixel_spacing(entry, 2)};
+  GreyImage<2> image =
+      read_file(entry, folder, [&](const std::string& path) { return read_grey_image<2>(path, options); });
+  if (entry.has("origin")) image.origin = entry.point<2>("origin");
+  const double height = entry.number("height", positive, 1.0), level = entry.number("level", any_number, 0.0);
+  for (float& value : image.values) value = static_cast<float>(level + height * static_cast<double>(value));
+  return image;
+}
+
 template <int Dim>
 RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& folder, RigidBody<Dim>& body) {
   const std::string name = entry.text("shape");
   const auto allow = [&](const Section::Keys& keys) {
-    for (const char* key : {"normal", "level", "radius", "axis", "points", "file"})
+    for (const char* key : {"normal", "level", "radius", "axis", "points", "file", "height", "origin", "spacing"})
       if (entry.has(key) && std::ranges::find(keys, key) == keys.end())
         entry.fail(key, fmt::format("{} means nothing for a rigid body of shape \"{}\"", key, name));
   };
@@ -136,15 +158,19 @@ RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fo
     }
     if (name == "surface") {
       allow({"file"});
-      const SurfaceSoup soup = read_surface((folder / entry.text("file")).string());
+      const SurfaceSoup soup = read_file(entry, folder, read_surface);
       Facets<3> facets(3, static_cast<Index>(soup.triangles.size()));
       for (std::size_t f = 0; f < soup.triangles.size(); ++f)
         for (int i = 0; i < 3; ++i) facets(i, static_cast<Index>(f)) = soup.triangles[f][static_cast<std::size_t>(i)];
       return rigid_shapes::solid<3>(soup.points, facets);
     }
+    if (name == "heights") {
+      allow({"file", "height", "level", "origin", "spacing"});
+      return rigid_shapes::ground(read_heights(entry, folder));
+    }
   }
   entry.fail("shape", fmt::format("shape is \"{}\", expected \"plane\", \"ball\", {}", name,
-                                  Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\""));
+                                  Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\", \"heights\""));
 }
 
 template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, const std::filesystem::path& folder,
@@ -207,15 +233,33 @@ template <int Dim> void read_boundary_velocities(const std::vector<Section>& ent
   }
 }
 
-template <int Dim>
-DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, const Expressions<Dim>& expressions) {
+/// A column of history.csv: "rigid_body.0.force.y".
+template <int Dim> void read_mean_force(const Section& entry, std::size_t num_rigid_bodies, DynamicsProbe<Dim>& probe) {
+  for (const char* of_others : {"box", "region", "share"})
+    if (entry.has(of_others)) entry.fail(of_others, fmt::format("{} means nothing for a mean force", of_others));
+  probe.kind = DynamicsProbe<Dim>::Kind::mean_force;
+  const std::string text = entry.text("mean_force");
+  for (probe.rigid_body = 0; probe.rigid_body < num_rigid_bodies; ++probe.rigid_body)
+    for (probe.component = 0; probe.component < Dim; ++probe.component)
+      if (text == fmt::format("rigid_body.{}.force.{}", probe.rigid_body, "xyz"[probe.component])) return;
+  entry.fail(
+      "mean_force",
+      num_rigid_bodies == 0
+          ? "there is no [[rigid_body]] for a mean force"
+          : fmt::format("mean_force is \"{}\", expected \"rigid_body.0.force.x\" or likewise for another axis{}", text,
+                        num_rigid_bodies == 1 ? "" : fmt::format(" and body, 0 to {}", num_rigid_bodies - 1)));
+}
+
+template <int Dim> DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions,
+                                                 const Expressions<Dim>& expressions, std::size_t num_rigid_bodies) {
   using Kind = typename DynamicsProbe<Dim>::Kind;
   Section::Keys found;
-  for (const std::string_view key : {"largest", "smallest", "extent", "at"})
+  for (const std::string_view key : {"largest", "smallest", "extent", "at", "mean_force"})
     if (entry.has(key)) found.push_back(key);
   if (found.size() != 1)
-    entry.fail("name", fmt::format("a probe has exactly one of largest, smallest, extent, at; this one has {}",
-                                   found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
+    entry.fail("name",
+               fmt::format("a probe has exactly one of largest, smallest, extent, at, mean_force; this one has {}",
+                           found.empty() ? "none" : fmt::format("{}", fmt::join(found, " and "))));
   const std::string key(found.front());
   DynamicsProbe<Dim> probe{.name = entry.text("name"), .region = entry.text("region", ""), .where = entry.where(key)};
   if (key == "at") {
@@ -225,6 +269,11 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
         entry.fail(of_numbers, fmt::format("{} is of a single number, not of the motion of a node", of_numbers));
     probe.kind = Kind::node;
     probe.at = entry.template point<Dim>("at");
+    return probe;
+  }
+  if (entry.has("truth")) probe.truth = entry.number("truth", any_number);
+  if (key == "mean_force") {
+    read_mean_force(entry, num_rigid_bodies, probe);
     return probe;
   }
   probe.kind = key == "largest" ? Kind::largest : key == "smallest" ? Kind::smallest : Kind::extent;
@@ -242,7 +291,6 @@ DynamicsProbe<Dim> read_probe(const Section& entry, const Section& definitions, 
     probe.box = BoundingBox<Dim>(a.cwiseMin(b), a.cwiseMax(b));
   }
   probe.share = entry.number("share", {0.0, 1.0, false, true}, 1.0);
-  if (entry.has("truth")) probe.truth = entry.number("truth", any_number);
   return probe;
 }
 
@@ -250,7 +298,7 @@ template <int Dim> void read_probes(const std::vector<Section>& entries, const S
                                     const Expressions<Dim>& expressions, DynamicsSettings<Dim>& dynamics) {
   std::set<std::string> names;
   for (const Section& entry : entries) {
-    dynamics.probes.push_back(read_probe<Dim>(entry, definitions, expressions));
+    dynamics.probes.push_back(read_probe<Dim>(entry, definitions, expressions, dynamics.rigid_bodies.size()));
     const std::string& name = dynamics.probes.back().name;
     if (!names.insert(name).second) entry.fail("name", fmt::format("there already is a probe named \"{}\"", name));
   }
@@ -418,8 +466,10 @@ template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dyn
     options.viscosity.quadratic = viscosity.number("quadratic", not_negative, options.viscosity.quadratic);
   }
   if (section.has("artificial_stress")) {
-    const Section stress = section.section("artificial_stress", {"strength", "exponent"});
+    const Section stress = section.section("artificial_stress", {"strength", "compression", "exponent"});
     options.artificial_stress.strength = stress.number("strength", {0.0, 1.0, true, true}, 0.5);
+    options.artificial_stress.compression =
+        stress.number("compression", {0.0, 1.0, true, true}, options.artificial_stress.compression);
     options.artificial_stress.exponent = stress.number("exponent", not_negative, 0.0);
   }
   if (section.has("splitting")) {
@@ -512,12 +562,12 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   const auto fractures = root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
   const auto rigid_bodies =
-      root.sections("rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "friction",
-                                   "velocity", "spin", "mass", "inertia"});
+      root.sections("rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "height",
+                                   "origin", "spacing", "friction", "velocity", "spin", "mass", "inertia"});
   const auto boundaries = root.sections("boundary", {"on", "velocity"});
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
-  const auto probes =
-      root.sections("probe", {"name", "largest", "smallest", "extent", "at", "box", "region", "truth", "share"});
+  const auto probes = root.sections(
+      "probe", {"name", "largest", "smallest", "extent", "at", "mean_force", "box", "region", "truth", "share"});
 
   DynamicsCase<Dim> result;
   read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,

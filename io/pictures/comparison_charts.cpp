@@ -27,9 +27,11 @@ double drawn(double error, const Panel& panel) {
   return std::max({error, 0.3 * panel.uncertainty, 1e-12});
 }
 
-/// Colours that the colour-blind tell apart (Okabe & Ito 2008), one for each of compared_methods().
-constexpr const char* colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"};
-constexpr int symbols[] = {7, 5, 9, 11, 13};
+/// Colours that the colour-blind tell apart (Okabe & Ito 2008, and grey), one for each of compared_methods(), and
+/// symbols: after the first five open ones.
+constexpr const char* colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00",
+                                   "#56B4E9", "#000000", "#8A7F00", "#777777"};
+constexpr int symbols[] = {7, 5, 9, 11, 13, 6, 4, 8, 10};
 
 /// In the key: what failed, too.
 std::string label_of(const Comparison& comparison, std::size_t method) {
@@ -76,7 +78,7 @@ Range range_of(const Comparison& comparison, const Panel& panel, bool of_time) {
 /// Panels side by side, the key in a column of its own on the right.
 std::string chart(const Comparison& comparison, const std::vector<Panel>& panels, const std::string& name,
                   const std::string& y_label, std::size_t first_block) {
-  constexpr double key = 420.0, left = 110.0, gap = 90.0, panel_width = 430.0;
+  constexpr double key = 520.0, left = 110.0, gap = 90.0, panel_width = 430.0;
   const double total = key + static_cast<double>(panels.size()) * (panel_width + gap) + left - gap;
   std::string text = "reset\n" + internal::chart_style(static_cast<int>(total), 560);
   text += fmt::format("set output '{}.'.type\nset logscale xy\nset multiplot\n", name);

@@ -16,6 +16,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace efree {
@@ -75,6 +76,30 @@ TEST(RigidShapes, GapsAreSignedDistancesAndNormalsTheirGradients) {
   check(solid, Vec<3>(0.3, 0.4, 1.2), 0.2);
   check(solid, Vec<3>(0.3, 0.4, 0.9), -0.1);
   check(solid, Vec<3>(1.1, 1.2, 1.2), 0.3);
+}
+
+TEST(RigidShapes, GroundOfHeightsIsASlopeWhereTheseAreLinearAndEndsAtTheOutermostPixels) {
+  GreyImage<2> heights{.size = {4, 3}, .spacing = {2.0, 1.0}, .origin = {-1.0, -0.5}};
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 4; ++i) heights.values.push_back(static_cast<float>(1.5 * i));  // 3/4 of x
+  const auto ground = rigid_shapes::ground(heights);
+  const Vec<3> normal(-0.6, 0.0, 0.8);
+  for (const double gap : {0.3, 0.0, -0.2})
+    for (const Vec<2>& at : {Vec<2>(3.1, 0.9), Vec<2>(2.0, 1.0), Vec<2>(4.0, 1.2)}) {
+      const auto found = ground(Vec<3>(at[0], at[1], 0.75 * at[0]) + gap * normal);
+      EXPECT_NEAR(found.gap, gap, 1e-12);
+      EXPECT_NEAR((found.normal - normal).norm(), 0.0, 1e-12);
+    }
+  EXPECT_NEAR(ground(Vec<3>(6.25, 1.0, 2.0)).gap, 0.25, 1e-12);
+  EXPECT_NEAR(ground(Vec<3>(3.0, 2.25, 1.0)).gap, 0.25, 1e-12);
+  EXPECT_LT(ground(Vec<3>(3.0, 1.0, -4.0)).gap, -0.9);
+  heights.values[5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT([&] { rigid_shapes::ground(heights); }, ThrowsMessage<InputError>(HasSubstr("every pixel")));
+  EXPECT_THAT(
+      [&] {
+        rigid_shapes::ground({.size = {4, 1}, .values = {1, 1, 1, 1}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("4 x 1 pixels")));
 }
 
 TEST(RigidShapes, InvalidOnesAreRefused) {

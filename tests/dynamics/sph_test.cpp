@@ -310,6 +310,14 @@ TEST(SmoothedSoil, ABlockSlidesWithCoulombFriction) {
   EXPECT_NEAR(bench::sliding_error(30.0, 0.3), 0.0, 0.02);
 }
 
+TEST(SmoothedSoil, ParticlesOfClayInSpaceDoNotPairUpWithArtificialStressInCompressionToo) {
+  SphOptions options{.spacing = 1.0 / 6.0};
+  options.artificial_stress.strength = 0.5;
+  EXPECT_EQ(bench::cohesive_collapse<3>(options, 2.0).close_pairs, 0);
+  options.artificial_stress.compression = 0.0;
+  EXPECT_GT(bench::cohesive_collapse<3>(options, 2.0).close_pairs, 0);
+}
+
 TEST(SmoothedSoil, AHeapIsTheSameOnAnyNumberOfThreads) {
   SphOptions options{.spacing = 0.01};
   options.splitting.strain = 0.05;

@@ -113,14 +113,65 @@ TEST(SphRun, PartsOfTheBoundaryTakeParticlesAlong) {
   }
 }
 
+template <int Dim> void expect_that_example_begins(const std::string& name) {
+  const auto any = read_case(fs::path(EFREE_EXAMPLES) / "sph" / (name + ".toml"));
+  auto model = build_dynamics_model(std::get<DynamicsCase<Dim>>(any));
+  for (int k = 0; k < 10; ++k) model.dynamics.step();
+  EXPECT_LT(std::abs(model.dynamics.energy().error()), 1e-2) << name;
+}
+
 TEST(SphRun, ExamplesBegin) {
-  for (const char* name : {"rods", "cut", "landslide"}) {
-    const auto any = read_case(fs::path(EFREE_EXAMPLES) / "sph" / (std::string(name) + ".toml"));
-    const auto& example = std::get<DynamicsCase<2>>(any);
-    auto model = build_dynamics_model(example);
-    for (int k = 0; k < 10; ++k) model.dynamics.step();
-    EXPECT_LT(std::abs(model.dynamics.energy().error()), 1e-2) << name;
-  }
+  for (const char* name : {"rods", "cut", "landslide"}) expect_that_example_begins<2>(name);
+  expect_that_example_begins<3>("valley");
+}
+
+TEST(SphRun, RubberThatTearsNumericallyUnderTensionIsWarnedOf) {
+  const Workspace workspace(replaced(replaced(test::rubber, "[material]", "[sph]\nspacing = 0.1\n[material]"),
+                                     "value = [0, \"-0.2\"]", "value = [\"0.4*(x - 1)\", 0]"));
+  const auto done = workspace.efree({"run", "case.toml", "--out", "out", "--quiet", "--no-picture"});
+  EXPECT_EQ(done.status, 0) << done.output;
+  EXPECT_NE(done.output.find("tensile instability"), std::string::npos) << done.output;
+}
+
+TEST(SphRun, MeanForceOnARigidBodyIsTheWeightThatRestsOnItOnceItDoes) {
+  // An elastic block with much viscosity is let down on a plane within 0.2 s; on the mean of 2 s it weighs what it
+  // does.
+  const Workspace workspace(
+      replaced(replaced(replaced(with("viscosity = { linear = 1 }"), "cohesion = 0\n", "cohesion = 1e6\n"),
+                        "[[wall]]\nnormal = [0, 1]\nfriction = \"stick\"\n",
+                        "[[rigid_body]]\nshape = \"plane\"\nnormal = [0, 1]\n"
+                        "[[probe]]\nname = \"weight\"\nmean_force = "
+                        "\"rigid_body.0.force.y\"\ntruth = -392.4\n"),
+               "end = 0.2", "end = 2"));
+  const auto done = workspace.efree({"run", "case.toml", "--out", "out", "--quiet", "--no-picture"});
+  ASSERT_EQ(done.status, 0) << done.output;
+  EXPECT_NEAR(json(workspace / "out/result.json")["probes"]["weight"].get<double>(), -392.4, 4.0);
+}
+
+TEST(SphRun, WrongHeightsAndMeanForcesAreNamed) {
+  const auto probe = [](const std::string& text) { return refuses(sand + "[[probe]]\nname = \"F\"\n" + text); };
+  EXPECT_THAT(probe("mean_force = \"rigid_body.0.force.y\"\n"), says("no [[rigid_body]]"));
+  const std::string plane = "[[rigid_body]]\nshape = \"plane\"\nnormal = [0, 1]\nlevel = -1\n";
+  const auto of_plane = [&](const std::string& text) {
+    return refuses(sand + plane + "[[probe]]\nname = \"F\"\n" + text);
+  };
+  EXPECT_THAT(of_plane("mean_force = \"rigid_body.1.force.y\"\n"), says("rigid_body.0.force.x"));
+  EXPECT_THAT(of_plane("mean_force = \"rigid_body.0.force.y\"\nshare = 0.5\n"), says("share means nothing"));
+  EXPECT_THAT(refuses(sand + "[[rigid_body]]\nshape = \"heights\"\nfile = \"valley.pgm\"\n"), says("polygon"));
+  std::string block = sand;
+  for (const auto& [from, to] :
+       {std::pair("rectangle", "box"), std::pair("height = 0.1", "depth = 0.1, height = 0.1"),
+        std::pair("plane = \"strain\"\n", ""), std::pair("[0, -9.81]", "[0, 0, -9.81]"),
+        std::pair("plane_strain", "compression"), std::pair("[0, 1]", "[0, 0, 1]"), std::pair("[1, 0]", "[1, 0, 0]")})
+    block = replaced(block, from, to);
+  const auto in_space = [&](const std::string& heights) {
+    return refuses(block + "[[rigid_body]]\nshape = \"heights\"\n" + heights);
+  };
+  EXPECT_THAT(in_space("spacing = 1\n"), says("file"));
+  EXPECT_THAT(in_space("file = \"nowhere.png\"\n"), says("nowhere.png"));
+  EXPECT_THAT(in_space("file = \"case.toml\"\n"), says("case.toml"));
+  EXPECT_THAT(in_space("file = \"nowhere.png\"\nspacing = [1, 2, 3]\n"), says("expected one or 2"));
+  EXPECT_THAT(in_space("file = \"nowhere.png\"\nradius = 1\n"), says("radius means nothing"));
 }
 
 }  // namespace

@@ -12,6 +12,8 @@
 #include "efree/dynamics/schemes/sph/internal/splitting.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
+#include <numeric>
 #include <utility>
 
 namespace efree {
@@ -31,6 +33,8 @@ constexpr double list_skin = 0.25;
 constexpr double largest_volume = 1.5;
 /// Distance from a wall, over the radius, up to which particles may be in contact with it.
 constexpr double contact_reach = 1.25;
+/// Particles this close, over their spacing, have clumped.
+constexpr double clumped_distance = 0.5;
 /// Steps between looks for particles to split.
 constexpr Index splitting_interval = 8;
 
@@ -43,9 +47,10 @@ void require_options(const SphOptions& options) {
     fail(fmt::format("smoothing {}, expected 0.8 to 3 times the spacing", options.smoothing));
   if (!is_number(options.viscosity.linear) || !is_number(options.viscosity.quadratic))
     fail(fmt::format("viscosity {} and {}, expected 0 or more", options.viscosity.linear, options.viscosity.quadratic));
-  if (!is_number(options.artificial_stress.strength) || !is_number(options.artificial_stress.exponent))
-    fail(fmt::format("artificial stress {} with the exponent {}, expected 0 or more",
-                     options.artificial_stress.strength, options.artificial_stress.exponent));
+  const ArtificialStress& artificial = options.artificial_stress;
+  if (!is_number(artificial.strength) || !is_number(artificial.compression) || !is_number(artificial.exponent))
+    fail(fmt::format("artificial stress {}, in compression {}, with the exponent {}, expected 0 or more",
+                     artificial.strength, artificial.compression, artificial.exponent));
   const ParticleSplitting& splitting = options.splitting;
   if (!is_number(splitting.strain))
     fail(fmt::format("splitting from a strain of {}, expected 0 or more", splitting.strain));
@@ -96,6 +101,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
   bool lists_are_due(const World<Dim>& world) const;
   void estimate_frequency(const World<Dim>& world, int products);
+  std::int64_t count_clumped(const World<Dim>& world) const;
   LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
                                  double ago) const;
   void sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs, double ago, double* rates,
@@ -223,6 +229,26 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
   };
   const double squared = internal::power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
   frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
+}
+
+/// Particles that are much closer to another than they were at the start: as in tension, where sums over neighbours are
+/// unstable (Swegle, Hicks & Attaway 1995), or where daughters pair up.
+template <int Dim> std::int64_t Sph<Dim>::count_clumped(const World<Dim>& world) const {
+  std::vector<std::int64_t> counts(pairs_.size());
+  parallel_chunks(static_cast<Index>(pairs_.size()), 1, [&](Index c, Index) {
+    const ParticlePairs& pairs = pairs_[c];
+    std::vector<char> clumped(pairs.particles.size(), 0);
+    for (Index i = 0; i < pairs.own; ++i)
+      for (Index k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
+        const Index a = pairs.particles[i], b = pairs.particles[pairs.other[k]];
+        const double size = 0.5 * (sizes_.smoothing[a] + sizes_.smoothing[b]);
+        const double least = clumped_distance * size / options_.smoothing;
+        if ((world.nodes.x.col(a) - world.nodes.x.col(b)).squaredNorm() < least * least)
+          clumped[static_cast<std::size_t>(i)] = clumped[pairs.other[k]] = 1;
+      }
+    counts[c] = std::count(clumped.begin(), clumped.begin() + pairs.own, 1);
+  });
+  return std::reduce(counts.begin(), counts.end());
 }
 
 /// Whether particles or images of them that are not listed may have come within the support of each other.
@@ -378,10 +404,12 @@ template <int Dim> Mat<Dim> Sph<Dim>::correction_by(const Mat<Dim>& moment) cons
   return axes * values.cwiseMax(least).cwiseInverse().asDiagonal() * axes.transpose();
 }
 
-/// -strength on the axes with tension.
+/// A pressure on each principal axis.
 template <int Dim> Mat<Dim> Sph<Dim>::artificial_stress(const Mat<Dim>& stress) const {
   const auto [values, axes] = internal::spectrum<Dim>(stress);
-  return -options_.artificial_stress.strength * axes * values.cwiseMax(0.0).asDiagonal() * axes.transpose();
+  const ArtificialStress& of = options_.artificial_stress;
+  const Vec<Dim> pressures = of.strength * values.cwiseMax(0.0) - of.compression * values.cwiseMin(0.0);
+  return -axes * pressures.asDiagonal() * axes.transpose();
 }
 
 template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
@@ -478,7 +506,11 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   world.ledger.add_time("pair forces", seconds_since(start));
   const double rate_before = std::exchange(wave_rate_, std::ranges::max(wave_rates_));
   if (rate_before > 0.0 && wave_rate_ > rate_before) frequency_ *= wave_rate_ / rate_before;
-  if (frequency_ == 0.0 || world.steps % estimate_interval == 0) estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
+  if (frequency_ == 0.0 || world.steps % estimate_interval == 0) {
+    estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
+    const char* const clumped = "clumped particles";
+    world.ledger.add_count(clumped, count_clumped(world) - world.ledger.count(clumped));
+  }
   world.ledger.add_time("stability", seconds_since(start));
 }
 

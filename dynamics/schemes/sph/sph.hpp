@@ -19,9 +19,11 @@ struct ParticleViscosity {
 };
 
 /// Artificial stress against the tensile instability (Monaghan 2000; Gray, Monaghan & Swift 2001): on the principal
-/// axes with tension a pressure `strength` sigma / rho^2, times (W(r) / W(spacing))^n.
+/// axes with tension a pressure `strength` sigma / rho^2, on those with compression one of `compression` times it, so
+/// that particles do not pair up; both times (W(r) / W(spacing))^n.
 struct ArtificialStress {
-  double strength = 0.0;  ///< e; 0: none
+  double strength = 0.0;  ///< e; 0: none of it at all
+  double compression = 0.05;
   double exponent = 0.0;  ///< n; 0: W(0) / W(spacing)
 };
 

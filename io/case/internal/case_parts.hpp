@@ -50,6 +50,9 @@ struct ExpressionTime {
 template <int Dim>
 Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& grey, const ExpressionTime& time);
 
+/// Edge lengths of pixels, one number or `dim`: ImageOptions::spacing.
+std::vector<double> read_pixel_spacing(const Section& image, std::size_t dim);
+
 /// Keys of [cloud] and [quadrature].
 Section::Keys cloud_keys();
 Section::Keys quadrature_keys();
