@@ -65,6 +65,7 @@
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/input/surface_gaps.hpp"
 #include "efree/geometry/input/surface_offsets.hpp"
+#include "efree/geometry/input/terrain.hpp"
 #include "efree/geometry/mesh/boundary_offsets.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"

@@ -183,7 +183,7 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
 
 /// Error of the energy balance from which on there is a warning.
 inline constexpr double warned_imbalance = 0.01;
-/// Share of the particles that have clumped at the end, of which there is a warning.
+/// Share of clumped particles above which there is a warning.
 inline constexpr double warned_clumped = 0.015;
 /// Energy lost by reconnection, over the largest energy, from which on there is a warning.
 inline constexpr double warned_reconnection = 0.1;

@@ -6,6 +6,7 @@
 #include "efree/core/error.hpp"
 
 #include "clock.hpp"
+#include "soil_scenes.hpp"
 #include "sph_scenes.hpp"
 
 #include <fmt/format.h>

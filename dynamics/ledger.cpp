@@ -33,6 +33,9 @@ void Ledger::add_energy(std::string_view name, EnergyKind kind, double energy) {
 void Ledger::add_count(std::string_view name, std::int64_t count) {
   add(counts_, {std::string(name), count}, &Count::value);
 }
+void Ledger::set_count(std::string_view name, std::int64_t count) {
+  add_count(name, count - this->count(name));
+}
 void Ledger::add_time(std::string_view name, double seconds) {
   add(times_, {std::string(name), seconds}, &Time::seconds);
 }

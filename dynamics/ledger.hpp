@@ -44,6 +44,8 @@ class Ledger {
   /// Adds to the entry of that name, which begins with 0.
   void add_energy(std::string_view name, EnergyKind kind, double energy);
   void add_count(std::string_view name, std::int64_t count);
+  /// Of what is counted anew each time.
+  void set_count(std::string_view name, std::int64_t count);
   void add_time(std::string_view name, double seconds);
 
   const std::vector<Energy>& energies() const { return energies_; }

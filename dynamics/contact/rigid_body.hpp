@@ -3,7 +3,7 @@
 #pragma once
 
 #include "efree/dynamics/ledger.hpp"
-#include "efree/geometry/input/grey_image.hpp"
+#include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <Eigen/Geometry>
@@ -31,9 +31,8 @@ RigidShape<3> cylinder(const Vec<3>& point, const Vec<3>& axis, double radius);
 /// The inside of closed facets, all oriented outwards or all inwards; polygons in the plane. Of facets that share the
 /// nearest point the one that faces the position most gives the sign.
 template <int Dim> RigidShape<Dim> solid(const Points<Dim>& vertices, const Facets<Dim>& facets);
-/// Ground below a surface that has the image's values as heights z in the centres of its pixels and two triangles
-/// between four of them. It ends at the outermost centres, as deep as it is long below the lowest.
-RigidShape<3> ground(const GreyImage<2>& heights);
+/// Likewise of a surface that is closed.
+RigidShape<3> solid(const SurfaceSoup& surface);
 /// The facets of a polygon, whose last point is joined to the first.
 Facets<2> polygon(Index corners);
 

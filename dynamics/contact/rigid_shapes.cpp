@@ -3,13 +3,12 @@
 
 #include "efree/core/error.hpp"
 #include "efree/dynamics/contact/internal/facet.hpp"
+#include "efree/geometry/mesh/internal/box_tree.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <boost/geometry.hpp>
-#include <boost/geometry/index/rtree.hpp>
 #include <cmath>
 #include <iterator>
 #include <memory>
@@ -19,25 +18,16 @@
 namespace efree::rigid_shapes {
 namespace {
 
-namespace bg = boost::geometry;
-template <int Dim> using Place = bg::model::point<double, Dim, bg::cs::cartesian>;
-template <int Dim> Place<Dim> place(const Vec<Dim>& x) {
-  if constexpr (Dim == 2)
-    return {x[0], x[1]};
-  else
-    return {x[0], x[1], x[2]};
-}
-
 /// Closed facets, in a tree of their boxes: they may be of any size.
 template <int Dim> class Hull {
  public:
   Hull(const Points<Dim>& vertices, const Facets<Dim>& facets) : vertices_(vertices), facets_(facets) {
-    std::vector<Entry> entries;
+    std::vector<internal::BoxEntry<Dim>> entries;
     for (Index f = 0; f < facets.cols(); ++f) {
       Eigen::AlignedBox<double, Dim> box;
       for (int i = 0; i < Dim; ++i) box.extend(Vec<Dim>(vertices.col(facets(i, f))));
       box_.extend(box);
-      entries.emplace_back(Box(place<Dim>(box.min()), place<Dim>(box.max())), f);
+      entries.emplace_back(internal::box_between<Dim>(box.min(), box.max()), f);
     }
     tree_ = {entries.begin(), entries.end()};
     size_ = box_.diagonal().norm();
@@ -57,17 +47,18 @@ template <int Dim> class Hull {
     // Facets whose boxes are no further away than one of them.
     const double slack = 1e-9 * size_;
     internal::NearestFacet<Dim> nearest(slack);
-    const auto compare = [&](const Entry& entry) {
+    const auto compare = [&](const internal::BoxEntry<Dim>& entry) {
       nearest.compare(entry.second, corners(entry.second).colwise() - x);
     };
-    thread_local std::vector<Entry> found;
+    thread_local std::vector<internal::BoxEntry<Dim>> found;
     found.clear();
-    tree_.query(bg::index::nearest(place<Dim>(x), 1), std::back_inserter(found));
+    tree_.query(boost::geometry::index::nearest(internal::box_corner<Dim>(x), 1), std::back_inserter(found));
     compare(found.front());
     const Vec<Dim> reach = Vec<Dim>::Constant(nearest.distance() + slack);
     found.clear();
-    tree_.query(bg::index::intersects(Box(place<Dim>(x - reach), place<Dim>(x + reach))), std::back_inserter(found));
-    for (const Entry& entry : found) compare(entry);
+    tree_.query(boost::geometry::index::intersects(internal::box_between<Dim>(x - reach, x + reach)),
+                std::back_inserter(found));
+    for (const auto& entry : found) compare(entry);
     const double side = nearest.is_inside() ? -1.0 : 1.0;
     // On the surface the direction is that of the facet.
     const Vec<Dim> out = nearest.distance() > 1e-7 * size_ ? Vec<Dim>(-side * nearest.to())
@@ -76,13 +67,11 @@ template <int Dim> class Hull {
   }
 
  private:
-  using Box = bg::model::box<Place<Dim>>;
-  using Entry = std::pair<Box, Index>;
   Points<Dim> vertices_;
   Facets<Dim> facets_;  ///< outwards
   Eigen::AlignedBox<double, Dim> box_{};
   double size_;  ///< its diagonal
-  bg::index::rtree<Entry, bg::index::linear<16>> tree_;
+  internal::BoxTree<Dim> tree_;
 };
 
 }  // namespace
@@ -136,49 +125,11 @@ template <int Dim> RigidShape<Dim> solid(const Points<Dim>& vertices, const Face
   return [hull](const Vec<Dim>& x) { return hull->gap(x); };
 }
 
-RigidShape<3> ground(const GreyImage<2>& heights) {
-  const auto [nx, ny] = heights.size;
-  if (nx < 2 || ny < 2)
-    throw InputError(fmt::format("a ground of heights: {} x {} pixels, expected at least 2 x 2", nx, ny));
-  require(heights.values.size() == static_cast<std::size_t>(nx * ny) &&
-              std::ranges::all_of(heights.values, [](float height) { return std::isfinite(height); }),
-          "a ground of heights: expected a height for every pixel that is a number");
-  // The surface, the same corners along its rim at the bottom, and the middle of the bottom.
-  const Index top = nx * ny, rim = 2 * (nx + ny) - 4;
-  Points<3> vertices(3, top + rim + 1);
-  for (Index j = 0; j < ny; ++j)
-    for (Index i = 0; i < nx; ++i) {
-      const Vec<2> at = heights.origin + heights.spacing.cwiseProduct(
-                                             Vec<2>(static_cast<double>(i) + 0.5, static_cast<double>(j) + 0.5));
-      vertices.col(i + nx * j) << at, heights.values[static_cast<std::size_t>(i + nx * j)];
-    }
-  const auto surface = vertices.leftCols(top);
-  const Vec<3> lowest = surface.rowwise().minCoeff(), highest = surface.rowwise().maxCoeff();
-  const double bottom = lowest[2] - (highest - lowest).head<2>().maxCoeff();
-  std::vector<Index> around;  // counterclockwise
-  for (Index i = 0; i < nx - 1; ++i) around.push_back(i);
-  for (Index j = 0; j < ny - 1; ++j) around.push_back(nx - 1 + nx * j);
-  for (Index i = nx - 1; i > 0; --i) around.push_back(i + nx * (ny - 1));
-  for (Index j = ny - 1; j > 0; --j) around.push_back(nx * j);
-  for (Index k = 0; k < rim; ++k) vertices.col(top + k) << vertices.col(around[k]).head<2>(), bottom;
-  vertices.col(top + rim) << 0.5 * (lowest + highest).head<2>(), bottom;
-  std::vector<std::array<Index, 3>> triangles;
-  for (Index j = 0; j < ny - 1; ++j)
-    for (Index i = 0; i < nx - 1; ++i) {
-      const Index a = i + nx * j, b = a + 1, c = b + nx, d = a + nx;
-      triangles.push_back({a, b, c});
-      triangles.push_back({a, c, d});
-    }
-  for (Index k = 0; k < rim; ++k) {
-    const Index next = (k + 1) % rim, a = top + k, b = top + next, c = around[next], d = around[k];
-    triangles.push_back({a, b, c});
-    triangles.push_back({a, c, d});
-    triangles.push_back({b, a, top + rim});
-  }
-  Facets<3> facets(3, static_cast<Index>(triangles.size()));
+RigidShape<3> solid(const SurfaceSoup& surface) {
+  Facets<3> facets(3, static_cast<Index>(surface.triangles.size()));
   for (Index f = 0; f < facets.cols(); ++f)
-    for (int i = 0; i < 3; ++i) facets(i, f) = triangles[static_cast<std::size_t>(f)][static_cast<std::size_t>(i)];
-  return solid<3>(vertices, facets);
+    for (int i = 0; i < 3; ++i) facets(i, f) = surface.triangles[f][i];
+  return solid<3>(surface.points, facets);
 }
 
 Facets<2> polygon(Index corners) {

@@ -2,14 +2,13 @@
 #include "efree/geometry/mesh/locator.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/mesh/internal/box_tree.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <boost/geometry.hpp>
-#include <boost/geometry/index/rtree.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -18,19 +17,7 @@
 namespace efree {
 namespace {
 
-namespace bg = boost::geometry;
-
 constexpr double barycentric_tolerance = 1e-9;
-
-template <int Dim> using Corner = bg::model::point<double, Dim, bg::cs::cartesian>;
-template <int Dim> using Box = bg::model::box<Corner<Dim>>;
-
-template <int Dim> Corner<Dim> corner(const Vec<Dim>& x) {
-  if constexpr (Dim == 2)
-    return {x[0], x[1]};
-  else
-    return {x[0], x[1], x[2]};
-}
 
 /// Of these cells, ascending, the first that holds x, or that which x is least outside of.
 template <int Dim, class Candidates>
@@ -80,26 +67,26 @@ template <int Dim> bool is_behind(const FineMesh<Dim>& mesh, Index f, Index othe
 }  // namespace
 
 template <int Dim> struct Locator<Dim>::Tree {
-  using Entry = std::pair<Box<Dim>, Index>;
-  bg::index::rtree<Entry, bg::index::linear<16>> boxes;  // packed, as it is made of all at once
+  internal::BoxTree<Dim> boxes;
 
   explicit Tree(const FineMesh<Dim>& mesh) : boxes(entries(mesh)) {}
-  static std::vector<Entry> entries(const FineMesh<Dim>& mesh) {
-    std::vector<Entry> out;
+  static std::vector<internal::BoxEntry<Dim>> entries(const FineMesh<Dim>& mesh) {
+    std::vector<internal::BoxEntry<Dim>> out;
     out.reserve(mesh.num_cells());
     for (Index c = 0; c < mesh.num_cells(); ++c) {
       const Eigen::Matrix<double, Dim, Dim + 1> corners = mesh.vertices()(Eigen::all, mesh.cells().col(c));
       const Vec<Dim> low = corners.rowwise().minCoeff(), high = corners.rowwise().maxCoeff();
       // Wider than what the tolerance lets in, and than rounding in flat cells.
       const double margin = 1000.0 * barycentric_tolerance * (high - low).maxCoeff();
-      out.emplace_back(Box<Dim>(corner<Dim>(low.array() - margin), corner<Dim>(high.array() + margin)), c);
+      out.emplace_back(internal::box_between<Dim>(low.array() - margin, high.array() + margin), c);
     }
     return out;
   }
   /// Cells whose boxes hold x, ascending.
   std::vector<Index> around(const Vec<Dim>& x) const {
     std::vector<Index> cells;
-    for (auto it = boxes.qbegin(bg::index::intersects(corner<Dim>(x))); it != boxes.qend(); ++it)
+    for (auto it = boxes.qbegin(boost::geometry::index::intersects(internal::box_corner<Dim>(x))); it != boxes.qend();
+         ++it)
       cells.push_back(it->second);
     std::ranges::sort(cells);
     return cells;

@@ -7,6 +7,7 @@
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
+#include "efree/geometry/input/terrain.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/hyperelastic.hpp"
@@ -78,11 +79,11 @@ TEST(RigidShapes, GapsAreSignedDistancesAndNormalsTheirGradients) {
   check(solid, Vec<3>(1.1, 1.2, 1.2), 0.3);
 }
 
-TEST(RigidShapes, GroundOfHeightsIsASlopeWhereTheseAreLinearAndEndsAtTheOutermostPixels) {
+TEST(RigidShapes, TerrainIsASlopeWhereTheseAreLinearAndEndsAtTheOutermostPixels) {
   GreyImage<2> heights{.size = {4, 3}, .spacing = {2.0, 1.0}, .origin = {-1.0, -0.5}};
   for (int j = 0; j < 3; ++j)
     for (int i = 0; i < 4; ++i) heights.values.push_back(static_cast<float>(1.5 * i));  // 3/4 of x
-  const auto ground = rigid_shapes::ground(heights);
+  const auto ground = rigid_shapes::solid(terrain(heights));
   const Vec<3> normal(-0.6, 0.0, 0.8);
   for (const double gap : {0.3, 0.0, -0.2})
     for (const Vec<2>& at : {Vec<2>(3.1, 0.9), Vec<2>(2.0, 1.0), Vec<2>(4.0, 1.2)}) {
@@ -94,10 +95,10 @@ TEST(RigidShapes, GroundOfHeightsIsASlopeWhereTheseAreLinearAndEndsAtTheOutermos
   EXPECT_NEAR(ground(Vec<3>(3.0, 2.25, 1.0)).gap, 0.25, 1e-12);
   EXPECT_LT(ground(Vec<3>(3.0, 1.0, -4.0)).gap, -0.9);
   heights.values[5] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THAT([&] { rigid_shapes::ground(heights); }, ThrowsMessage<InputError>(HasSubstr("every pixel")));
+  EXPECT_THAT([&] { terrain(heights); }, ThrowsMessage<InputError>(HasSubstr("every pixel")));
   EXPECT_THAT(
       [&] {
-        rigid_shapes::ground({.size = {4, 1}, .values = {1, 1, 1, 1}});
+        terrain({.size = {4, 1}, .values = {1, 1, 1, 1}});
       },
       ThrowsMessage<InputError>(HasSubstr("4 x 1 pixels")));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Smoothed particles: sums over pairs and their adjoint, conservation, walls, splitting, soil.
+#include "efree/bench/soil_scenes.hpp"
 #include "efree/bench/sph_scenes.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"

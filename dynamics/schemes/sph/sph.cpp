@@ -508,8 +508,7 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   if (rate_before > 0.0 && wave_rate_ > rate_before) frequency_ *= wave_rate_ / rate_before;
   if (frequency_ == 0.0 || world.steps % estimate_interval == 0) {
     estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
-    const char* const clumped = "clumped particles";
-    world.ledger.add_count(clumped, count_clumped(world) - world.ledger.count(clumped));
+    world.ledger.set_count("clumped particles", count_clumped(world));
   }
   world.ledger.add_time("stability", seconds_since(start));
 }

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/case/internal/rigid_reader.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/geometry/input/image_reader.hpp"
+#include "efree/geometry/input/terrain.hpp"
+#include "efree/io/case/internal/case_parts.hpp"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <limits>
+
+namespace efree::internal {
+namespace {
+
+double read_friction(const Section& entry) {
+  if (entry.has("friction") && entry.table().get("friction")->is_string())
+    return entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
+  return entry.number("friction", not_negative, 0.0);
+}
+
+/// A vector whose components depend on the time alone.
+template <int Dim, int Size> std::function<Vec<Size>(double)> read_function_of_time(
+    const std::array<std::string, static_cast<std::size_t>(Size)>& texts, const Section& entry, std::string_view key,
+    const Section& root, const ScalarField<Dim>& grey) {
+  const std::string where = entry.where(key);
+  const Expressions<Dim> now = read_definitions<Dim>(root, grey, {0.0});
+  for (const std::string& text : texts)
+    if (now.varies(text, where))
+      entry.fail(key,
+                 fmt::format("{} of a rigid body is \"{}\", expected an expression of the time t alone", key, text));
+  const auto function = read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
+                            .template fields<static_cast<std::size_t>(Size)>(texts, where);
+  return [function](double t) { return Vec<Size>(function(t * Vec<Dim>::Unit(0))); };
+}
+
+/// What `read` makes of the file of an entry.
+template <class Read> auto read_file(const Section& entry, const std::filesystem::path& folder, const Read& read) {
+  const std::string path = (folder / entry.text("file")).string();
+  try {
+    return read(path);
+  } catch (const InputError& error) {
+    entry.fail("file", error.what());
+  }
+}
+
+/// Heights of a terrain: the grey values of an image.
+GreyImage<2> read_heights(const Section& entry, const std::filesystem::path& folder) {
+  const ImageOptions<2> options{.spacing = read_pixel_spacing(entry, 2)};
+  GreyImage<2> image =
+      read_file(entry, folder, [&](const std::string& path) { return read_grey_image<2>(path, options); });
+  if (entry.has("origin")) image.origin = entry.point<2>("origin");
+  const double height = entry.number("height", positive, 1.0), level = entry.number("level", any_number, 0.0);
+  for (float& value : image.values) value = static_cast<float>(level + height * static_cast<double>(value));
+  return image;
+}
+
+template <int Dim>
+RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& folder, RigidBody<Dim>& body) {
+  const std::string name = entry.text("shape");
+  const auto allow = [&](const Section::Keys& keys) {
+    for (const char* key : {"normal", "level", "radius", "axis", "points", "file", "height", "origin", "spacing"})
+      if (entry.has(key) && std::ranges::find(keys, key) == keys.end())
+        entry.fail(key, fmt::format("{} means nothing for a rigid body of shape \"{}\"", key, name));
+  };
+  if (entry.has("centre")) body.centre = entry.template point<Dim>("centre");
+  if (name == "plane") {
+    allow({"normal", "level"});
+    return rigid_shapes::half_space<Dim>(entry.template direction<Dim>("normal"),
+                                         entry.number("level", any_number, 0.0));
+  }
+  if (name == "ball") {
+    allow({"radius"});
+    return rigid_shapes::ball<Dim>(entry.template point<Dim>("centre"), entry.number("radius", positive));
+  }
+  if constexpr (Dim == 2) {
+    if (name == "polygon") {
+      allow({"points"});
+      const auto corners = entry.pairs("points");
+      if (corners.size() < 3) entry.fail("points", "points: expected three corners and more");
+      Points<2> at(2, static_cast<Index>(corners.size()));
+      for (std::size_t k = 0; k < corners.size(); ++k) at.col(static_cast<Index>(k)) << corners[k][0], corners[k][1];
+      return rigid_shapes::solid<2>(at, rigid_shapes::polygon(static_cast<Index>(corners.size())));
+    }
+  } else {
+    if (name == "cylinder") {
+      allow({"radius", "axis"});
+      return rigid_shapes::cylinder(entry.template point<3>("centre"), entry.template direction<3>("axis"),
+                                    entry.number("radius", positive));
+    }
+    if (name == "surface") {
+      allow({"file"});
+      return rigid_shapes::solid(read_file(entry, folder, read_surface));
+    }
+    if (name == "heights") {
+      allow({"file", "height", "level", "origin", "spacing"});
+      return rigid_shapes::solid(terrain(read_heights(entry, folder)));
+    }
+  }
+  entry.fail("shape", fmt::format("shape is \"{}\", expected \"plane\", \"ball\", {}", name,
+                                  Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\", \"heights\""));
+}
+
+}  // namespace
+
+template <int Dim> void read_walls(const std::vector<Section>& entries, DynamicsSettings<Dim>& dynamics) {
+  for (const Section& entry : entries) {
+    Wall<Dim> wall{.normal = entry.template direction<Dim>("normal")};
+    wall.level = entry.number("level", any_number, 0.0);
+    wall.friction = read_friction(entry);
+    dynamics.walls.push_back({wall, entry.where("normal")});
+  }
+}
+
+template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, const std::filesystem::path& folder,
+                                          const Section& root, const ScalarField<Dim>& grey,
+                                          DynamicsSettings<Dim>& dynamics) {
+  constexpr int spins = Dim == 2 ? 1 : 3;
+  for (const Section& entry : entries) {
+    RigidBody<Dim> body;
+    try {
+      body.shape = read_shape<Dim>(entry, folder, body);
+    } catch (const InputError& error) {
+      if (std::string(error.what()).starts_with("a ")) entry.fail("shape", error.what());
+      throw;
+    }
+    body.friction = read_friction(entry);
+    if (entry.has("velocity"))
+      body.velocity =
+          read_function_of_time<Dim, Dim>(entry.expressions<Dim>("velocity"), entry, "velocity", root, grey);
+    if (entry.has("spin")) {
+      std::array<std::string, spins> spin;
+      if constexpr (Dim == 2)
+        spin[0] = entry.expression("spin");
+      else
+        spin = entry.expressions<3>("spin");
+      body.spin = read_function_of_time<Dim, spins>(spin, entry, "spin", root, grey);
+    }
+    body.mass = entry.number("mass", positive, 0.0);
+    body.inertia = entry.number("inertia", positive, 0.0);
+    if ((body.spin || body.inertia > 0.0) && !entry.has("centre"))
+      entry.fail("spin", "key \"centre\" is missing: the point about which the rigid body rotates");
+    dynamics.rigid_bodies.push_back({body, entry.where("shape")});
+  }
+}
+
+#define EFREE_INSTANTIATE(Dim)                                                                               \
+  template void read_walls(const std::vector<Section>&, DynamicsSettings<Dim>&);                             \
+  template void read_rigid_bodies(const std::vector<Section>&, const std::filesystem::path&, const Section&, \
+                                  const ScalarField<Dim>&, DynamicsSettings<Dim>&);
+EFREE_INSTANTIATE(2)
+EFREE_INSTANTIATE(3)
+#undef EFREE_INSTANTIATE
+
+}  // namespace efree::internal
