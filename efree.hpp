@@ -37,6 +37,7 @@
 #include "efree/dynamics/body.hpp"
 #include "efree/dynamics/contact/cavity.hpp"
 #include "efree/dynamics/contact/contact_points.hpp"
+#include "efree/dynamics/contact/overlap.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/fracture/criteria.hpp"

@@ -173,13 +173,18 @@ void call(const std::function<void()>& function) {
   if (function) function();
 }
 
+/// The stable step at the start, in which nodes move by half a spacing at most.
+template <int Dim> double first_step(const Dynamics<Dim>& dynamics) {
+  return std::min(dynamics.stable_step(), step_of_half_spacing(dynamics.world(), {}, dynamics.nodes_persist()));
+}
+
 /// Ends a run whose steps become too short.
 template <int Dim> class StepGuard {
  public:
   StepGuard(const Dynamics<Dim>& dynamics, const DynamicsSettings<Dim>& settings)
       : dynamics_(dynamics),
         min_step_(settings.min_step > 0.0 ? settings.min_step
-                                          : 1e-3 * std::min(dynamics.stable_step(), settings.max_step)) {}
+                                          : 1e-4 * std::min({first_step(dynamics), settings.max_step, settings.end})) {}
 
   /// Before a step: why there cannot be one, or nothing. left: until the end of the run.
   std::string check_stable_step(double stable, double left) const {

@@ -304,18 +304,31 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const 
   for (const auto& [body, where] : settings.rigid_bodies) check(body.shape, "into the rigid body", where);
 }
 
-/// That bodies are not inside each other at the start: contact would not push them out.
+/// Depth over the spacing up to which bodies may be inside each other at the start: chords of a curve on both sides.
+constexpr double allowed_overlap = 0.05;
+
+/// That bodies are not inside each other at the start: contact would push them out slowly, and not at all what is deep.
 template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
-  const std::vector<Index> inside = dynamics.points_in_others();
-  if (inside.empty()) return;
+  const auto fail = [&](Index body, const std::string& where) {
+    throw InputError(said_at(
+        where_said(settings.common, "geometry"),
+        fmt::format(
+            "bodies overlap at the start: region \"{}\" is inside {}. Move them apart, or let bodies pass through "
+            "each other by contact.enabled = false",
+            model.names[body], where)));
+  };
+  if (const std::vector<Index> inside = dynamics.points_in_others(); !inside.empty()) {
+    Index body = 0;
+    while (dynamics.first_point(body + 1) <= inside.front()) ++body;
+    fail(body, fmt::format("another one at ({:.6g})", fmt::join(dynamics.points().col(inside.front()), ", ")));
+  }
+  const Overlap overlap = dynamics.deepest_overlap();
+  if (overlap.node < 0 || overlap.depth < allowed_overlap * dynamics.world().nodes.spacing[overlap.node]) return;
   Index body = 0;
-  while (dynamics.first_point(body + 1) <= inside.front()) ++body;
-  throw InputError(said_at(
-      where_said(settings.common, "geometry"),
-      fmt::format("bodies overlap at the start: region \"{}\" is inside another one at ({:.6g}). Move them apart, or "
-                  "let bodies pass through each other by contact.stiffness = 0",
-                  model.names[body], fmt::join(dynamics.points().col(inside.front()), ", "))));
+  while (dynamics.first_node(body + 1) <= overlap.node) ++body;
+  fail(body, fmt::format("region \"{}\" by {:.3g} at ({:.6g})", model.names[overlap.body], overlap.depth,
+                         fmt::join(dynamics.nodes().col(overlap.node), ", ")));
 }
 
 template <int Dim>
@@ -469,6 +482,38 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
   prescribe_velocities(settings, regions, model);
 }
 
+/// Speeds of solids over that of pressure waves that are more likely due to mixed units.
+constexpr double plausible_speed = 10.0;
+
+/// Of bodies that start implausibly fast, or are met by rigid ones that do.
+template <int Dim> void warn_of_speeds(DynamicsModel<Dim>& model) {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const World<Dim>& world = dynamics.world();
+  std::vector<double> mass(dynamics.num_bodies()), volume(dynamics.num_bodies());
+  for (const auto& chunk : world.chunks) {
+    mass[chunk.body] += chunk.matter.mass.sum();
+    volume[chunk.body] += chunk.matter.volume.sum();
+  }
+  double rigid = 0.0;
+  for (const RigidState<Dim>& body : dynamics.rigid_bodies()) rigid = std::max(rigid, body.velocity.norm());
+  const bool by_nodes = dynamics.nodes_persist();
+  const Points<Dim> velocities = by_nodes ? dynamics.velocities() : dynamics.point_velocities();
+  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
+    if (dynamic_cast<const Fluid*>(&dynamics.material(b)) != nullptr) continue;
+    const Index first = by_nodes ? dynamics.first_node(b) : dynamics.first_point(b),
+                end = by_nodes ? dynamics.first_node(b + 1) : dynamics.first_point(b + 1);
+    const double own = std::sqrt(velocities.middleCols(first, end - first).colwise().squaredNorm().maxCoeff());
+    const double speed = std::max(own, rigid), waves = std::sqrt(world.bodies[b].modulus * volume[b] / mass[b]);
+    if (speed > plausible_speed * waves)
+      model.warnings.push_back(
+          fmt::format("{} starts at a speed of {:.3g}, {:.3g} times that of pressure waves in {}, {:.3g}: are units "
+                      "mixed? A stress "
+                      "is a density times a length squared over a time squared: m, kg, s and Pa, or mm, t, s and MPa",
+                      own >= rigid ? fmt::format("Region \"{}\"", model.names[b]) : "A rigid body", speed,
+                      speed / waves, own >= rigid ? "it" : fmt::format("region \"{}\"", model.names[b]), waves));
+  }
+}
+
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                      const std::vector<std::string>& without_inner_nodes, DynamicsModel<Dim>& model) {
   model.warnings = mesh.warnings;
@@ -489,6 +534,7 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
           "mesh. Try a mesh_size of half of mpm.cell",
           edge, settings.mpm.options.cell));
   }
+  warn_of_speeds(model);
   if (lacks_contact(settings) && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
         settings.method == DynamicsMethod::sph
@@ -522,7 +568,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   const Stage stage("bodies", monitor);
   DynamicsOptions options = settings.options;
   options.plane = settings.common.model.plane.value_or(Plane::strain);
-  if (lacks_contact(settings)) options.contact.stiffness = 0.0;  // there are no surfaces
+  if (lacks_contact(settings)) options.contact.enabled = false;  // there are no surfaces
   const auto num_points = static_cast<Index>(built.point_sizes.size());
   require_memory(bytes_per_point * num_points, fmt::format("explicit dynamics of {} material points", num_points),
                  "take a coarser mesh, or a [cloud]");

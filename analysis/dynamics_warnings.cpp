@@ -30,7 +30,7 @@ std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
   if (const auto penetrated = dynamics.count("penetrated points"); penetrated > 0)
     warnings.push_back(fmt::format(
         "Bodies penetrate each other: {} of {} material points have passed the surface of another body. Try "
-        "artificial viscosity (dynamics.shock), a larger contact.stiffness or a finer mesh",
+        "artificial viscosity (dynamics.shock) or a finer mesh",
         penetrated, dynamics.num_points()));
   if (const auto separated = dynamics.count("separated points"); separated > 0)
     warnings.push_back(fmt::format(

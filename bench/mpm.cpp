@@ -10,6 +10,7 @@
 #include "clock.hpp"
 #include "crack_scenes.hpp"
 #include "mpm_scenes.hpp"
+#include "rows.hpp"
 #include "slides.hpp"
 
 #include <cstdio>
@@ -20,14 +21,6 @@ namespace efree {
 namespace {
 
 using namespace bench;
-
-/// Prints a measurement beside its bar; returns whether it is within.
-bool row(const char* name, const std::string& what, double measured, double low, double high) {
-  const bool within = measured >= low && measured <= high;
-  std::printf("%-10s %-58s %12.4g   [%g, %g]%s\n", name, what.c_str(), measured, low, high, within ? "" : "  MISSED");
-  std::fflush(stdout);
-  return within;
-}
 
 constexpr std::pair<Transfer, const char*> transfers_by_name[] = {
     {Transfer::pic, "PIC"},     {Transfer::flip, "FLIP"},       {Transfer::apic, "APIC"},   {Transfer::rpic, "RPIC"},

@@ -6,6 +6,7 @@
 #include "efree/core/error.hpp"
 
 #include "clock.hpp"
+#include "rows.hpp"
 #include "soil_scenes.hpp"
 #include "sph_scenes.hpp"
 
@@ -20,14 +21,6 @@ namespace {
 using namespace bench;
 
 double halved = 1.0;  ///< spacings over those written here
-
-/// Prints a measurement beside its bar; returns whether it is within.
-bool row(const char* name, const std::string& what, double measured, double low, double high) {
-  const bool within = measured >= low && measured <= high;
-  std::printf("%-10s %-64s %12.4g   [%g, %g]%s\n", name, what.c_str(), measured, low, high, within ? "" : "  MISSED");
-  std::fflush(stdout);
-  return within;
-}
 
 bool adjoint() {
   bool good = true;
@@ -255,37 +248,27 @@ void chart() {
   }
 }
 
-const std::vector<std::pair<std::string, std::function<bool()>>> benches{{"adjoint", adjoint},
-                                                                         {"maps", maps},
-                                                                         {"shear", shear},
-                                                                         {"geostatic", geostatic},
-                                                                         {"walls", walls},
-                                                                         {"rods", rods_collapse},
-                                                                         {"rods-2", rods_2_collapse},
-                                                                         {"refine", refine},
-                                                                         {"cut", cut},
-                                                                         {"strip", strip},
-                                                                         {"pile", piles},
-                                                                         {"cohesive", cohesive},
-                                                                         {"speed", speed}};
+const Rows benches{{"adjoint", adjoint},
+                   {"maps", maps},
+                   {"shear", shear},
+                   {"geostatic", geostatic},
+                   {"walls", walls},
+                   {"rods", rods_collapse},
+                   {"rods-2", rods_2_collapse},
+                   {"refine", refine},
+                   {"cut", cut},
+                   {"strip", strip},
+                   {"pile", piles},
+                   {"cohesive", cohesive},
+                   {"speed", speed}};
 
 int run(std::vector<std::string> names) {
   if (std::erase(names, "--full") > 0) halved = 0.5;
-  if (names == std::vector<std::string>{"all"}) {
-    names.clear();
-    for (const auto& [name, bench] : benches) names.push_back(name);
-  }
   if (names == std::vector<std::string>{"chart"}) {
     chart();
     return 0;
   }
-  bool good = !names.empty();
-  for (const std::string& name : names) {
-    const auto found = std::ranges::find(benches, name, [](const auto& bench) { return bench.first; });
-    if (found == benches.end()) throw InputError(fmt::format("there is no row \"{}\"", name));
-    good = found->second() && good;
-  }
-  return good ? 0 : 1;
+  return print_rows(benches, names) ? 0 : 1;
 }
 
 }  // namespace

@@ -77,8 +77,7 @@ void require_options(const DynamicsOptions& options) {
   require(options.courant > 0.0 && options.courant <= 1.0, "courant: expected more than 0, at most 1");
   const auto valid = [](double number) { return number >= 0.0 && std::isfinite(number); };
   require(valid(options.shock.linear) && valid(options.shock.quadratic), "shock viscosity: expected 0 or more");
-  require(valid(options.contact.stiffness) && valid(options.contact.friction),
-          "contact: expected a stiffness and a friction of 0 or more");
+  require(valid(options.contact.friction), "contact: expected a friction of 0 or more");
   require(options.imbalance > 0.0, "imbalance: expected more than 0");
 }
 

@@ -37,12 +37,12 @@ template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Di
 }
 
 template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<Dim>& scheme) {
-  if (world.num_bodies() < 2 || world.options.contact.stiffness == 0.0) return;
+  if (world.num_bodies() < 2 || !world.options.contact.enabled) return;
   for (Index b = 0; b < world.num_bodies(); ++b)
     if (world.bodies[b].cells.cols() == 0 && scheme.surface(world, b).cols() == 0)
       throw InputError(
           fmt::format("body {}: it has no cells, and so no surface for contact with others: give it "
-                      "cells, or take contact.stiffness = 0",
+                      "cells, or take contact.enabled = false",
                       b));
 }
 
@@ -80,8 +80,8 @@ template <int Dim> struct Dynamics<Dim>::Parts {
     rigid = rigid_contact.get();
     cavities = gas.get();
     world.interactions.push_back(internal::gravity<Dim>());
-    world.interactions.push_back(internal::body_contact<Dim>(*scheme));
     world.interactions.push_back(internal::prescribed_velocities<Dim>());
+    world.interactions.push_back(internal::body_contact<Dim>(*scheme));
     world.interactions.push_back(std::move(rigid_contact));
     world.interactions.push_back(std::move(gas));
     using enum EnergyKind;
@@ -390,12 +390,18 @@ template <int Dim> Vector Dynamics<Dim>::damage() const {
 
 template <int Dim> std::vector<Index> Dynamics<Dim>::points_in_others() const {
   const World<Dim>& world = parts_->world;
-  const bool in_contact = world.options.contact.stiffness > 0.0 ||
+  const bool in_contact = world.options.contact.enabled ||
                           std::ranges::any_of(world.interactions, [](const auto& one) { return one->is_contact(); });
   if (!in_contact || world.num_bodies() < 2 || !nodes_persist()) return {};
   internal::BodySurfaces<Dim> surfaces;
   surfaces.find(world, *parts_->scheme);
   return internal::points_in_others(world, surfaces);
+}
+
+template <int Dim> Overlap Dynamics<Dim>::deepest_overlap() const {
+  const World<Dim>& world = parts_->world;
+  if (!world.options.contact.enabled || world.num_bodies() < 2 || !nodes_persist()) return {};
+  return internal::deepest_overlap(world, *parts_->scheme);
 }
 
 template <int Dim> Index Dynamics<Dim>::num_inverted() const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/dynamics/contact/cavity.hpp"
+#include "efree/dynamics/contact/overlap.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/scheme.hpp"
@@ -70,6 +71,8 @@ template <int Dim> class Dynamics {
   /// Points that are inside another body by half a spacing and more, ascending, if bodies are in contact: contact does
   /// not push those out that are there at the start.
   std::vector<Index> points_in_others() const;
+  /// The node that is deepest inside another body, where contact keeps bodies apart by their facets.
+  Overlap deepest_overlap() const;
   /// Points that the last step would have inverted: they are as they were, and get other shape functions in the next.
   Index num_inverted() const;
 

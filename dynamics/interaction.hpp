@@ -26,8 +26,6 @@ template <int Dim> class Interaction {
   virtual void add_stiffness(const World<Dim>&, const Points<Dim>& /*displacement*/, Points<Dim>& /*force*/) const {}
   /// Whether it keeps bodies from passing through each other.
   virtual bool is_contact() const { return false; }
-  /// Whether its stiffness changes from step to step.
-  virtual bool stiffness_changes() const { return false; }
   /// Longest step that it bears.
   virtual double longest_step(const World<Dim>&) const { return std::numeric_limits<double>::infinity(); }
   /// Velocities of things that nodes may meet.

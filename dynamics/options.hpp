@@ -15,12 +15,11 @@ struct ShockViscosity {
   bool on() const { return linear > 0.0 || quadratic > 0.0; }
 };
 
-/// Contact between bodies: penalty springs push nodes of a surface that have entered another body back to the nearest
-/// point of its surface, with equal and opposite forces on the nodes of that facet. Momenta are conserved to rounding,
-/// energy as far as the distance to a surface of facets is smooth.
+/// Contact between bodies: nodes of a surface do not enter other bodies, by impulses on them and opposite ones on the
+/// nodes of the nearest facet, inelastic as at walls. Momenta are conserved to rounding.
 struct ContactOptions {
-  double stiffness = 1.0;  ///< over that of a layer of nodes; 0: bodies pass through each other
-  double friction = 0.0;   ///< Coulomb's coefficient
+  bool enabled = true;    ///< else bodies pass through each other
+  double friction = 0.0;  ///< Coulomb's coefficient
 };
 
 struct DynamicsOptions {

@@ -36,10 +36,6 @@ bool is_positive(Index node, int axis, Index step) {
   return ((z ^ z >> 31) & 1) != 0;
 }
 
-template <int Dim> bool stiffness_changes(const World<Dim>& world) {
-  return std::ranges::any_of(world.interactions, [](const auto& one) { return one->stiffness_changes(); });
-}
-
 template <int Dim> std::vector<Index> all_chunks(const World<Dim>& world) {
   std::vector<Index> result(world.chunks.size());
   std::iota(result.begin(), result.end(), 0);
@@ -75,8 +71,7 @@ template <int Dim> void StableStep<Dim>::begin(const World<Dim>& world) {
 }
 
 template <int Dim> bool StableStep<Dim>::is_due(const World<Dim>& world) const {
-  return world.steps % least_interval == 0 &&
-         (world.steps >= next_ || world.reconnections != reconnections_ || stiffness_changes(world));
+  return world.steps % least_interval == 0 && (world.steps >= next_ || world.reconnections != reconnections_);
 }
 
 template <int Dim> void StableStep<Dim>::nodes_inserted(Index first, Index count) {
@@ -186,7 +181,7 @@ template <int Dim> void StableStep<Dim>::estimate(World<Dim>& world, Index most_
   const double omega2 = estimate_squared_frequency(world, {all_chunks(world)}, most_products, mode_);
   // Steps change no more than they have to: energy swings with their length. They grow slowly, as a mode that has lost
   // what made it fast takes a while to find what is fastest now.
-  bool is_calm = !stiffness_changes(world) && world.reconnections == reconnections_;
+  bool is_calm = world.reconnections == reconnections_;
   const double needed = interval_ == most_interval && is_calm ? worth_it_in_calm : worth_it;
   double& stable = world.stable_step;
   if (omega2 > 0.0) {  // else all nodes have prescribed velocities

@@ -1,71 +1,148 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/contact/internal/friction.hpp"
+#include "efree/dynamics/contact/internal/least_energy.hpp"
 #include "efree/dynamics/contact/internal/surfaces.hpp"
+#include "efree/dynamics/masses.hpp"
 
 #include <iterator>
 
 namespace efree::internal {
 namespace {
 
-/// Square of the highest frequency of contact springs alone, times that of the step: leapfrog is stable up to 4.
-constexpr double stable_springs = 2.0;
+/// How fast nodes inside another body move out at most: this part of their depth in a stable step.
+constexpr double push_out = 0.1;
+/// Gap up to which a node and a facet that do not approach are still a pair, over the spacing: friction may be due.
+constexpr double near_gap = 0.5;
 
-/// Contact pairs of nodes of a surface and facets of other bodies.
+/// A node of the facet in a contact pair.
+template <int Dim> struct FacetNode {
+  Index node;
+  double weight;   ///< its shape function at the nearest point of the facet
+  Vec<Dim> lever;  ///< forces lever . s along the normal, of all nodes, sum up to zero and to the moment s x normal
+  friend auto fields(FacetNode& of) {
+    auto& [node, weight, lever] = of;
+    return std::tie(node, weight, lever);
+  }
+};
+
+/// A node and the nearest point of another body's surface.
+template <int Dim> struct ContactPair {
+  Index node;
+  Vec<Dim> normal;  ///< outwards of the other body
+  std::array<FacetNode<Dim>, Dim> facet;
+  double gap = 0.0;                     ///< negative inside
+  Vec<Dim> impulse = Vec<Dim>::Zero();  ///< on the node in the last step
+  DelayedFriction friction{};
+  double lost = 0.0;  ///< energy that impulses along the normal have taken so far, less what pushing out has given
+
+  /// Calls visit(node, value) with the values by which an impulse on the node goes to all nodes of the pair. Across the
+  /// gap the two have a moment, which impulses along the normal balance.
+  template <class Visit> void for_each_node(const Visit& visit) const {
+    visit(node, Mat<Dim>(Mat<Dim>::Identity()));
+    for (const FacetNode<Dim>& other : facet)
+      visit(other.node, Mat<Dim>(gap * normal * other.lever.transpose() - other.weight * Mat<Dim>::Identity()));
+  }
+  friend auto fields(ContactPair& pair) {
+    auto& [node, normal, facet, gap, impulse, friction, lost] = pair;
+    return std::tie(node, normal, facet, gap, impulse, friction, lost);
+  }
+};
+
+/// Relative velocities of contact pairs by impulses on them. Both have R components: one along the normals, or all.
+template <int Dim, int R> class PairMobility {
+ public:
+  using Block = Eigen::Matrix<double, Dim, R>;
+
+  PairMobility(const World<Dim>& world, const std::vector<ContactPair<Dim>>& pairs) {
+    std::vector<Index> number(world.nodes.size(), -1);
+    for (const ContactPair<Dim>& pair : pairs) {
+      pair.for_each_node([&](Index a, const Mat<Dim>& value) {
+        if (number[a] < 0) {
+          number[a] = static_cast<Index>(nodes_.size());
+          nodes_.push_back(a);
+        }
+        if constexpr (R == 1)
+          entries_.push_back({number[a], value * pair.normal});
+        else
+          entries_.push_back({number[a], value});
+      });
+    }
+    mobility_ = world.nodes.free(Eigen::all, nodes_);
+    for (std::size_t k = 0; k < nodes_.size(); ++k)
+      mobility_.col(k) *= world.nodes.mass[nodes_[k]] > 0.0 ? 1.0 / world.nodes.mass[nodes_[k]] : 0.0;
+    // Gershgorin's circles.
+    Vector sums = Vector::Zero(std::ssize(nodes_));
+    for (const auto& [node, block] : entries_) sums[node] += block.norm();
+    bounds_.setZero(std::ssize(pairs));
+    for (std::size_t e = 0; e < entries_.size(); ++e)
+      bounds_[e / (Dim + 1)] +=
+          entries_[e].block.norm() * sums[entries_[e].node] * mobility_.col(entries_[e].node).maxCoeff();
+  }
+
+  Index size() const { return bounds_.size(); }
+  const Vector& bounds() const { return bounds_; }
+  Points<R> velocities(const Points<R>& impulses) const { return at_pairs(mobility_.cwiseProduct(on_nodes(impulses))); }
+  /// Relative velocities where the nodes have these.
+  Points<R> relative(const Points<Dim>& v) const { return at_pairs(v(Eigen::all, nodes_)); }
+  /// Adds what such impulses are on the nodes.
+  void add(const Points<R>& impulses, Points<Dim>& sum) const {
+    const Points<Dim> of = on_nodes(impulses);
+    for (std::size_t k = 0; k < nodes_.size(); ++k) sum.col(nodes_[k]) += of.col(k);
+  }
+
+ private:
+  struct Entry {
+    Index node;
+    Block block;
+  };
+  Points<Dim> on_nodes(const Points<R>& impulses) const {
+    Points<Dim> result = Points<Dim>::Zero(Dim, std::ssize(nodes_));
+    for (std::size_t e = 0; e < entries_.size(); ++e)
+      result.col(entries_[e].node) += entries_[e].block * impulses.col(e / (Dim + 1));
+    return result;
+  }
+  Points<R> at_pairs(const Points<Dim>& of_nodes) const {
+    Points<R> result = Points<R>::Zero(R, size());
+    for (std::size_t e = 0; e < entries_.size(); ++e)
+      result.col(e / (Dim + 1)) += entries_[e].block.transpose() * of_nodes.col(entries_[e].node);
+    return result;
+  }
+
+  std::vector<Index> nodes_;
+  std::vector<Entry> entries_;  ///< Dim + 1 of every pair
+  Points<Dim> mobility_;        ///< velocity of nodes by an impulse of one
+  Vector bounds_;
+};
+
+/// Contact of nodes of a surface with facets of other bodies, by impulses.
 template <int Dim> class BodyContact final : public Interaction<Dim> {
  public:
   explicit BodyContact(const Scheme<Dim>& scheme) : scheme_(scheme) {}
 
-  /// Friction, by the contact forces at the beginning of the step.
-  void apply_impulses(World<Dim>& world, double kick, double /*dt*/) override {
-    if (!has_friction(world)) return;
-    Points<Dim>& v = world.nodes.v;
-    const Vector& mass = world.nodes.mass;
-    friction_impulses_.setZero(Dim, world.nodes.size());
-    for (const ContactPair& pair : pairs_) {
-      Vec<Dim> slip = pair.relative([&](Index a) { return v.col(a); });
-      double mobility = 1.0 / mass[pair.node];
-      for (const auto& [b, weight, lever] : pair.facet) mobility += weight * weight / mass[b];
-      slip -= pair.normal.dot(slip) * pair.normal;
-      const double speed = slip.norm();
-      if (!(speed > 0.0) || !std::isfinite(mobility)) continue;
-      const double size =
-          std::min(world.options.contact.friction * pair.stiffness * pair.depth * kick, speed / mobility);
-      const Vec<Dim> friction = size / speed * slip;
-      const auto apply = [&](Index a, const Vec<Dim>& impulse) {
-        v.col(a) += impulse / mass[a];
-        friction_impulses_.col(a) += impulse;
-      };
-      apply(pair.node, -friction);
-      // Across the gap the two have a moment, which impulses along the normal balance.
-      for (const auto& [b, weight, lever] : pair.facet)
-        apply(b, weight * friction - pair.gap * lever.dot(friction) * pair.normal);
-    }
-  }
-
-  void finish_kick(World<Dim>& world, double /*kick*/, double /*dt*/) override {
-    if (!has_friction(world)) return;
-    const Nodes<Dim>& nodes = world.nodes;
-    world.ledger.add_energy("contact", EnergyKind::loss,
-                            -(0.5 * friction_impulses_.cwiseProduct(nodes.v + nodes.v_before).sum()));
-  }
-
-  void add_forces(World<Dim>& world) override {
+  void apply_impulses(World<Dim>& world, double /*kick*/, double dt) override {
+    on_nodes_.resize(Dim, 0);
     if (!acts(world)) return;
     auto start = std::chrono::steady_clock::now();
     surfaces_.update(world, scheme_);
-    find_pairs(world);
-    world.ledger.add_energy("contact", EnergyKind::loss, apply_springs(world));
-    std::swap(pairs_, new_pairs_);
-    stored_ = 0.0;
-    for (const ContactPair& pair : pairs_) stored_ += pair.energy;
-    x_before_ = world.nodes.x;
+    surfaces_.find_normals(world);
+    find_pairs(world, dt);
+    if (!pairs_.empty() && find_impulses(world, dt)) {
+      Nodes<Dim>& nodes = world.nodes;
+      const Points<Dim> on_free = nodes.free.cwiseProduct(on_nodes_);
+      nodes.v += velocities_of(world, on_free);
+      if (world.consistent_mass.any()) nodes.momentum += on_free;
+    }
     world.ledger.add_time("contact", seconds_since(start));
   }
 
-  void add_stiffness(const World<Dim>&, const Points<Dim>& displacement, Points<Dim>& force) const override {
-    for (const ContactPair& pair : pairs_) {
-      const Vec<Dim> relative = pair.relative([&](Index a) { return displacement.col(a); });
-      pair.add_force(pair.stiffness * pair.normal.dot(relative) * pair.normal, force);
-    }
+  void finish_kick(World<Dim>& world, double /*kick*/, double /*dt*/) override {
+    if (on_nodes_.cols() == 0) return;
+    const Nodes<Dim>& nodes = world.nodes;
+    const Points<Dim> mean = 0.5 * (nodes.v + nodes.v_before);
+    // Supports take what would change velocities that are prescribed.
+    const Points<Dim> on_supports = on_nodes_ - nodes.free.cwiseProduct(on_nodes_);
+    world.ledger.add_energy("contact", EnergyKind::loss, -on_nodes_.cwiseProduct(mean).sum());
+    world.ledger.add_energy("prescribed", EnergyKind::work, -on_supports.cwiseProduct(mean).sum());
   }
 
   double longest_step(const World<Dim>& world) const override {
@@ -80,171 +157,153 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     penetrated_ = std::move(all);
   }
 
-  void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override {
-    if (acts(world)) balance.energies.add_energy("contact", EnergyKind::loss, stored_);
-  }
-
-  void nodes_inserted(const World<Dim>& world, Index first, Index count) override {
-    for (ContactPair& pair : pairs_) {
+  void nodes_inserted(const World<Dim>&, Index first, Index count) override {
+    for (ContactPair<Dim>& pair : pairs_) {
       shift_node(pair.node, first, count);
-      for (FacetNode& other : pair.facet) shift_node(other.node, first, count);
+      for (FacetNode<Dim>& other : pair.facet) shift_node(other.node, first, count);
     }
-    insert_columns<Dim>(x_before_, first, world.nodes.x.middleCols(first, count));
   }
-
-  bool stiffness_changes() const override { return !pairs_.empty(); }
 
   void pack(Archive& archive) override {
     surfaces_.pack(archive);
-    archive(x_before_, pairs_, penetrated_, stored_);
+    archive(pairs_, penetrated_);
   }
 
  private:
-  /// A node of the facet in a contact pair.
-  struct FacetNode {
-    Index node;
-    double weight;   ///< its shape function at the nearest point of the facet
-    Vec<Dim> lever;  ///< forces lever . s along the normal, of all nodes, sum up to zero and to the moment s x normal
-    friend auto fields(FacetNode& of) {
-      auto& [node, weight, lever] = of;
-      return std::tie(node, weight, lever);
-    }
-  };
-  /// A penalty spring between a node and a facet that it has penetrated. Its depth is limited by the work done on it:
-  /// it never releases more.
-  struct ContactPair {
-    Index node;
-    double stiffness;
-    Vec<Dim> normal;  ///< outwards of the other body
-    std::array<FacetNode, Dim> facet;
-    double gap = 0.0;     ///< negative
-    double depth = 0.0;   ///< compression of the spring, at most -gap
-    double energy = 0.0;  ///< work done on it and not released
-    /// Values at nodes: the node's less that of the facet at its nearest point.
-    template <class Values> Vec<Dim> relative(const Values& values) const {
-      Vec<Dim> result = values(node);
-      for (const FacetNode& other : facet) result -= other.weight * values(other.node);
-      return result;
-    }
-    /// Calls visit(node, weight) for its nodes.
-    template <class Visit> void for_each_node(const Visit& visit) const {
-      visit(node, 1.0);
-      for (const FacetNode& other : facet) visit(other.node, other.weight);
-    }
-    /// A force on the node and the opposite one on the facet.
-    void add_force(const Vec<Dim>& force, Points<Dim>& forces) const {
-      forces.col(node) += force;
-      for (const FacetNode& other : facet) forces.col(other.node) -= other.weight * force;
-    }
-    friend auto fields(ContactPair& pair) {
-      auto& [node, stiffness, normal, facet, gap, depth, energy] = pair;
-      return std::tie(node, stiffness, normal, facet, gap, depth, energy);
-    }
-  };
+  static bool acts(const World<Dim>& world) { return world.options.contact.enabled && world.num_bodies() > 1; }
 
-  static bool acts(const World<Dim>& world) { return world.options.contact.stiffness > 0.0 && world.num_bodies() > 1; }
-  bool has_friction(const World<Dim>& world) const { return world.options.contact.friction > 0.0 && !pairs_.empty(); }
-
-  /// The nearest point of the other body's surface to a node inside that body. False if the node is not inside.
-  bool find_pair(const World<Dim>& world, const typename BodySurfaces<Dim>::Near& near, ContactPair& pair) const {
-    const Points<Dim>& x = world.nodes.x;
-    const Vector& spacing = world.nodes.spacing;
+  /// The facet that the node faces. False if they are not in contact in this step.
+  bool find_pair(const World<Dim>& world, const typename BodySurfaces<Dim>::Near& near, double dt,
+                 ContactPair<Dim>& pair) const {
+    const Nodes<Dim>& nodes = world.nodes;
+    const FacingFacet<Dim> facing = surfaces_.facing(world, near);
+    if (facing.facet < 0) return false;
     const Facets<Dim>& facets = surfaces_.surfaces()[near.body].facets;
-    const Vec<Dim> at = x.col(near.node);
-    NearestFacet<Dim> nearest(1e-9 * spacing[near.node], 1e-9 * std::pow(spacing[near.node], Dim - 1));
-    for (const Index f : near.facets) nearest.compare(f, facet_corners(x, facets, f).colwise() - at);
-    const Index best = nearest.facet();
-    if (best < 0 || !nearest.is_inside() || nearest.distance() > largest_depth * spacing[facets(0, best)]) return false;
     pair.node = near.node;
-    pair.gap = -nearest.to().norm();  // that of this facet: nearest.distance() may be that of another, within the slack
-    pair.normal = nearest.to() / -pair.gap;
-    const Mat<Dim> corner = facet_corners(x, facets, best).colwise() - at;
+    pair.gap = facing.gap;
+    pair.normal = facing.normal;
+    Vec<Dim> relative = nodes.v.col(near.node);
+    for (int i = 0; i < Dim; ++i) relative -= facing.weights[i] * nodes.v.col(facets(i, facing.facet));
+    const double approach = std::max(0.0, -pair.normal.dot(relative));
+    if (pair.gap > near_gap * nodes.spacing[near.node] + 2.0 * dt * approach) return false;
+    const Mat<Dim> corner = facet_corners(nodes.x, facets, facing.facet);
     const Vec<Dim> middle = corner.rowwise().mean();
     const Mat<Dim> tangential = Mat<Dim>::Identity() - pair.normal * pair.normal.transpose();
     const Mat<Dim> arms = tangential * (corner.colwise() - middle);
     const Mat<Dim> inverse =
         (arms * arms.transpose() + arms.squaredNorm() * pair.normal * pair.normal.transpose()).inverse();
-    for (int i = 0; i < Dim; ++i) pair.facet[i] = {facets(i, best), nearest.weights()[i], inverse * arms.col(i)};
-    const double modulus = std::min(world.bodies[world.nodes.body[near.node]].modulus, world.bodies[near.body].modulus);
-    // Half of it, as the other body's nodes have springs, too.
-    pair.stiffness = 0.5 * world.options.contact.stiffness * modulus * surfaces_.area()[near.node] / spacing[near.node];
+    for (int i = 0; i < Dim; ++i) pair.facet[i] = {facets(i, facing.facet), facing.weights[i], inverse * arms.col(i)};
     return true;
   }
 
-  /// Limits the stiffness of springs to that at which they are all stable in the step, by the masses of their nodes
-  /// (Gershgorin's circles).
-  void limit_stiffnesses(const World<Dim>& world) {
-    node_stiffness_.setZero(world.nodes.size());
-    for (const ContactPair& pair : new_pairs_)
-      pair.for_each_node([&](Index a, double weight) { node_stiffness_[a] += weight * pair.stiffness; });
-    const auto factor = [&](Index a) {
-      const double most = stable_springs * world.nodes.mass[a] / (2.0 * world.stable_step * world.stable_step);
-      return node_stiffness_[a] > most ? most / node_stiffness_[a] : 1.0;
-    };
-    for (ContactPair& pair : new_pairs_) {
-      double least = 1.0;
-      pair.for_each_node([&](Index a, double weight) { least = weight > 0.0 ? std::min(least, factor(a)) : least; });
-      pair.stiffness *= least;
-    }
-  }
-
-  /// Pairs of this step, still without energy.
-  void find_pairs(const World<Dim>& world) {
+  /// Pairs of this step, with what is left of the last one's.
+  void find_pairs(const World<Dim>& world, double dt) {
     const auto& near = surfaces_.near();
     new_pairs_.assign(near.size(), {});
+    is_pair_.assign(near.size(), 0);
     parallel_chunks(static_cast<Index>(near.size()), 64, [&](Index begin, Index end) {
-      for (Index k = begin; k < end; ++k)
-        if (!find_pair(world, near[k], new_pairs_[k])) new_pairs_[k].stiffness = 0.0;
+      for (Index k = begin; k < end; ++k) is_pair_[k] = find_pair(world, near[k], dt, new_pairs_[k]) ? 1 : 0;
     });
-    const auto is_none = [](const ContactPair& pair) { return !(pair.stiffness > 0.0); };
-    std::erase_if(new_pairs_, is_none);
-    limit_stiffnesses(world);
-    std::erase_if(new_pairs_, is_none);
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < near.size(); ++k)
+      if (is_pair_[k] != 0) std::swap(new_pairs_[count++], new_pairs_[k]);
+    new_pairs_.resize(count);
+    const auto key = [&](const ContactPair<Dim>& pair) {
+      return std::pair(world.nodes.body[pair.facet.front().node], pair.node);
+    };
+    std::ranges::sort(pairs_, {}, key);
+    for (ContactPair<Dim>& pair : new_pairs_) {
+      const auto last = std::ranges::lower_bound(pairs_, key(pair), {}, key);
+      if (last == pairs_.end() || key(*last) != key(pair)) continue;
+      pair.impulse = last->impulse;
+      pair.friction = last->friction;
+      pair.lost = last->lost;
+    }
+    std::swap(pairs_, new_pairs_);
   }
 
-  /// Work of springs since the last step as in leapfrog: the mean of the forces at both ends times the relative
-  /// displacement, so that the energy of the springs is the energy that bodies have lost, to rounding. Where the
-  /// nearest point jumps, or points broke and a node is inside a new surface, the spring is compressed no further than
-  /// its energy allows, and than the node has moved inwards. Adds the forces; returns the energy of springs that are no
-  /// more.
-  double apply_springs(World<Dim>& world) {
-    Nodes<Dim>& nodes = world.nodes;
-    const Points<Dim>& x = nodes.x;
-    if (x_before_.size() == 0) x_before_ = x;
-    const auto relative_displacement = [&](const ContactPair& pair) {
-      return pair.normal.dot(pair.relative([&](Index a) -> Vec<Dim> { return x.col(a) - x_before_.col(a); }));
-    };
-    const auto key = [&](const ContactPair& pair) { return std::pair(pair.node, nodes.body[pair.facet.front().node]); };
-    energies_.clear();
-    for (const ContactPair& pair : pairs_)
-      energies_.emplace_back(key(pair), pair.energy - 0.5 * pair.stiffness * pair.depth * relative_displacement(pair));
-    std::ranges::sort(energies_);
-    for (ContactPair& pair : new_pairs_) {
-      const auto last =
-          std::ranges::lower_bound(energies_, key(pair), {}, &std::pair<std::pair<Index, Index>, double>::first);
-      if (last != energies_.end() && last->first == key(pair)) pair.energy = std::exchange(last->second, 0.0);
-      // The energy stored afterwards, k depth^2 / 2, is at most that and the second half of the work, -k depth out / 2.
-      const double out = relative_displacement(pair), square = out * out + 8.0 * pair.energy / pair.stiffness;
-      pair.depth = std::min(-pair.gap, square > 0.0 ? std::max(0.0, 0.5 * (std::sqrt(square) - out)) : 0.0);
-      pair.energy -= 0.5 * pair.stiffness * pair.depth * out;
-      pair.add_force(pair.stiffness * pair.depth * pair.normal, nodes.force);
+  /// How fast a node inside another body moves out of it: no faster than the energy that the pair has lost allows, if
+  /// the impulse stays what it was, as contact would make energy otherwise.
+  static double push_out_speed(const World<Dim>& world, const ContactPair<Dim>& pair, double impulse, double dt) {
+    const double fastest = -push_out * pair.gap / std::max(dt, world.stable_step);
+    return impulse > 0.0 ? std::clamp(pair.lost / impulse, 0.0, fastest) : 0.0;
+  }
+
+  /// Impulses by which no node enters another body within the step, and those of friction, into on_nodes_. False if
+  /// there are none.
+  bool find_impulses(const World<Dim>& world, double dt) {
+    const auto n = std::ssize(pairs_);
+    const PairMobility<Dim, 1> along(world, pairs_);
+    Points<1> approach = along.relative(world.nodes.v), normal(1, n);
+    Points<Dim> normals(Dim, n), impulses(Dim, n);
+    for (Index k = 0; k < n; ++k) {
+      const ContactPair<Dim>& pair = pairs_[k];
+      normal[k] = std::max(0.0, pair.impulse.dot(pair.normal));
+      approach[k] += pair.gap < 0.0 ? -push_out_speed(world, pair, normal[k], dt) : pair.gap / dt;
+      normals.col(k) = pair.normal;
     }
-    double lost = 0.0;
-    for (const auto& [pair, energy] : energies_) lost += energy;
-    return lost;
+    const double largest = -approach.minCoeff();
+    if (largest > 0.0)
+      minimise_energy<1>(
+          along, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+    else
+      normal.setZero();
+    const Points<1> mean =
+        0.5 * (along.relative(world.nodes.v_before) + along.relative(world.nodes.v) + along.velocities(normal));
+    for (Index k = 0; k < n; ++k) pairs_[k].lost -= normal[k] * mean[k];
+    impulses = normals * normal.asDiagonal();
+    on_nodes_.setZero(Dim, world.nodes.size());
+    along.add(normal, on_nodes_);
+    const Points<1> most = find_friction(world, normal, dt);
+    const bool has_friction = most.maxCoeff() > 0.0;
+    if (has_friction) {
+      const PairMobility<Dim, Dim> all(world, pairs_);
+      const auto tangential = [&](Index k, const Vec<Dim>& of) {
+        return Vec<Dim>(of - of.dot(normals.col(k)) * normals.col(k));
+      };
+      Points<Dim> slip = all.relative(world.nodes.v), friction(Dim, n);
+      for (Index k = 0; k < n; ++k) {
+        slip.col(k) = tangential(k, slip.col(k));
+        friction.col(k) = tangential(k, pairs_[k].impulse);
+      }
+      minimise_energy<Dim>(
+          all, slip, std::sqrt(slip.colwise().squaredNorm().maxCoeff()),
+          [&](Index k, const Vec<Dim>& q) {
+            const Vec<Dim> wanted = tangential(k, q);
+            const double size = wanted.norm();
+            return Vec<Dim>((size > most[k] ? most[k] / size : 1.0) * wanted);
+          },
+          friction);
+      all.add(friction, on_nodes_);
+      impulses += friction;
+    }
+    for (Index k = 0; k < n; ++k) pairs_[k].impulse = impulses.col(k);
+    return largest > 0.0 || has_friction;
+  }
+
+  /// The largest impulses of friction of the pairs, by those along the normal.
+  Points<1> find_friction(const World<Dim>& world, const Points<1>& normal, double dt) {
+    Points<1> most = Points<1>::Zero(1, normal.cols());
+    const double mu = world.options.contact.friction;
+    if (!(mu > 0.0)) return most;
+    for (Index k = 0; k < normal.cols(); ++k) {
+      DelayedFriction& friction = pairs_[k].friction;
+      friction.press(mu * normal[k], dt, longest_delay(world));
+      if (pairs_[k].gap > friction_gap * world.nodes.spacing[pairs_[k].node] && !(normal[k] > 0.0)) continue;
+      most[k] = friction.limit();
+      friction.grant();
+    }
+    return most;
   }
 
   const Scheme<Dim>& scheme_;
   BodySurfaces<Dim> surfaces_;
-  Points<Dim> x_before_;            ///< positions of the nodes when pairs were found
-  std::vector<ContactPair> pairs_;  ///< of the last step
-  std::vector<Index> penetrated_;   ///< points that were in another body so far, ascending
-  double stored_ = 0.0;             ///< energy of the springs
-  Points<Dim> friction_impulses_;   ///< on the nodes in this step
+  std::vector<ContactPair<Dim>> pairs_;
+  std::vector<Index> penetrated_;  ///< points that were in another body so far, ascending
+  Points<Dim> on_nodes_;           ///< impulses in this step; empty: none
   // Room that steps do not have to allocate.
-  std::vector<ContactPair> new_pairs_;
-  std::vector<std::pair<std::pair<Index, Index>, double>> energies_;  ///< by node and other body
-  Vector node_stiffness_;                                             ///< sum over the springs of a node
+  std::vector<ContactPair<Dim>> new_pairs_;
+  std::vector<char> is_pair_;
 };
 
 }  // namespace

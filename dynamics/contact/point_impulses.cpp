@@ -27,6 +27,8 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
   for (const Index number : std::exchange(rigid.near_points, {})) earlier.try_emplace(number, std::ssize(earlier));
   const Points<Dim> impulses_before =
       std::exchange(rigid.point_impulses, Points<Dim>::Zero(Dim, static_cast<Index>(n)));
+  const std::vector<DelayedFriction> friction_before =
+      std::exchange(rigid.point_friction, std::vector<DelayedFriction>(n));
   if (n == 0) return;
   const auto velocity_at = [&](std::size_t k) {
     Vec<Dim> v = Vec<Dim>::Zero();
@@ -56,8 +58,19 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     if (place == earlier.end()) continue;
     // The normal has changed little.
     rigid.point_impulses.col(static_cast<Index>(k)) = impulses_before.col(place->second);
+    rigid.point_friction[k] = friction_before[place->second];
     apply(k, rigid.point_impulses.col(static_cast<Index>(k)));
   }
+  // The largest impulse of friction by that along the normal; what is left of it is for later steps.
+  const auto friction_at = [&](std::size_t k, double normal) {
+    DelayedFriction friction = rigid.point_friction[k];
+    friction.press(rigid.body.friction * normal, dt, longest_delay(world));
+    return friction;
+  };
+  const auto most_friction = [&](std::size_t k, double normal) {
+    if (rigid.has_coulomb_friction()) return friction_at(k, normal).limit();
+    return normal > 0.0 && rigid.body.friction > 0.0 ? std::numeric_limits<double>::infinity() : 0.0;
+  };
   double largest = 0.0;
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
     double change = 0.0;
@@ -69,10 +82,10 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
       const double approach = relative.dot(gap.normal) + closing[k];
       const double normal = std::max(0.0, before.dot(gap.normal) - approach / mobility[k]);
       Vec<Dim> tangential = Vec<Dim>::Zero();
-      if (rigid.body.friction > 0.0 && normal > 0.0) {
+      if (const double most = most_friction(k, normal); most > 0.0) {
         const Vec<Dim> wanted = before - relative / mobility[k];
         tangential = wanted - wanted.dot(gap.normal) * gap.normal;
-        const double size = tangential.norm(), most = rigid.body.friction * normal;
+        const double size = tangential.norm();
         if (size > most) tangential *= most / size;
       }
       impulse = normal * gap.normal + tangential;
@@ -86,6 +99,10 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
   double lost = 0.0, held = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const Vec<Dim> impulse = rigid.point_impulses.col(static_cast<Index>(k));
+    if (rigid.has_coulomb_friction()) {
+      rigid.point_friction[k] = friction_at(k, impulse.dot(near.points()[k].gap.normal));
+      rigid.point_friction[k].grant();
+    }
     if (impulse.isZero(0.0)) continue;
     rigid.add_reaction(near.points()[k].at, impulse);
     lost += impulse.dot(rigid.mean_velocity(near.points()[k].at));

@@ -102,34 +102,49 @@ template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, co
 /// The impulse that keeps a node out of a rigid body in this step, with Coulomb friction. pressed: impulse over the
 /// mass of the node by which the scheme holds it off already, which friction counts too; `slope`: derivative of the
 /// impulse with respect to the rigid body's velocity there. Along axes with prescribed velocity there is none.
-template <int Dim> Vec<Dim> RigidContact<Dim>::impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a,
-                                                               double dt, double pressed, Mat<Dim>* slope) const {
+template <int Dim>
+typename RigidContact<Dim>::OnNode RigidContact<Dim>::on_node(const World<Dim>& world, const Rigid& rigid, Index a,
+                                                              double dt, double pressed, Mat<Dim>* slope) const {
   const Nodes<Dim>& nodes = world.nodes;
   const Vec<Dim>& normal = gaps_[a].normal;
-  const double gap = gaps_[a].gap;
+  const double gap = gaps_[a].gap, mass = nodes.mass[a], mu = rigid.body.friction;
   if (slope) slope->setZero();
-  if (!(gap < std::numeric_limits<double>::infinity())) return Vec<Dim>::Zero();
+  OnNode result;
   const Vec<Dim> relative = nodes.v.col(a) - velocity_of<Dim>(rigid.now, nodes.x.col(a));
   // Nodes inside move out within a stable step, not at once where a step is cut short.
   const double change = std::max(0.0, -normal.dot(relative) - gap / (gap < 0.0 ? std::max(dt, world.stable_step) : dt));
-  if (!(change > 0.0) && !(pressed > 0.0)) return Vec<Dim>::Zero();
+  const bool is_pressed = change + pressed > 0.0;
+  if (!is_pressed && !(gap < forgotten_gap * nodes.spacing[a])) return result;
   const Vec<Dim> direction = nodes.free.col(a).cwiseProduct(normal);
   const double part = direction.squaredNorm();
-  if (part < least_free) return Vec<Dim>::Zero();
+  if (part < least_free) return result;
+  double most = 0.0, gain = 0.0;  // of friction over the mass, and by `change`
+  if (!rigid.friction.empty()) {
+    result.friction = rigid.friction[a];
+    result.friction.press(mu * mass * (change + pressed), dt, longest_delay(world));
+    if (is_pressed || gap < friction_gap * nodes.spacing[a]) {
+      most = result.friction.limit() / mass;
+      gain = mu * result.friction.gain();
+      result.friction.grant();
+    }
+  } else if (is_pressed && mu > 0.0) {
+    most = std::numeric_limits<double>::infinity();
+  }
+  if (!(change > 0.0) && !(most > 0.0)) return result;
   const Vec<Dim> slip = nodes.free.col(a).cwiseProduct(Vec<Dim>(relative - normal.dot(relative) * normal));
-  const double sliding = slip.norm(), most = rigid.body.friction * (change + pressed);
-  const double sticking = sliding > most ? most / sliding : 1.0;
+  const double sliding = slip.norm(), sticking = sliding > most ? most / sliding : 1.0;
   if (slope) {
-    *slope = direction * normal.transpose() / part;
     Mat<Dim> tangential = nodes.free.col(a).asDiagonal() * (Mat<Dim>::Identity() - normal * normal.transpose());
+    if (change > 0.0) *slope = direction * normal.transpose() / part;
     if (sticking < 1.0) {
       const Vec<Dim> unit = slip / sliding;
       tangential -= unit * (unit.transpose() * tangential).eval();
-      *slope -= rigid.body.friction * unit * normal.transpose();
+      if (change > 0.0) *slope -= gain * unit * normal.transpose();
     }
-    *slope = nodes.mass[a] * (*slope + sticking * tangential);
+    *slope = mass * (*slope + sticking * tangential);
   }
-  return nodes.mass[a] * (change / part * direction - sticking * slip);
+  result.impulse = mass * (change / part * direction - sticking * slip);
+  return result;
 }
 
 /// Velocity and spin of a rigid body with a mass after contact with the nodes, by Newton's method for its momenta,
@@ -149,7 +164,7 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
     Mat<n> slope = inertia.asDiagonal();
     for (Index a = 0; a < world.nodes.size(); ++a) {
       Mat<Dim> of_node;
-      const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, 0.0, &of_node);
+      const Vec<Dim> impulse = on_node(world, rigid, a, dt, 0.0, &of_node).impulse;
       if (impulse.isZero(0.0)) continue;
       const auto at = velocity_matrix<Dim>(world.nodes.x.col(a) - rigid.now.centre);
       residual += at.transpose() * impulse;
@@ -181,7 +196,8 @@ template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std
       rigid.add_reaction(nodes.x.col(a), kick * held->col(a));
       if (slides) pressed = std::max(0.0, kick * world.walls[rigid.wall].normal.dot(held->col(a)) / nodes.mass[a]);
     }
-    const Vec<Dim> impulse = impulse_on_node(world, rigid, a, dt, pressed, nullptr);
+    const auto& [impulse, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
+    if (!rigid.friction.empty()) rigid.friction[a] = friction;
     if (impulse.isZero(0.0)) continue;
     rigid.add_reaction(nodes.x.col(a), impulse);
     node_impulses_.push_back({k, a, impulse});
@@ -203,6 +219,7 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     if (scheme_.nodes_persist()) {
       apply_to_surface(world, rigid, dt);
       find_gaps(world, rigid);
+      if (rigid.has_coulomb_friction()) rigid.friction.resize(world.nodes.size());
       if (rigid.is_free()) solve_motion(world, rigid, dt);
       apply_to_nodes(world, k, kick, dt);
     } else {
@@ -227,7 +244,8 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     lost -= impulse.dot(v - rigids_[k].mean_velocity(nodes.x.col(node)));
   }
   for (Rigid& rigid : rigids_) {
-    auto& [body, wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = rigid;
+    auto& [body, wall, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+           angular_impulse] = rigid;
     const double work = -0.5 * impulse.dot(before.velocity + now.velocity),
                  angular_work = -0.5 * angular_impulse.dot(before.spin + now.spin);
     now.work += work + angular_work;
@@ -283,6 +301,11 @@ template <int Dim> std::vector<RigidState<Dim>> RigidContact<Dim>::rigid_bodies(
   for (const Rigid& rigid : rigids_)
     if (!rigid.is_wall()) result.push_back(rigid.now);
   return result;
+}
+
+template <int Dim> void RigidContact<Dim>::nodes_inserted(const World<Dim>&, Index first, Index count) {
+  for (Rigid& rigid : rigids_)
+    if (!rigid.friction.empty()) rigid.friction.insert(rigid.friction.begin() + first, count, {});
 }
 
 template <int Dim> void RigidContact<Dim>::pack(Archive& archive) {

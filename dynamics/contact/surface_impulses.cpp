@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Walls and rigid bodies against surface points that are no nodes.
+#include "efree/dynamics/contact/internal/least_energy.hpp"
 #include "efree/dynamics/contact/internal/rigid_contact.hpp"
 #include "efree/dynamics/masses.hpp"
 
-#include <optional>
-
 namespace efree::internal {
 namespace {
-
-/// Iterations end when they change no velocity by more than this part of the largest that is to be stopped. Gaps
-/// correct the rest in the next step; modes that need more iterations hardly move the surface.
-constexpr double tolerance = 1e-3;
-constexpr int most_iterations = 15;
 
 /// The nodes near a rigid body: velocities of surface points by impulses on these. Both have R components: one along
 /// the normal, or all along the axes.
@@ -109,31 +103,6 @@ template <int R> class Patch {
   Values free_, free_sum_;
 };
 
-/// The impulses with the least kinetic energy afterwards, of those that `project` admits (accelerated projected
-/// gradients with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015). `velocities`:
-/// without impulses; `impulses`: a first guess, and the result.
-template <int R, class Project> void minimise_energy(const Patch<R>& patch, const Points<R>& velocities, double largest,
-                                                     const Project& project, Points<R>& impulses) {
-  Points<R> ahead = impulses;
-  double theta = 1.0;
-  for (int k = 0; k < most_iterations; ++k) {
-    const Points<R> slope = velocities + patch.velocities(ahead);
-    Points<R> next(R, patch.size());
-    double residual = 0.0, uphill = 0.0;
-    for (Index s = 0; s < patch.size(); ++s) {
-      next.col(s) = project(s, Vec<R>(ahead.col(s) - slope.col(s) / patch.bounds()[s]));
-      const Vec<R> step = patch.bounds()[s] * (ahead.col(s) - next.col(s));
-      residual = std::max(residual, step.norm());
-      uphill += step.dot(next.col(s) - impulses.col(s));
-    }
-    const double before = uphill > 0.0 ? 1.0 : theta;
-    theta = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * before * before));
-    ahead = next + (uphill > 0.0 ? 0.0 : (before - 1.0) / theta) * (next - impulses);
-    impulses = next;
-    if (residual <= tolerance * largest) break;
-  }
-}
-
 /// Values at the nodes interpolated to a surface point.
 template <int Dim> Vec<Dim> at_surface_point(const World<Dim>& world, Index s, const Points<Dim>& values) {
   Vec<Dim> sum = Vec<Dim>::Zero();
@@ -164,20 +133,40 @@ template <int Dim> void RigidContact<Dim>::find_near_points(const World<Dim>& wo
     for (Index s = 0; s < n; ++s)
       if (gaps[s].gap < surface.skin) found.push_back(s);
     Points<Dim> impulses = Points<Dim>::Zero(Dim, static_cast<Index>(found.size()));
+    std::vector<DelayedFriction> friction(found.size());
     for (std::size_t k = 0; k < rigid.near_points.size(); ++k) {
       const auto place = std::lower_bound(found.begin(), found.end(), rigid.near_points[k]);
-      if (place != found.end() && *place == rigid.near_points[k])
-        impulses.col(place - found.begin()) = rigid.point_impulses.col(static_cast<Index>(k));
+      if (place == found.end() || *place != rigid.near_points[k]) continue;
+      impulses.col(place - found.begin()) = rigid.point_impulses.col(static_cast<Index>(k));
+      friction[place - found.begin()] = rigid.point_friction[k];
     }
     rigid.near_points = std::move(found);
     rigid.point_impulses = std::move(impulses);
+    rigid.point_friction = std::move(friction);
     rigid.travelled = 0.0;
   }
 }
 
+/// The largest impulses of friction on near points, by those along the normal.
+template <int Dim> Points<1> RigidContact<Dim>::find_point_friction(const World<Dim>& world, Rigid& rigid,
+                                                                    const Points<1>& normal, double dt) const {
+  Points<1> most = Points<1>::Zero(1, normal.cols());
+  for (Index k = 0; k < normal.cols(); ++k) {
+    if (rigid.has_coulomb_friction()) {
+      DelayedFriction& friction = rigid.point_friction[k];
+      friction.press(rigid.body.friction * normal[k], dt, longest_delay(world));
+      most[k] = friction.limit();
+      friction.grant();
+    } else if (normal[k] > 0.0 && rigid.body.friction > 0.0) {
+      most[k] = std::numeric_limits<double>::infinity();
+    }
+  }
+  return most;
+}
+
 /// Impulses on near points by which no point enters the rigid body within the step, and those of Coulomb friction.
 /// Normal and tangential ones are independent where the rigid body is flat, as masses are the same along all axes.
-/// False if no point approaches.
+/// False if no point approaches or has friction.
 template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt) {
   const Points<Dim>& free = world.nodes.free;
   const auto n = static_cast<Index>(rigid.near_points.size());
@@ -194,37 +183,36 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   const auto along = [&](const Points<Dim>& values) { return Points<1>(normals.cwiseProduct(values).colwise().sum()); };
   const Points<1> approach = along(velocities) + closing;
   const double largest = -approach.minCoeff();
-  if (largest <= 0.0) {
-    rigid.point_impulses.setZero();
-    return false;
-  }
   Points<1> normal = along(rigid.point_impulses);
   const Points<Dim> before = rigid.point_impulses - normals * normal.asDiagonal();
   const Vec<Dim> first = normals.col(0);
   const bool is_flat = (normals.colwise() - first).isZero(0.0);
-  std::optional<Patch<Dim>> patch;
-  if (!is_flat || rigid.body.friction > 0.0) patch.emplace(world, rigid.near_points, free);
-  if (is_flat) {
+  if (largest <= 0.0) {
+    normal.setZero();
+  } else if (is_flat) {
     const Patch<1> flat(world, rigid.near_points, Points<1>(first.cwiseAbs2().transpose() * free));
     minimise_energy<1>(
         flat, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
   } else {
     Points<Dim> impulses = normals * normal.asDiagonal();
     minimise_energy<Dim>(
-        *patch, normals * approach.asDiagonal(), largest,
+        Patch<Dim>(world, rigid.near_points, free), normals * approach.asDiagonal(), largest,
         [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
         impulses);
     normal = along(impulses);
   }
   rigid.point_impulses = normals * normal.asDiagonal();
-  if (!(rigid.body.friction > 0.0)) return true;
+  const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
+  if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
   Points<Dim> tangential = before;
+  const Points<Dim> slip = velocities - normals * along(velocities).asDiagonal();
   minimise_energy<Dim>(
-      *patch, velocities - normals * along(velocities).asDiagonal(), largest,
+      Patch<Dim>(world, rigid.near_points, free), slip,
+      std::max(largest, std::sqrt(slip.colwise().squaredNorm().maxCoeff())),
       [&](Index s, const Vec<Dim>& q) {
         const Vec<Dim> along_surface = q - q.dot(normals.col(s)) * normals.col(s);
-        const double most = normal(0, s) > 0.0 ? rigid.body.friction * normal(0, s) : 0.0, size = along_surface.norm();
-        return Vec<Dim>((size > most ? most / size : 1.0) * along_surface);
+        const double size = along_surface.norm();
+        return Vec<Dim>((size > most[s] ? most[s] / size : 1.0) * along_surface);
       },
       tangential);
   rigid.point_impulses += tangential;

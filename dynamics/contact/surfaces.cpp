@@ -9,6 +9,12 @@ namespace {
 /// How far nodes may move before near facets are found again, over the spacing.
 constexpr double search_skin = 0.25;
 
+/// Cosine of the angle between the normals of a node and a facet at which they do not face each other.
+constexpr double not_facing = -0.1;
+/// How far facets go on beyond their edges, over their size, for nodes no further from their plane than this over the
+/// spacing: corners that lie on each other.
+constexpr double beyond_edge = 0.05, beyond_depth = 0.05;
+
 /// Largest spacing of the nodes of facets.
 template <int Dim> double widest_spacing(const Nodes<Dim>& nodes, const Facets<Dim>& facets) {
   return nodes.spacing(facets.reshaped()).maxCoeff();
@@ -18,24 +24,27 @@ template <int Dim> double widest_spacing(const Nodes<Dim>& nodes, const Facets<D
 
 template <int Dim> void BodySurfaces<Dim>::find(const World<Dim>& world, const Scheme<Dim>& scheme) {
   surfaces_.assign(world.bodies.size(), {});
-  area_.setZero(world.nodes.size());
   for (Index b = 0; b < world.num_bodies(); ++b) {
     Surface& surface = surfaces_[b];
     surface.facets = scheme.surface(world, b);
     std::set<Index> nodes;
-    for (Index f = 0; f < surface.facets.cols(); ++f) {
-      const Mat<Dim> corner = facet_corners(world.nodes.x, surface.facets, f);
-      const double depth = world.out_of_plane(corner.row(0).mean());
-      for (const Index a : surface.facets.col(f)) {
-        nodes.insert(a);
-        area_[a] += depth * area_of<Dim>(corner).norm() / Dim;
-      }
-    }
+    for (const Index a : surface.facets.reshaped()) nodes.insert(a);
     surface.nodes.assign(nodes.begin(), nodes.end());
   }
   near_.clear();
   x_near_.resize(Dim, 0);
   surface_changes_ = world.surface_changes;
+}
+
+template <int Dim> void BodySurfaces<Dim>::find_normals(const World<Dim>& world) {
+  normals_.setZero(Dim, world.nodes.size());
+  for (const Surface& surface : surfaces_) {
+    for (Index f = 0; f < surface.facets.cols(); ++f) {
+      const Vec<Dim> area = area_of<Dim>(facet_corners(world.nodes.x, surface.facets, f));
+      for (const Index a : surface.facets.col(f)) normals_.col(a) += area;
+    }
+    for (const Index a : surface.nodes) normals_.col(a).normalize();
+  }
 }
 
 template <int Dim> void BodySurfaces<Dim>::find_near(const World<Dim>& world) {
@@ -57,6 +66,37 @@ template <int Dim> void BodySurfaces<Dim>::find_near(const World<Dim>& world) {
       }
     }
   }
+}
+
+template <int Dim> FacingFacet<Dim> BodySurfaces<Dim>::facing(const World<Dim>& world, const Near& near) const {
+  const Nodes<Dim>& nodes = world.nodes;
+  const double spacing = nodes.spacing[near.node];
+  const Facets<Dim>& facets = surfaces_[near.body].facets;
+  FacingFacet<Dim> result;
+  for (const Index f : near.facets) {
+    const Mat<Dim> corner = facet_corners(nodes.x, facets, f).colwise() - Vec<Dim>(nodes.x.col(near.node));
+    const Vec<Dim> area = area_of<Dim>(corner);
+    if (!(area.norm() > 1e-9 * std::pow(spacing, Dim - 1))) continue;
+    const Vec<Dim> normal = area.normalized();
+    const double gap = -normal.dot(corner.col(0));
+    if (!(std::abs(gap) < std::abs(result.gap)) || !(normal.dot(normals_.col(near.node)) < not_facing)) continue;
+    const Vec<Dim> weights = weights_in<Dim>(corner);
+    if (weights.minCoeff() < (std::abs(gap) < beyond_depth * spacing ? -beyond_edge : 0.0)) continue;
+    if (gap > -largest_depth * nodes.spacing[facets(0, f)])
+      result = {.facet = f, .weights = weights, .gap = gap, .normal = normal};
+  }
+  return result;
+}
+
+template <int Dim> Overlap deepest_overlap(const World<Dim>& world, const Scheme<Dim>& scheme) {
+  BodySurfaces<Dim> surfaces;
+  surfaces.update(world, scheme);
+  surfaces.find_normals(world);
+  Overlap result;
+  for (const auto& near : surfaces.near())
+    if (const double gap = surfaces.facing(world, near).gap; - gap > result.depth)
+      result = {.node = near.node, .body = near.body, .depth = -gap};
+  return result;
 }
 
 template <int Dim> void BodySurfaces<Dim>::update(const World<Dim>& world, const Scheme<Dim>& scheme) {
@@ -106,6 +146,8 @@ template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, 
 
 template class BodySurfaces<2>;
 template class BodySurfaces<3>;
+template Overlap deepest_overlap(const World<2>&, const Scheme<2>&);
+template Overlap deepest_overlap(const World<3>&, const Scheme<3>&);
 template std::vector<Index> points_in_others(const World<2>&, const BodySurfaces<2>&);
 template std::vector<Index> points_in_others(const World<3>&, const BodySurfaces<3>&);
 

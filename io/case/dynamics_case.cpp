@@ -146,7 +146,7 @@ template <int Dim> DynamicsProbe<Dim> read_probe(const Section& entry, const Sec
   const std::string text = entry.expression(key);
   const bool is_name =
       text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string::npos &&
-      text.size() > 1;
+      text != "x" && text != "y" && text != "z";
   if (is_name && std::isalpha(static_cast<unsigned char>(text.front())) && !definitions.has(text))
     probe.field = text;
   else
@@ -348,12 +348,12 @@ template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dyn
 
 /// [contact]; after [otm].
 template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>& dynamics) {
-  const Section section = root.section("contact", {"stiffness", "friction"});
+  const Section section = root.section("contact", {"enabled", "friction"});
   ContactOptions& contact = dynamics.options.contact;
-  for (const char* key : {"stiffness", "friction"})
+  for (const char* key : {"enabled", "friction"})
     if (dynamics.otm.seizing && section.has(key))
       section.fail(key, fmt::format("{} means nothing for bodies that seize (otm.seizing): leave it out", key));
-  contact.stiffness = section.number("stiffness", not_negative, dynamics.otm.seizing ? 0.0 : contact.stiffness);
+  contact.enabled = section.boolean("enabled", !dynamics.otm.seizing);
   contact.friction = section.number("friction", not_negative, contact.friction);
 }
 
@@ -482,6 +482,7 @@ void reject_former_keys(const Section& root) {
       {"otm", "imbalance", "imbalance in [dynamics]"},
       {"otm", "shock", "shock in [dynamics]"},
       {"contact", "seizing", "seizing in [otm]"},
+      {"contact", "stiffness", "enabled = false in [contact] for bodies that pass through each other, else nothing"},
   };
   for (const auto& [section, key, place] : former_keys)
     if (root.is_table(section))

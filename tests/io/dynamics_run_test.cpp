@@ -299,11 +299,11 @@ TEST(DynamicsRun, BodiesThatOverlapAtTheStartAreRefused) {
       "[geometry]\nfile = \"two.geo\"\n[analysis]\nkind = \"dynamics\"\nplane = \"strain\"\n"
       "[[material]]\nregion = \"one\"\n" +
       material + "[[material]]\nregion = \"two\"\n" + material + "[time]\nend = 1\n";
-  for (const char* contact : {"", "[otm]\nseizing = true\n", "[contact]\nstiffness = 0\n"}) {
+  for (const char* contact : {"", "[otm]\nseizing = true\n", "[contact]\nenabled = false\n"}) {
     const Workspace workspace;
     write_two_squares(workspace, 0.6);
     const auto done = run(workspace, two + contact);
-    if (std::string(contact).find("stiffness") != std::string::npos) {
+    if (std::string(contact).find("enabled") != std::string::npos) {
       EXPECT_EQ(done.status, 0) << done.output;
       continue;
     }
@@ -312,9 +312,18 @@ TEST(DynamicsRun, BodiesThatOverlapAtTheStartAreRefused) {
                 testing::AllOf(HasSubstr("case.toml:1: bodies overlap at the start"), HasSubstr("\"one\"")));
     EXPECT_FALSE(fs::exists(workspace / "out"));
   }
+  {
+    const Workspace workspace;
+    write_two_squares(workspace, 0.95);  // by less than points would show
+    const auto done = run(workspace, two);
+    EXPECT_EQ(done.status, 2) << done.output;
+    EXPECT_THAT(done.output, testing::AllOf(HasSubstr("is inside region"), HasSubstr("by 0.05 at (")));
+  }
   const Workspace workspace;
   write_two_squares(workspace, 1.0);  // side by side
-  EXPECT_EQ(run(workspace, two).status, 0);
+  const std::string J = "[[probe]]\nname = \"J\"\nsmallest = \"J\"\n";
+  EXPECT_EQ(run(workspace, two + J).status, 0);
+  EXPECT_NEAR(json(workspace / "out/result.json")["probes"]["J"].get<double>(), 1.0, 1e-12);
 }
 
 /// The second of two squares moves towards the first; `more`: tables besides.
@@ -444,6 +453,12 @@ TEST(DynamicsRun, StepsThatAreNextToNothingEndTheRunWhateverMakesThemSo) {
   EXPECT_EQ(done.status, 3) << done.output;
   EXPECT_THAT(done.output, HasSubstr("less than min_step"));
   EXPECT_EQ(json(workspace / "out/result.json")["counts"]["steps"], 100);
+}
+
+TEST(DynamicsRun, SpeedsThatOnlyMixedUnitsExplainAreWarnedOf) {
+  const Workspace workspace;
+  EXPECT_THAT(run(workspace, replaced(rubber, "\"-0.2\"", "\"-20\"")).output, HasSubstr("are units mixed?"));
+  EXPECT_THAT(run(workspace, rubber).output, testing::Not(HasSubstr("are units mixed?")));
 }
 
 TEST(DynamicsRun, VelocitiesOfRigidBodiesThatAreNotFiniteEndTheRunWithTheTime) {

@@ -51,6 +51,20 @@ template <int Dim> Vec<Dim> area_of(const Mat<Dim>& corner) {
   }
 }
 
+/// Weights of the corners in the point of the line or plane of a facet that is nearest to the origin; negative ones
+/// beyond its edges.
+template <int Dim> Vec<Dim> weights_in(const Mat<Dim>& corner) {
+  if constexpr (Dim == 2) {
+    const Vec<2> along = corner.col(1) - corner.col(0);
+    const double t = -corner.col(0).dot(along) / along.squaredNorm();
+    return {1.0 - t, t};
+  } else {
+    const Vec<3> area = area_of<3>(corner), per_area = 0.5 * area / area.squaredNorm();
+    const auto opposite = [&](int i) { return per_area.dot(corner.col((i + 1) % 3).cross(corner.col((i + 2) % 3))); };
+    return {opposite(0), opposite(1), opposite(2)};
+  }
+}
+
 /// Positions of a facet's nodes.
 template <int Dim> Mat<Dim> facet_corners(const Points<Dim>& x, const Facets<Dim>& facets, Index f) {
   return x(Eigen::all, facets.col(f));

@@ -2,6 +2,7 @@
 /// Walls and rigid bodies, which nodes and surface points of deformable bodies do not enter.
 #pragma once
 
+#include "efree/dynamics/contact/internal/friction.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/points.hpp"
@@ -27,6 +28,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   void add_velocities(const World<Dim>& world, std::vector<Vec<Dim>>& velocities) const override;
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override;
   /// Throws InputError for the state of another number of walls and rigid bodies.
+  void nodes_inserted(const World<Dim>& world, Index first, Index count) override;
   void pack(Archive& archive) override;
 
  private:
@@ -38,10 +40,13 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     std::vector<Index> near_points{};               ///< surface points that may come into contact soon, ascending
     Points<Dim> point_impulses{};                   ///< on these in the last step
     double travelled = 0.0;                         ///< since these were found [length]
+    std::vector<DelayedFriction> friction{};        ///< by node; empty: none
+    std::vector<DelayedFriction> point_friction{};  ///< by near point
     Vec<Dim> impulse = Vec<Dim>::Zero();            ///< of the bodies on it in this step
     Spin<Dim> angular_impulse = Spin<Dim>::Zero();  ///< likewise, about the centre
 
     bool is_wall() const { return wall >= 0; }
+    bool has_coulomb_friction() const { return body.friction > 0.0 && std::isfinite(body.friction); }
     bool is_free() const { return body.mass > 0.0 || body.inertia > 0.0; }
     /// Counts an impulse on a body at a position.
     void add_reaction(const Vec<Dim>& at, const Vec<Dim>& on_body) {
@@ -54,9 +59,15 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     }
     // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
     friend auto fields(Rigid& of) {
-      auto& [body, wall, now, before, near_points, point_impulses, travelled, impulse, angular_impulse] = of;
-      return std::tie(now, near_points, point_impulses, travelled);
+      auto& [body, wall, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+             angular_impulse] = of;
+      return std::tie(now, near_points, point_impulses, travelled, friction, point_friction);
     }
+  };
+  /// What a rigid body does to a node in a step.
+  struct OnNode {
+    Vec<Dim> impulse = Vec<Dim>::Zero();
+    DelayedFriction friction{};  ///< after it
   };
   /// An impulse on a node.
   struct NodeImpulse {
@@ -67,14 +78,15 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
 
   const Points<Dim>* held_by_scheme(const Rigid& rigid) const;
   void find_gaps(const World<Dim>& world, const Rigid& rigid);
-  Vec<Dim> impulse_on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
-                           Mat<Dim>* slope) const;
+  OnNode on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
+                 Mat<Dim>* slope) const;
   void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
   void apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt);
   // Points of the material (point_impulses.cpp).
   void apply_to_points(World<Dim>& world, Rigid& rigid, double dt);
   // Surface points (surface_impulses.cpp).
   void find_near_points(const World<Dim>& world);
+  Points<1> find_point_friction(const World<Dim>& world, Rigid& rigid, const Points<1>& normal, double dt) const;
   bool find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt);
   void apply_to_surface(World<Dim>& world, Rigid& rigid, double dt);
 

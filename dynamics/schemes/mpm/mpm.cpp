@@ -155,11 +155,11 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
   momentum_before_.resize(world.num_bodies());
   owed_.setZero(Dim, world.num_bodies());
   grid_.rebuild(world, true);
-  if (world.num_bodies() > 1 && world.options.contact.stiffness > 0.0) {
+  if (world.num_bodies() > 1 && world.options.contact.enabled) {
     // After prescribed velocities, before walls and rigid bodies.
     world.interactions.insert(world.interactions.begin() + 3,
                               internal::grid_contact<Dim>(grid_, world.options.contact.friction));
-    world.options.contact.stiffness = 0.0;  // there are no facets
+    world.options.contact.enabled = false;  // there are no facets
   }
 }
 

@@ -202,7 +202,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     sum_lumped_masses(world);
     require_masses(world);
     if (state_.options.seizing) {
-      world.options.contact.stiffness = 0.0;
+      world.options.contact.enabled = false;
       world.interactions.push_back(std::make_unique<Seizing<Dim>>(*this, state_));
     }
   }

@@ -156,7 +156,7 @@ template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const Defor
   for (const Chunk<Dim>& chunk : world.chunks)
     for (Index p = 0; p < chunk.size(); ++p) world.nodes.mass[world.point_number(chunk, p)] = chunk.matter.mass[p];
   world.nodes.spacing.setConstant(n, options_.spacing);
-  world.options.contact.stiffness = 0.0;  // sums over all particles act between bodies, too
+  world.options.contact.enabled = false;  // sums over all particles act between bodies, too
   if (world.nodes.radius.size() == 0) world.nodes.radius.setZero(n);
   sizes_.smoothing.setConstant(n, options_.smoothing * options_.spacing);
   sizes_.splits.assign(static_cast<std::size_t>(n), 0);

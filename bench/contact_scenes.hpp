@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Scenes of contact with closed forms, for tests and benchmarks.
+#pragma once
+
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/quadrature/approximation.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace efree::bench {
+
+/// What a block slides on, and how it is discretised.
+enum class Slope { wall, moving_plane, body, wall_under_cloud };
+
+/// A block of rubber, 1 m by 0.5 m, on a plane with a slope of 30 degrees.
+struct Incline {
+  Slope slope = Slope::wall;
+  double friction = 0.5;
+  double spacing = 0.125;  ///< of nodes [m]
+  double ramp = 0.3;       ///< time in which gravity, 10 m/s^2, grows [s]; 0: it is there at once
+  double end = 1.0;        ///< [s]
+};
+struct Slide {
+  double speed, rigid_speed;  ///< mean of the block's at the end, and of a rigid one [m/s]
+  double free_speed;          ///< of one without friction
+  double energy_error;
+};
+
+inline Slide slide_down(const Incline& of) {
+  constexpr double gravity = 10.0, angle = std::numbers::pi / 6.0;
+  const auto rubber = NeoHookean({.E = 1e8, .nu = 0.3});
+  const auto part = [&](double x0, double y0, double x1, double y1) {
+    const auto mesh = triangulate(shapes::rectangle(x0, y0, x1, y1), {.size = of.spacing});
+    if (of.slope != Slope::wall_under_cloud) return deformable_body(mesh, rubber, 1000.0);
+    return deformable_body(approximate(mesh, {.spacing = of.spacing}), rubber, 1000.0);
+  };
+  std::vector<DeformableBody<2>> bodies{part(0.0, 0.0, 1.0, 0.5)};
+  if (of.slope == Slope::body) bodies.push_back(part(-0.5, -0.25, 1.5 + 3.0 * of.end, 0.0));
+  auto scheme = of.slope == Slope::wall_under_cloud ? total_lagrangian<2>() : otm<2>();
+  Dynamics<2> dynamics(bodies, std::move(scheme), {.contact = {.friction = of.friction}});
+  const Vec<2> up = Vec<2>::Unit(1), full(gravity * std::sin(angle), -gravity * std::cos(angle));
+  const auto factor = [&](double t) { return of.ramp > 0.0 ? std::min(1.0, t / of.ramp) : 1.0; };
+  if (of.slope == Slope::body) {
+    for (Index a = dynamics.first_node(1); a < dynamics.num_nodes(); ++a)
+      if (dynamics.nodes()(1, a) < -0.25 + 1e-9)
+        for (const int axis : {0, 1}) dynamics.prescribe(a, axis, 0.0);
+  } else if (of.slope == Slope::moving_plane) {
+    // The plane falls off under the block instead.
+    const auto speed = [=](double t) {
+      return of.ramp > 0.0 && t < of.ramp ? 0.5 * t * t / of.ramp : t - 0.5 * of.ramp;
+    };
+    dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>(up, 0.0),
+                             .friction = of.friction,
+                             .velocity = [=](double t) -> Vec<2> { return -speed(t) * full; }});
+  } else {
+    dynamics.add_wall({.normal = up, .level = 0.0, .friction = of.friction});
+  }
+  while (dynamics.time() < of.end) {
+    if (of.slope != Slope::moving_plane && dynamics.time() <= of.ramp + 0.01)
+      dynamics.set_gravity(factor(dynamics.time()) * full);
+    dynamics.step(dynamics.step_towards(of.end - dynamics.time()));
+  }
+  const auto block = dynamics.first_node(1);
+  double speed =
+      dynamics.velocities().row(0).head(block).dot(dynamics.masses().head(block)) / dynamics.masses().head(block).sum();
+  if (of.slope == Slope::moving_plane) speed -= dynamics.rigid_bodies()[0].velocity[0];
+  const double free_speed = gravity * std::sin(angle) * (of.end - 0.5 * of.ramp);
+  return {.speed = speed,
+          .rigid_speed = free_speed * std::max(0.0, 1.0 - of.friction / std::tan(angle)),
+          .free_speed = free_speed,
+          .energy_error = dynamics.energy().largest_error()};
+}
+
+/// A heavy stiff block that is let go on a soft column of as many cells, 0.4 m high.
+struct Column {
+  double sag;          ///< mean of the block's over its first periods, over that of the closed form
+  double period;       ///< likewise
+  double penetration;  ///< largest of nodes of either body, over the spacing
+  double step;         ///< mean time step over that of the block alone
+  double energy_error;
+};
+
+/// Mean over the second to fourth period and period of a mass that is let go on a column of neo-Hookean material
+/// without Poisson's ratio, of that stiffness times section: force EA (1 / l - l) / 2 by the stretch l. A third of the
+/// column moves with it, half weighs on it.
+inline std::array<double, 2> neo_hookean_spring(double EA, double height, double mass, double column, double gravity) {
+  const double inert = mass + column / 3.0, weight = (mass + column / 2.0) * gravity;
+  const auto acceleration = [&](double sag) {
+    const double stretch = 1.0 - sag / height;
+    return (weight - 0.5 * EA * (1.0 / stretch - stretch)) / inert;
+  };
+  const double dt = 1e-4 * std::sqrt(inert * height / EA);
+  std::vector<double> turns;
+  double u = 0.0, v = 0.5 * dt * gravity, sum = 0.0;
+  for (double t = 0.0; turns.size() < 4; t += dt) {
+    u += dt * v;
+    const double next = v + dt * acceleration(u);
+    if (v < 0.0 && next >= 0.0) turns.push_back(t + dt * (0.5 - v / (next - v)));
+    if (!turns.empty() && turns.size() < 4) sum += dt * u;
+    v = next;
+  }
+  const double time = turns.back() - turns.front();
+  return {sum / time, time / 3.0};
+}
+
+inline Column press_column(int cells) {
+  constexpr double gravity = 10.0, height = 0.4, side = 0.5, stiffness = 1e6, mass = 1e4 * side * side;
+  const double spacing = height / cells;
+  const auto part = [&](double y0, double y1, double E, double density) {
+    const auto mesh = triangulate(shapes::rectangle(0.0, y0, side, y1), {.size = spacing});
+    return deformable_body(mesh, NeoHookean({.E = E, .nu = 0.0}), density);
+  };
+  const std::vector<DeformableBody<2>> bodies{part(0.0, height, stiffness, 100.0),
+                                              part(height, height + side, 1e9, 1e4)};
+  Dynamics<2> dynamics(bodies, otm<2>()), alone({bodies[1]}, otm<2>());
+  dynamics.set_gravity({0.0, -gravity});
+  const Index first = dynamics.first_node(1), N = dynamics.num_nodes();
+  for (Index a = 0; a < first; ++a)
+    if (dynamics.nodes()(1, a) < 1e-9)
+      for (const int axis : {0, 1}) dynamics.prescribe(a, axis, 0.0);
+  const Points<2> start = dynamics.nodes();
+  const auto masses = dynamics.masses().segment(first, N - first);
+  const auto [sag, period] = neo_hookean_spring(stiffness * side, height, mass, 100.0 * side * height, gravity);
+  double sum = 0.0, penetration = 0.0, last = 0.0, before = 0.0;
+  std::vector<double> lowest;  // times at which the block turns
+  const double end = 4.2 * period;
+  while (dynamics.time() < end) {
+    const double dt = dynamics.step();
+    const Points<2>& x = dynamics.nodes();
+    const double moved = -(x.row(1) - start.row(1)).segment(first, N - first).dot(masses) / masses.sum();
+    const double speed = dynamics.velocities().row(1).segment(first, N - first).dot(masses) / masses.sum();
+    if (before < 0.0 && speed >= 0.0) lowest.push_back(dynamics.time() - dt * (0.5 + speed / (speed - before)));
+    if (lowest.size() >= 1 && lowest.size() < 4) sum += dt * moved, last += dt;
+    before = speed;
+    for (Index a = 0; a < first; ++a)
+      for (Index b = first; b < N; ++b)
+        if (std::abs(start(1, a) - height) + std::abs(start(1, b) - height) < 1e-9)
+          penetration = std::max(penetration, x(1, a) - x(1, b));
+  }
+  const double turns = static_cast<double>(lowest.size() - 1);
+  return {.sag = sum / last / sag,
+          .period = (lowest.back() - lowest.front()) / turns / period,
+          .penetration = penetration / spacing,
+          .step = dynamics.time() / static_cast<double>(dynamics.steps()) / alone.stable_step(),
+          .energy_error = dynamics.energy().largest_error()};
+}
+
+}  // namespace efree::bench

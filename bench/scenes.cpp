@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// bench_scenes NAME ...: rows of explicit dynamics in scenes from practice, one or several of friction,
+// compliance; `all` is all of these. Each prints what it measures beside its bar, and the exit status is 1 where one is
+// missed.
+
+#include "contact_scenes.hpp"
+#include "rows.hpp"
+
+#include <cstdio>
+
+namespace efree {
+namespace {
+
+using namespace bench;
+
+/// Speed of a block on a slope: within 2 % of that of a rigid block, or at rest within a thousandth of free fall.
+bool friction() {
+  bool good = true;
+  for (const auto& [slope, name] : {std::pair(Slope::wall, "wall"), std::pair(Slope::moving_plane, "moving plane"),
+                                    std::pair(Slope::wall_under_cloud, "wall, cloud"), std::pair(Slope::body, "body")})
+    for (const double ramp : {0.3, 0.0})
+      for (const double spacing : {0.25, 0.125, 0.0625})
+        for (const double mu : {0.2, 0.4, 0.5, 0.6, 0.7, 1.0}) {
+          // Gravity that is there at once lets the block slip while it vibrates.
+          const Slide block = slide_down({slope, mu, spacing, ramp, ramp > 0.0 ? 1.0 : 2.0});
+          const std::string what =
+              fmt::format("{}, {}, h {}, mu {}", name, ramp > 0.0 ? "ramp" : "at once", spacing, mu);
+          if (block.rigid_speed > 0.0)
+            good &= row("friction", what + ": speed / closed form", block.speed / block.rigid_speed, 0.98, 1.02);
+          else
+            good &= row("friction", what + ": speed / free fall", block.speed / block.free_speed, -1e-3, 1e-3);
+          if (std::abs(block.energy_error) > 0.01)
+            good &= row("friction", what + ": energy error", block.energy_error, -0.01, 0.01);
+        }
+  return good;
+}
+
+/// A heavy block on a soft column: the column's stiffness, and by how much they penetrate each other.
+bool compliance() {
+  bool good = true;
+  for (const int cells : {4, 10}) {
+    const Column column = press_column(cells);
+    const std::string what = fmt::format("{} cells: ", cells);
+    good &= row("compliance", what + "mean sag / closed form", column.sag, 0.95, 1.05);
+    good &= row("compliance", what + "period / closed form", column.period, 0.975, 1.025);
+    good &= row("compliance", what + "penetration / spacing", column.penetration, 0.0, 0.03);
+    good &= row("compliance", what + "step / step of the block alone", column.step, 0.95, 1.05);
+    good &= row("compliance", what + "energy error", column.energy_error, -0.01, 0.01);
+  }
+  return good;
+}
+
+const Rows rows{{"friction", friction}, {"compliance", compliance}};
+
+}  // namespace
+}  // namespace efree
+
+int main(int argc, char** argv) {
+  try {
+    return efree::bench::print_rows(efree::rows, {argv + 1, argv + argc}) ? 0 : 1;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "bench_scenes: %s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Contact impulses as the solution of a minimum problem.
+#pragma once
+
+#include "efree/core/types.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace efree::internal {
+
+/// The impulses with the least kinetic energy afterwards, of those that `project` admits (accelerated projected
+/// gradients with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015).
+/// mobility: size() contacts, velocities(impulses) at these by R x size() impulses, symmetric and positive, and
+/// bounds() of it by contact. `velocities`: without impulses; `largest`: the scale of these; `project(contact,
+/// impulse)`: the nearest admissible one; `impulses`: a first guess, and the result. Iterations end when they change no
+/// velocity by more than a thousandth of `largest`: gaps correct the rest in the next step, and modes that need more
+/// iterations hardly move the surface.
+template <int R, class Mobility, class Project> void minimise_energy(const Mobility& mobility,
+                                                                     const Points<R>& velocities, double largest,
+                                                                     const Project& project, Points<R>& impulses) {
+  constexpr double tolerance = 1e-3;
+  constexpr int most_iterations = 15;
+  Points<R> ahead = impulses;
+  double theta = 1.0;
+  for (int k = 0; k < most_iterations; ++k) {
+    const Points<R> slope = velocities + mobility.velocities(ahead);
+    Points<R> next(R, mobility.size());
+    double residual = 0.0, uphill = 0.0;
+    for (Index s = 0; s < mobility.size(); ++s) {
+      const double bound = mobility.bounds()[s];
+      if (bound > 0.0)
+        next.col(s) = project(s, Vec<R>(ahead.col(s) - slope.col(s) / bound));
+      else
+        next.col(s).setZero();  // nothing there can move
+      const Vec<R> step = bound * (ahead.col(s) - next.col(s));
+      residual = std::max(residual, step.norm());
+      uphill += step.dot(next.col(s) - impulses.col(s));
+    }
+    const double before = uphill > 0.0 ? 1.0 : theta;
+    theta = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * before * before));
+    ahead = next + (uphill > 0.0 ? 0.0 : (before - 1.0) / theta) * (next - impulses);
+    impulses = next;
+    if (residual <= tolerance * largest) break;
+  }
+}
+
+}  // namespace efree::internal
