@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// From a geometry and settings to a model of explicit dynamics.
 #include "efree/analysis/dynamics.hpp"
+#include "efree/analysis/internal/dynamics_checks.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/prepare_mesh.hpp"
 #include "efree/analysis/internal/resolutions.hpp"
@@ -284,53 +285,6 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
   return result;
 }
 
-/// That bodies do not reach into walls and rigid bodies at the start.
-template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const Points<Dim>& vertices) {
-  const double size = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
-  const auto check = [&](const RigidShape<Dim>& shape, const char* name, const std::string& where) {
-    Index deepest = 0;
-    double smallest = std::numeric_limits<double>::infinity();
-    for (Index a = 0; a < static_cast<Index>(vertices.cols()); ++a)
-      if (const double gap = shape(vertices.col(a)).gap; gap < smallest) {
-        smallest = gap;
-        deepest = a;
-      }
-    if (smallest < -1e-6 * size)
-      throw InputError(said_at(where, fmt::format("bodies reach {} by {:.4g} at the start, at ({:.6g})", name,
-                                                  -smallest, fmt::join(vertices.col(deepest), ", "))));
-  };
-  for (const auto& [wall, where] : settings.walls)
-    check(rigid_shapes::half_space<Dim>(wall.normal, wall.level), "through the wall", where);
-  for (const auto& [body, where] : settings.rigid_bodies) check(body.shape, "into the rigid body", where);
-}
-
-/// Depth over the spacing up to which bodies may be inside each other at the start: chords of a curve on both sides.
-constexpr double allowed_overlap = 0.05;
-
-/// That bodies are not inside each other at the start: contact would push them out slowly, and not at all what is deep.
-template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
-  const Dynamics<Dim>& dynamics = model.dynamics;
-  const auto fail = [&](Index body, const std::string& where) {
-    throw InputError(said_at(
-        where_said(settings.common, "geometry"),
-        fmt::format(
-            "bodies overlap at the start: region \"{}\" is inside {}. Move them apart, or let bodies pass through "
-            "each other by contact.enabled = false",
-            model.names[body], where)));
-  };
-  if (const std::vector<Index> inside = dynamics.points_in_others(); !inside.empty()) {
-    Index body = 0;
-    while (dynamics.first_point(body + 1) <= inside.front()) ++body;
-    fail(body, fmt::format("another one at ({:.6g})", fmt::join(dynamics.points().col(inside.front()), ", ")));
-  }
-  const Overlap overlap = dynamics.deepest_overlap();
-  if (overlap.node < 0 || overlap.depth < allowed_overlap * dynamics.world().nodes.spacing[overlap.node]) return;
-  Index body = 0;
-  while (dynamics.first_node(body + 1) <= overlap.node) ++body;
-  fail(body, fmt::format("region \"{}\" by {:.3g} at ({:.6g})", model.names[overlap.body], overlap.depth,
-                         fmt::join(dynamics.nodes().col(overlap.node), ", ")));
-}
-
 template <int Dim>
 void check_field(const DynamicsModel<Dim>& model, const std::string& field, const std::string& where) {
   if (field.empty()) return;
@@ -482,38 +436,6 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
   prescribe_velocities(settings, regions, model);
 }
 
-/// Speeds of solids over that of pressure waves that are more likely due to mixed units.
-constexpr double plausible_speed = 10.0;
-
-/// Of bodies that start implausibly fast, or are met by rigid ones that do.
-template <int Dim> void warn_of_speeds(DynamicsModel<Dim>& model) {
-  const Dynamics<Dim>& dynamics = model.dynamics;
-  const World<Dim>& world = dynamics.world();
-  std::vector<double> mass(dynamics.num_bodies()), volume(dynamics.num_bodies());
-  for (const auto& chunk : world.chunks) {
-    mass[chunk.body] += chunk.matter.mass.sum();
-    volume[chunk.body] += chunk.matter.volume.sum();
-  }
-  double rigid = 0.0;
-  for (const RigidState<Dim>& body : dynamics.rigid_bodies()) rigid = std::max(rigid, body.velocity.norm());
-  const bool by_nodes = dynamics.nodes_persist();
-  const Points<Dim> velocities = by_nodes ? dynamics.velocities() : dynamics.point_velocities();
-  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
-    if (dynamic_cast<const Fluid*>(&dynamics.material(b)) != nullptr) continue;
-    const Index first = by_nodes ? dynamics.first_node(b) : dynamics.first_point(b),
-                end = by_nodes ? dynamics.first_node(b + 1) : dynamics.first_point(b + 1);
-    const double own = std::sqrt(velocities.middleCols(first, end - first).colwise().squaredNorm().maxCoeff());
-    const double speed = std::max(own, rigid), waves = std::sqrt(world.bodies[b].modulus * volume[b] / mass[b]);
-    if (speed > plausible_speed * waves)
-      model.warnings.push_back(
-          fmt::format("{} starts at a speed of {:.3g}, {:.3g} times that of pressure waves in {}, {:.3g}: are units "
-                      "mixed? A stress "
-                      "is a density times a length squared over a time squared: m, kg, s and Pa, or mm, t, s and MPa",
-                      own >= rigid ? fmt::format("Region \"{}\"", model.names[b]) : "A rigid body", speed,
-                      speed / waves, own >= rigid ? "it" : fmt::format("region \"{}\"", model.names[b]), waves));
-  }
-}
-
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                      const std::vector<std::string>& without_inner_nodes, DynamicsModel<Dim>& model) {
   model.warnings = mesh.warnings;
@@ -534,7 +456,7 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
           "mesh. Try a mesh_size of half of mpm.cell",
           edge, settings.mpm.options.cell));
   }
-  warn_of_speeds(model);
+  std::ranges::copy(internal::warnings_of_speeds(model), std::back_inserter(model.warnings));
   if (lacks_contact(settings) && model.dynamics.num_bodies() > 1)
     model.warnings.emplace_back(
         settings.method == DynamicsMethod::sph
@@ -584,8 +506,8 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
                         (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::total);
   const Points<Dim> nodes = model.probes_points ? model.dynamics.points() : model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
-  check_gaps(settings, mesh.mesh->vertices());
-  check_overlaps(settings, model);
+  internal::check_gaps(settings, mesh.mesh->vertices());
+  internal::check_overlaps(settings, model);
   add_loads(settings, built.regions, model);
   add_warnings(mesh, settings, built.without_inner_nodes, model);
   set_up_probes(settings, model);

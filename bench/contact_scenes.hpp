@@ -10,12 +10,17 @@
 #include "efree/quadrature/approximation.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
 namespace efree::bench {
+
+/// Holds the nodes that are not above that height at the start.
+inline void hold_below(double height, Dynamics<2>& dynamics) {
+  for (const int axis : {0, 1}) dynamics.prescribe([=](const Vec<2>& x) { return x[1] < height + 1e-9; }, axis, 0.0);
+}
 
 /// What a block slides on, and how it is discretised.
 enum class Slope { wall, moving_plane, body, wall_under_cloud };
@@ -49,9 +54,7 @@ inline Slide slide_down(const Incline& of) {
   const Vec<2> up = Vec<2>::Unit(1), full(gravity * std::sin(angle), -gravity * std::cos(angle));
   const auto factor = [&](double t) { return of.ramp > 0.0 ? std::min(1.0, t / of.ramp) : 1.0; };
   if (of.slope == Slope::body) {
-    for (Index a = dynamics.first_node(1); a < dynamics.num_nodes(); ++a)
-      if (dynamics.nodes()(1, a) < -0.25 + 1e-9)
-        for (const int axis : {0, 1}) dynamics.prescribe(a, axis, 0.0);
+    hold_below(-0.25, dynamics);
   } else if (of.slope == Slope::moving_plane) {
     // The plane falls off under the block instead.
     const auto speed = [=](double t) {
@@ -88,27 +91,44 @@ struct Column {
   double energy_error;
 };
 
-/// Mean over the second to fourth period and period of a mass that is let go on a column of neo-Hookean material
-/// without Poisson's ratio, of that stiffness times section: force EA (1 / l - l) / 2 by the stretch l. A third of the
-/// column moves with it, half weighs on it.
-inline std::array<double, 2> neo_hookean_spring(double EA, double height, double mass, double column, double gravity) {
-  const double inert = mass + column / 3.0, weight = (mass + column / 2.0) * gravity;
-  const auto acceleration = [&](double sag) {
-    const double stretch = 1.0 - sag / height;
-    return (weight - 0.5 * EA * (1.0 / stretch - stretch)) / inert;
-  };
-  const double dt = 1e-4 * std::sqrt(inert * height / EA);
-  std::vector<double> turns;
-  double u = 0.0, v = 0.5 * dt * gravity, sum = 0.0;
-  for (double t = 0.0; turns.size() < 4; t += dt) {
-    u += dt * v;
-    const double next = v + dt * acceleration(u);
-    if (v < 0.0 && next >= 0.0) turns.push_back(t + dt * (0.5 - v / (next - v)));
-    if (!turns.empty() && turns.size() < 4) sum += dt * u;
-    v = next;
+/// Three periods of a sag that swings, from where it is largest for the first time.
+class Swing {
+ public:
+  /// The sag after a step, and its speed at that time.
+  void add(double time, double dt, double sag, double speed) {
+    if (speed_ > 0.0 && speed <= 0.0 && !is_over()) turns_.push_back(time - dt * speed / (speed - speed_));
+    if (!turns_.empty() && !is_over()) {
+      sum_ += dt * sag;
+      time_ += dt;
+    }
+    speed_ = speed;
   }
-  const double time = turns.back() - turns.front();
-  return {sum / time, time / 3.0};
+  bool is_over() const { return turns_.size() == 4; }
+  /// Both NaN before it is over.
+  double mean() const { return is_over() ? sum_ / time_ : std::numeric_limits<double>::quiet_NaN(); }
+  double period() const {
+    return is_over() ? (turns_.back() - turns_.front()) / 3.0 : std::numeric_limits<double>::quiet_NaN();
+  }
+
+ private:
+  std::vector<double> turns_;
+  double speed_ = 0.0, sum_ = 0.0, time_ = 0.0;
+};
+
+/// That of a mass that is let go on a column of neo-Hookean material without Poisson's ratio, of that stiffness times
+/// section: force EA (1 / l - l) / 2 by the stretch l. A third of the column moves with it, half weighs on it.
+inline Swing neo_hookean_spring(double EA, double height, double mass, double column, double gravity) {
+  const double inert = mass + column / 3.0, weight = (mass + column / 2.0) * gravity;
+  const double dt = 1e-4 * std::sqrt(inert * height / EA);
+  Swing swing;
+  double sag = 0.0, speed = 0.5 * dt * weight / inert;
+  for (double time = 0.0; !swing.is_over(); time += dt) {
+    sag += dt * speed;
+    const double stretch = 1.0 - sag / height;
+    speed += dt * (weight - 0.5 * EA * (1.0 / stretch - stretch)) / inert;
+    swing.add(time + 1.5 * dt, dt, sag, speed);
+  }
+  return swing;
 }
 
 inline Column press_column(int cells) {
@@ -123,31 +143,25 @@ inline Column press_column(int cells) {
   Dynamics<2> dynamics(bodies, otm<2>()), alone({bodies[1]}, otm<2>());
   dynamics.set_gravity({0.0, -gravity});
   const Index first = dynamics.first_node(1), N = dynamics.num_nodes();
-  for (Index a = 0; a < first; ++a)
-    if (dynamics.nodes()(1, a) < 1e-9)
-      for (const int axis : {0, 1}) dynamics.prescribe(a, axis, 0.0);
+  hold_below(0.0, dynamics);
   const Points<2> start = dynamics.nodes();
   const auto masses = dynamics.masses().segment(first, N - first);
-  const auto [sag, period] = neo_hookean_spring(stiffness * side, height, mass, 100.0 * side * height, gravity);
-  double sum = 0.0, penetration = 0.0, last = 0.0, before = 0.0;
-  std::vector<double> lowest;  // times at which the block turns
-  const double end = 4.2 * period;
-  while (dynamics.time() < end) {
+  const Swing exact = neo_hookean_spring(stiffness * side, height, mass, 100.0 * side * height, gravity);
+  Swing swing;
+  double penetration = 0.0;
+  while (!swing.is_over() && dynamics.time() < 5.0 * exact.period()) {
     const double dt = dynamics.step();
     const Points<2>& x = dynamics.nodes();
     const double moved = -(x.row(1) - start.row(1)).segment(first, N - first).dot(masses) / masses.sum();
     const double speed = dynamics.velocities().row(1).segment(first, N - first).dot(masses) / masses.sum();
-    if (before < 0.0 && speed >= 0.0) lowest.push_back(dynamics.time() - dt * (0.5 + speed / (speed - before)));
-    if (lowest.size() >= 1 && lowest.size() < 4) sum += dt * moved, last += dt;
-    before = speed;
+    swing.add(dynamics.time() - 0.5 * dt, dt, moved, -speed);
     for (Index a = 0; a < first; ++a)
       for (Index b = first; b < N; ++b)
         if (std::abs(start(1, a) - height) + std::abs(start(1, b) - height) < 1e-9)
           penetration = std::max(penetration, x(1, a) - x(1, b));
   }
-  const double turns = static_cast<double>(lowest.size() - 1);
-  return {.sag = sum / last / sag,
-          .period = (lowest.back() - lowest.front()) / turns / period,
+  return {.sag = swing.mean() / exact.mean(),
+          .period = swing.period() / exact.period(),
           .penetration = penetration / spacing,
           .step = dynamics.time() / static_cast<double>(dynamics.steps()) / alone.stable_step(),
           .energy_error = dynamics.energy().largest_error()};

@@ -124,9 +124,9 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     if (!acts(world)) return;
     auto start = std::chrono::steady_clock::now();
     surfaces_.update(world, scheme_);
-    surfaces_.find_normals(world);
     find_pairs(world, dt);
-    if (!pairs_.empty() && find_impulses(world, dt)) {
+    if (!pairs_.empty()) find_impulses(world, dt);
+    if (on_nodes_.cols() > 0) {
       Nodes<Dim>& nodes = world.nodes;
       const Points<Dim> on_free = nodes.free.cwiseProduct(on_nodes_);
       nodes.v += velocities_of(world, on_free);
@@ -229,18 +229,20 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     return impulse > 0.0 ? std::clamp(pair.lost / impulse, 0.0, fastest) : 0.0;
   }
 
-  /// Impulses by which no node enters another body within the step, and those of friction, into on_nodes_. False if
-  /// there are none.
-  bool find_impulses(const World<Dim>& world, double dt) {
+  /// Impulses by which no node enters another body within the step, and those of friction, into on_nodes_, unless there
+  /// are none.
+  void find_impulses(const World<Dim>& world, double dt) {
     const auto n = std::ssize(pairs_);
     const PairMobility<Dim, 1> along(world, pairs_);
-    Points<1> approach = along.relative(world.nodes.v), normal(1, n);
-    Points<Dim> normals(Dim, n), impulses(Dim, n);
+    const Points<1> velocity = along.relative(world.nodes.v);
+    Points<1> approach = velocity, normal(1, n);
+    Points<Dim> normals(Dim, n), before(Dim, n);
     for (Index k = 0; k < n; ++k) {
       const ContactPair<Dim>& pair = pairs_[k];
+      normals.col(k) = pair.normal;
+      before.col(k) = pair.impulse;
       normal[k] = std::max(0.0, pair.impulse.dot(pair.normal));
       approach[k] += pair.gap < 0.0 ? -push_out_speed(world, pair, normal[k], dt) : pair.gap / dt;
-      normals.col(k) = pair.normal;
     }
     const double largest = -approach.minCoeff();
     if (largest > 0.0)
@@ -248,37 +250,23 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
           along, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
     else
       normal.setZero();
-    const Points<1> mean =
-        0.5 * (along.relative(world.nodes.v_before) + along.relative(world.nodes.v) + along.velocities(normal));
-    for (Index k = 0; k < n; ++k) pairs_[k].lost -= normal[k] * mean[k];
-    impulses = normals * normal.asDiagonal();
-    on_nodes_.setZero(Dim, world.nodes.size());
-    along.add(normal, on_nodes_);
+    const Points<1> twice_mean = along.relative(world.nodes.v_before) + velocity + along.velocities(normal);
+    Points<Dim> impulses = normals * normal.asDiagonal();
     const Points<1> most = find_friction(world, normal, dt);
-    const bool has_friction = most.maxCoeff() > 0.0;
-    if (has_friction) {
+    if (largest > 0.0 || most.maxCoeff() > 0.0) {
+      on_nodes_.setZero(Dim, world.nodes.size());
+      along.add(normal, on_nodes_);
+    }
+    if (most.maxCoeff() > 0.0) {
       const PairMobility<Dim, Dim> all(world, pairs_);
-      const auto tangential = [&](Index k, const Vec<Dim>& of) {
-        return Vec<Dim>(of - of.dot(normals.col(k)) * normals.col(k));
-      };
-      Points<Dim> slip = all.relative(world.nodes.v), friction(Dim, n);
-      for (Index k = 0; k < n; ++k) {
-        slip.col(k) = tangential(k, slip.col(k));
-        friction.col(k) = tangential(k, pairs_[k].impulse);
-      }
-      minimise_energy<Dim>(
-          all, slip, std::sqrt(slip.colwise().squaredNorm().maxCoeff()),
-          [&](Index k, const Vec<Dim>& q) {
-            const Vec<Dim> wanted = tangential(k, q);
-            const double size = wanted.norm();
-            return Vec<Dim>((size > most[k] ? most[k] / size : 1.0) * wanted);
-          },
-          friction);
+      const Points<Dim> friction = friction_impulses<Dim>(all, all.relative(world.nodes.v), normals, most, 0.0, before);
       all.add(friction, on_nodes_);
       impulses += friction;
     }
-    for (Index k = 0; k < n; ++k) pairs_[k].impulse = impulses.col(k);
-    return largest > 0.0 || has_friction;
+    for (Index k = 0; k < n; ++k) {
+      pairs_[k].impulse = impulses.col(k);
+      pairs_[k].lost -= 0.5 * normal[k] * twice_mean[k];
+    }
   }
 
   /// The largest impulses of friction of the pairs, by those along the normal.

@@ -189,12 +189,12 @@ template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std
   Rigid& rigid = rigids_[k];
   Nodes<Dim>& nodes = world.nodes;
   const Points<Dim>* held = held_by_scheme(rigid);
-  const bool slides = std::isfinite(rigid.body.friction);
   for (Index a = 0; a < nodes.size(); ++a) {
     double pressed = 0.0;
     if (held && nodes.mass[a] > 0.0) {
       rigid.add_reaction(nodes.x.col(a), kick * held->col(a));
-      if (slides) pressed = std::max(0.0, kick * world.walls[rigid.wall].normal.dot(held->col(a)) / nodes.mass[a]);
+      if (rigid.has_coulomb_friction())
+        pressed = std::max(0.0, kick * world.walls[rigid.wall].normal.dot(held->col(a)) / nodes.mass[a]);
     }
     const auto& [impulse, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
     if (!rigid.friction.empty()) rigid.friction[a] = friction;

@@ -184,7 +184,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   const Points<1> approach = along(velocities) + closing;
   const double largest = -approach.minCoeff();
   Points<1> normal = along(rigid.point_impulses);
-  const Points<Dim> before = rigid.point_impulses - normals * normal.asDiagonal();
+  const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
   const bool is_flat = (normals.colwise() - first).isZero(0.0);
   if (largest <= 0.0) {
@@ -204,18 +204,8 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   rigid.point_impulses = normals * normal.asDiagonal();
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
   if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
-  Points<Dim> tangential = before;
-  const Points<Dim> slip = velocities - normals * along(velocities).asDiagonal();
-  minimise_energy<Dim>(
-      Patch<Dim>(world, rigid.near_points, free), slip,
-      std::max(largest, std::sqrt(slip.colwise().squaredNorm().maxCoeff())),
-      [&](Index s, const Vec<Dim>& q) {
-        const Vec<Dim> along_surface = q - q.dot(normals.col(s)) * normals.col(s);
-        const double size = along_surface.norm();
-        return Vec<Dim>((size > most[s] ? most[s] / size : 1.0) * along_surface);
-      },
-      tangential);
-  rigid.point_impulses += tangential;
+  rigid.point_impulses +=
+      friction_impulses<Dim>(Patch<Dim>(world, rigid.near_points, free), velocities, normals, most, largest, before);
   return true;
 }
 

@@ -8,7 +8,6 @@ namespace {
 
 /// How far nodes may move before near facets are found again, over the spacing.
 constexpr double search_skin = 0.25;
-
 /// Cosine of the angle between the normals of a node and a facet at which they do not face each other.
 constexpr double not_facing = -0.1;
 /// How far facets go on beyond their edges, over their size, for nodes no further from their plane than this over the
@@ -91,10 +90,9 @@ template <int Dim> FacingFacet<Dim> BodySurfaces<Dim>::facing(const World<Dim>& 
 template <int Dim> Overlap deepest_overlap(const World<Dim>& world, const Scheme<Dim>& scheme) {
   BodySurfaces<Dim> surfaces;
   surfaces.update(world, scheme);
-  surfaces.find_normals(world);
   Overlap result;
   for (const auto& near : surfaces.near())
-    if (const double gap = surfaces.facing(world, near).gap; - gap > result.depth)
+    if (const double gap = surfaces.facing(world, near).gap; gap < -result.depth)
       result = {.node = near.node, .body = near.body, .depth = -gap};
   return result;
 }
@@ -107,6 +105,7 @@ template <int Dim> void BodySurfaces<Dim>::update(const World<Dim>& world, const
   for (Index a = 0; a < x.cols() && !search; ++a)
     search = (x.col(a) - x_near_.col(a)).squaredNorm() > search_skin * search_skin * spacing[a] * spacing[a];
   if (search) find_near(world);
+  if (!near_.empty()) find_normals(world);
 }
 
 template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, const BodySurfaces<Dim>& surfaces) {

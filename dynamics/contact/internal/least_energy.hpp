@@ -45,4 +45,29 @@ template <int R, class Mobility, class Project> void minimise_energy(const Mobil
   }
 }
 
+/// Impulses along surfaces by which contacts slip least, by the same iteration.
+/// velocities: relative ones without these impulses, of which those along the normals do not matter; normals: unit
+/// vectors; most: the largest impulse of each contact; before: impulses of the last step, as a first guess.
+template <int Dim, class Mobility>
+Points<Dim> friction_impulses(const Mobility& mobility, const Points<Dim>& velocities, const Points<Dim>& normals,
+                              const Points<1>& most, double largest, const Points<Dim>& before) {
+  const auto tangential = [&](Index k, const Vec<Dim>& of) {
+    return Vec<Dim>(of - of.dot(normals.col(k)) * normals.col(k));
+  };
+  Points<Dim> slip(Dim, mobility.size()), impulses(Dim, mobility.size());
+  for (Index k = 0; k < mobility.size(); ++k) {
+    slip.col(k) = tangential(k, velocities.col(k));
+    impulses.col(k) = tangential(k, before.col(k));
+  }
+  minimise_energy<Dim>(
+      mobility, slip, std::max(largest, std::sqrt(slip.colwise().squaredNorm().maxCoeff())),
+      [&](Index k, const Vec<Dim>& impulse) {
+        const Vec<Dim> wanted = tangential(k, impulse);
+        const double size = wanted.norm();
+        return Vec<Dim>((size > most[k] ? most[k] / size : 1.0) * wanted);
+      },
+      impulses);
+  return impulses;
+}
+
 }  // namespace efree::internal

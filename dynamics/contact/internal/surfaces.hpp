@@ -41,27 +41,24 @@ template <int Dim> class BodySurfaces {
     }
   };
 
-  /// Finds what has changed: surfaces, and near facets where that or the motion of the nodes requires it.
+  /// Finds what has changed: surfaces, near facets where that or the motion of the nodes requires it, and normals.
   void update(const World<Dim>& world, const Scheme<Dim>& scheme);
   /// Finds the surfaces where the nodes are now.
   void find(const World<Dim>& world, const Scheme<Dim>& scheme);
-  /// Finds the normals of the nodes where they are now.
-  void find_normals(const World<Dim>& world);
-  /// The nearest facet that the node faces, by normals() where the nodes are now.
+  /// The nearest facet that the node faces, after update().
   FacingFacet<Dim> facing(const World<Dim>& world, const Near& near) const;
   /// Whether surfaces have been found since they last changed.
   bool is_current(const World<Dim>& world) const { return surface_changes_ == world.surface_changes; }
   const std::vector<Surface>& surfaces() const { return surfaces_; }  ///< by body
-  /// Dim x N: unit vectors outwards by the facets around each node; zero where there are none.
-  const Points<Dim>& normals() const { return normals_; }
   const std::vector<Near>& near() const { return near_; }
   void pack(Archive& archive) { archive(surfaces_, near_, x_near_, surface_changes_); }
 
  private:
   void find_near(const World<Dim>& world);
+  void find_normals(const World<Dim>& world);
 
   std::vector<Surface> surfaces_;
-  Points<Dim> normals_;
+  Points<Dim> normals_;  ///< Dim x N: unit vectors outwards by the facets around a node; of no meaning without near_
   std::vector<Near> near_;
   Points<Dim> x_near_;          ///< positions of the nodes when near_ was found; empty: not yet
   Index surface_changes_ = -1;  ///< of the world when surfaces_ were found
@@ -74,8 +71,8 @@ template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, 
 /// The node that is deepest inside another body, no deeper than `largest_depth`; no node where there is none.
 template <int Dim> Overlap deepest_overlap(const World<Dim>& world, const Scheme<Dim>& scheme);
 
-/// Contact by impulses, with friction. Acts if ContactOptions::enabled and there are several bodies. The
-/// scheme, which knows the surfaces, must outlive it.
+/// Contact by impulses, with friction. Acts if ContactOptions::enabled and there are several bodies. The scheme, which
+/// knows the surfaces, must outlive it.
 template <int Dim> std::unique_ptr<Interaction<Dim>> body_contact(const Scheme<Dim>& scheme);
 
 }  // namespace efree::internal
