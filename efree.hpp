@@ -114,6 +114,7 @@
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/materials/material.hpp"
 #include "efree/materials/moduli.hpp"
+#include "efree/materials/piecewise_linear.hpp"
 #include "efree/materials/plasticity.hpp"
 #include "efree/materials/rankine.hpp"
 #include "efree/materials/rate_and_heat.hpp"

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/materials/hardening.hpp"
 
-#include "efree/core/error.hpp"
 #include "efree/materials/internal/require_number.hpp"
 
-#include <fmt/format.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -49,17 +47,10 @@ Hardening Hardening::voce(double yield, double saturation, double rate, double m
 }
 
 Hardening Hardening::table(std::vector<double> strain, std::vector<double> stress) {
-  if (strain.size() != stress.size() || strain.empty())
-    throw InputError(fmt::format("a table of {} plastic strains and {} yield stresses, expected as many, at least one",
-                                 strain.size(), stress.size()));
-  require_number("first plastic strain of a table", strain[0], strain[0] == 0.0, "0");
-  for (std::size_t k = 0; k < strain.size(); ++k) {
-    require_yield(stress[k]);
-    if (k > 0 && !(strain[k] > strain[k - 1] && std::isfinite(strain[k])))
-      throw InputError(
-          fmt::format("plastic strain {} of a table after {}, expected ascending ones", strain[k], strain[k - 1]));
-  }
-  return Hardening(Law(Table{std::move(strain), std::move(stress)}));
+  PiecewiseLinear table(std::move(strain), std::move(stress), "plastic strain", "yield stress");
+  require_number("first plastic strain of a table", table.x().front(), table.x().front() == 0.0, "0");
+  for (const double yield : table.y()) require_yield(yield);
+  return Hardening(Law(std::move(table)));
 }
 
 Hardening::Value Hardening::at(double a) const {
@@ -80,13 +71,9 @@ Hardening::Value Hardening::at(double a) const {
     const double left = (law->saturation - law->yield) * std::exp(-law->rate * a);
     return {law->saturation - left + law->modulus * a, law->rate * left + law->modulus};
   }
-  if (const auto* law = std::get_if<Table>(&law_)) {
-    const auto& [strain, stress] = *law;
-    const auto after = std::upper_bound(strain.begin(), strain.end(), a);
-    if (after == strain.end()) return {stress.back(), 0.0};
-    const auto k = std::max<std::ptrdiff_t>(after - strain.begin(), 1);
-    const double slope = (stress[k] - stress[k - 1]) / (strain[k] - strain[k - 1]);
-    return {stress[k - 1] + slope * (a - strain[k - 1]), slope};
+  if (const auto* table = std::get_if<PiecewiseLinear>(&law_)) {
+    const auto [stress, slope] = table->at(a);
+    return {stress, slope};
   }
   const auto& law = std::get<Function>(law_);
   const double stress = law.stress(a);
@@ -94,6 +81,7 @@ Hardening::Value Hardening::at(double a) const {
 }
 
 bool Hardening::falls() const {
+  if (const auto* table = std::get_if<PiecewiseLinear>(&law_)) return !std::ranges::is_sorted(table->y());
   return std::ranges::any_of(std::array{0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0}, [&](double a) { return at(a).slope < 0.0; });
 }
 
@@ -119,15 +107,15 @@ double Hardening::work(double a, double b) const {
   if (const auto* law = std::get_if<Voce>(&law_))
     return (b - a) * (law->saturation + 0.5 * law->modulus * (a + b)) +
            (law->saturation - law->yield) / law->rate * std::exp(-law->rate * a) * std::expm1(-law->rate * (b - a));
-  if (const auto* law = std::get_if<Table>(&law_)) {
+  if (const auto* table = std::get_if<PiecewiseLinear>(&law_)) {
+    const std::vector<double>& strain = table->x();
     double sum = 0.0;
-    for (std::size_t k = 1; k < law->strain.size(); ++k) {
-      const double from = std::clamp(a, law->strain[k - 1], law->strain[k]),
-                   to = std::clamp(b, law->strain[k - 1], law->strain[k]);
-      if (to > from) sum += (to - from) * at(0.5 * (from + to)).stress;
+    for (std::size_t k = 1; k < strain.size(); ++k) {
+      const double from = std::clamp(a, strain[k - 1], strain[k]), to = std::clamp(b, strain[k - 1], strain[k]);
+      if (to > from) sum += (to - from) * table->at(0.5 * (from + to)).value;
     }
-    const double last = law->strain.back();
-    return sum + law->stress.back() * (std::max(b, last) - std::max(a, last));
+    const double last = strain.back();
+    return sum + table->y().back() * (std::max(b, last) - std::max(a, last));
   }
   constexpr std::array<std::pair<double, double>, 5> gauss{{{-0.906179845938664, 0.236926885056189},
                                                             {-0.538469310105683, 0.478628670499366},

@@ -2,6 +2,8 @@
 /// How a yield stress changes as plastic strain accumulates.
 #pragma once
 
+#include "efree/materials/piecewise_linear.hpp"
+
 #include <functional>
 #include <variant>
 #include <vector>
@@ -36,7 +38,7 @@ class Hardening {
   Value at(double a) const;
   /// The integral of the yield stress from a to b [stress]; of functions by Gauss's rule with five points.
   double work(double a, double b) const;
-  /// Whether it falls somewhere (looked for at a few plastic strains from 0 to 1).
+  /// Whether it falls somewhere (but for tables looked for at a few plastic strains from 0 to 1).
   bool falls() const;
 
  private:
@@ -52,13 +54,10 @@ class Hardening {
   struct Voce {
     double yield, saturation, rate, modulus;
   };
-  struct Table {
-    std::vector<double> strain, stress;
-  };
   struct Function {
     std::function<double(double)> stress, slope;
   };
-  using Law = std::variant<Linear, PowerLaw, Ludwik, Voce, Table, Function>;
+  using Law = std::variant<Linear, PowerLaw, Ludwik, Voce, PiecewiseLinear, Function>;
   explicit Hardening(Law law) : law_(std::move(law)) {}
 
   Law law_;

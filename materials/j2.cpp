@@ -72,7 +72,8 @@ J2::Flow J2::flow_of(Index p, const Deformation& given, double e, const ElasticC
         -stiff - (cold > 0.0 ? 2.0 / 3.0 * by_more * cold : 0.0) - ratio * softer * (mean * ratio + of_mean * more),
         2.0 * elastic.mu * (1.0 - 0.5 * softer * more), mean * more, warmer};
   };
-  const double start = yield_.at(a).stress * (heating_ ? heating_->softening(rise).value : 1.0);
+  const double at_rest = rate_.constant() ? 1.0 : rate_.at(0.0).value;
+  const double start = yield_.at(a).stress * at_rest * (heating_ ? heating_->softening(rise).value : 1.0);
   if (!(2.0 * elastic.mu * e - ratio * start > 0.0)) return {0.0, 0.0, 0.0, rise};
   if (!rate_.constant() && !(dt > 0.0))
     throw NumericalError("plastic flow in no time, with a yield stress that depends on the rate of strain");

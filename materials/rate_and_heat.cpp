@@ -4,6 +4,7 @@
 #include "efree/materials/internal/require_number.hpp"
 
 #include <cmath>
+#include <limits>
 
 namespace efree {
 
@@ -21,6 +22,19 @@ RateFactor RateFactor::cowper_symonds(double D, double q) {
   return RateFactor(Law(CowperSymonds{D, 1.0 / q}));
 }
 
+RateFactor RateFactor::table(std::vector<double> rate, std::vector<double> factor) {
+  const PiecewiseLinear given(std::move(rate), std::move(factor), "rate of strain", "factor");
+  require_number("first rate of strain of a table", given.x().front(), given.x().front() > 0.0, "a positive number");
+  double least = std::numeric_limits<double>::min();
+  for (const double one : given.y()) {
+    require_number("factor of a rate of strain", one, one >= least, "positive factors that do not fall");
+    least = one;
+  }
+  std::vector<double> log_rate;
+  for (const double one : given.x()) log_rate.push_back(std::log(one));
+  return RateFactor(Law(PiecewiseLinear(std::move(log_rate), given.y(), "ln of the rate of strain", "factor")));
+}
+
 Factor RateFactor::at(double rate) const {
   if (const auto* law = std::get_if<JohnsonCook>(&law_))
     return rate > law->reference ? Factor{1.0 + law->C * std::log(rate / law->reference), law->C / rate}
@@ -28,6 +42,10 @@ Factor RateFactor::at(double rate) const {
   if (const auto* law = std::get_if<CowperSymonds>(&law_)) {
     const double x = rate / law->D, more = std::pow(x, law->exponent);
     return {1.0 + more, law->exponent * (x > 0.0 ? more / x : std::pow(0.0, law->exponent - 1.0)) / law->D};
+  }
+  if (const auto* table = std::get_if<PiecewiseLinear>(&law_)) {
+    const auto [factor, slope] = table->at(std::log(rate));
+    return {factor, slope == 0.0 ? 0.0 : slope / rate};
   }
   return {1.0, 0.0};
 }

@@ -2,6 +2,8 @@
 /// How the yield stress of a metal changes with the rate of strain and with temperature.
 #pragma once
 
+#include "efree/materials/piecewise_linear.hpp"
+
 #include <optional>
 #include <variant>
 
@@ -23,6 +25,10 @@ class RateFactor {
   /// (Perzyna 1966). D and q are positive.
   static RateFactor cowper_symonds(double D, double q);
 
+  /// Linear in ln(rate) between these points, constant below the first and beyond the last. Rates are positive and
+  /// ascend, factors are positive and do not fall.
+  static RateFactor table(std::vector<double> rate, std::vector<double> factor);
+
   bool constant() const { return law_.index() == 0; }
   Factor at(double rate) const;
 
@@ -33,10 +39,10 @@ class RateFactor {
   struct CowperSymonds {
     double D, exponent;
   };
-  using Law = std::variant<std::monostate, JohnsonCook, CowperSymonds>;
-  explicit RateFactor(Law law) : law_(law) {}
+  using Law = std::variant<std::monostate, JohnsonCook, CowperSymonds, PiecewiseLinear>;
+  explicit RateFactor(Law law) : law_(std::move(law)) {}
 
-  Law law_;
+  Law law_;  ///< the table is one over ln(rate)
 };
 
 /// Heat that stays where it was made, and how it softens: the yield stress is 1 - T*^m of what it is at the reference

@@ -62,6 +62,7 @@ const std::vector<std::pair<std::string_view, Model>> models{{"linear_elastic", 
 const std::vector<std::string_view> constants{"E", "nu", "mu", "kappa", "lambda"};
 const std::vector<std::string_view> heat_keys{
     "heat_capacity", "melting_temperature", "reference_temperature", "initial_temperature", "m", "taylor_quinney"};
+const std::vector<std::string_view> rate_keys{"C", "reference_rate", "D", "q", "rate_factor"};
 const Interval more_than_one{1.0};
 const std::vector<std::string_view> shock_keys{"sound_speed", "slope", "gamma"};
 
@@ -85,9 +86,9 @@ std::vector<std::string_view> keys_of(Model model) {
     case Model::ogden:
       return {"terms", "kappa"};
     case Model::j2:
-      return together(and_constants({"yield", "kinematic", "strain", "D", "q"}), heat_keys, shock_keys);
+      return together(and_constants({"yield", "kinematic", "strain"}), rate_keys, heat_keys, shock_keys);
     case Model::johnson_cook:
-      return together(and_constants({"A", "B", "n", "C", "reference_rate", "strain"}), heat_keys, shock_keys);
+      return together(and_constants({"A", "B", "n", "strain"}), rate_keys, heat_keys, shock_keys);
     case Model::ideal_gas:
       return {"gamma", "pressure", "viscosity", "bulk_viscosity"};
     case Model::stiffened_gas:
@@ -251,14 +252,7 @@ std::optional<Hardening> known_hardening(const std::string& expression) {
 
 /// A stress by the equivalent plastic strain a: a number, an expression of a, or a table [[a, stress], ...].
 template <int Dim> Hardening MaterialReader<Dim>::hardening(const Section& section, const char* key) const {
-  if (section.has(key) && section.table().get(key)->is_array()) {
-    std::vector<double> strain, stress;
-    for (const auto& [a, of_a] : section.pairs(key)) {
-      strain.push_back(a);
-      stress.push_back(of_a);
-    }
-    return Hardening::table(strain, stress);
-  }
+  if (section.has(key) && section.table().get(key)->is_array()) return section.tabulated(key, Hardening::table);
   if (!section.has(key) || !section.table().get(key)->is_string()) return section.number(key, positive);
   static const std::regex place("(^|[^A-Za-z0-9_])[xyz]($|[^A-Za-z0-9_])");
   if (std::regex_search(section.expression(key), place))
@@ -279,6 +273,27 @@ template <int Dim> Hardening MaterialReader<Dim>::hardening(const Section& secti
   return Hardening(stress, slope);
 }
 
+namespace {
+
+/// The effect of the rate of strain on a metal, by one law at most.
+RateFactor rate_factor(const Section& section) {
+  std::string_view chosen;
+  for (const std::string_view law : {"C", "D", "rate_factor"}) {
+    if (!section.has(law)) continue;
+    if (!chosen.empty())
+      section.fail(law, fmt::format("{} and {} are two laws of the rate of strain: give one of them", chosen, law));
+    chosen = law;
+  }
+  for (const auto& [key, needs] : {std::pair{"reference_rate", "C"}, {"q", "D"}})
+    if (section.has(key) && !section.has(needs)) section.fail(key, fmt::format("{} is given without {}", key, needs));
+  if (chosen == "C")
+    return RateFactor::johnson_cook(section.number("C", not_negative), section.number("reference_rate", positive));
+  if (chosen == "D") return RateFactor::cowper_symonds(section.number("D", positive), section.number("q", positive));
+  return chosen.empty() ? RateFactor() : section.tabulated("rate_factor", RateFactor::table);
+}
+
+}  // namespace
+
 /// J2, with what it depends on; with a sound speed its pressure is that of shocks.
 template <int Dim> SharedMaterial MaterialReader<Dim>::metal(const Section& section, bool johnson_cook) const {
   const bool shocked = section.has("sound_speed");
@@ -293,14 +308,8 @@ template <int Dim> SharedMaterial MaterialReader<Dim>::metal(const Section& sect
                                                 section.number("n", positive, 1.0))
                             : hardening(section, "yield"),
       .kinematic = section.number("kinematic", not_negative, 0.0),
-      .strain = strains};
-  if (section.has("C"))
-    parameters.rate =
-        RateFactor::johnson_cook(section.number("C", not_negative), section.number("reference_rate", positive));
-  if (section.has("D"))
-    parameters.rate = RateFactor::cowper_symonds(section.number("D", positive), section.number("q", positive));
-  for (const auto& [key, needs] : {std::pair{"reference_rate", "C"}, {"q", "D"}})
-    if (section.has(key) && !section.has(needs)) section.fail(key, fmt::format("{} is given without {}", key, needs));
+      .strain = strains,
+      .rate = rate_factor(section)};
   if (section.has("heat_capacity")) {
     Heating heating{.capacity = section.number("heat_capacity", positive),
                     .melting = section.number("melting_temperature", any_number),

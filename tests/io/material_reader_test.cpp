@@ -78,6 +78,26 @@ TEST(MaterialReader, ReadsMetalsThatHeatAndHardenWithTheRate) {
                   .rate = RateFactor::cowper_symonds(40.4, 5.0)}));
 }
 
+TEST(MaterialReader, ReadsTablesOfHardeningAndOfTheRateForBothMetals) {
+  const std::string rate = "rate_factor = [[0.1, 0.9], [10, 1], [1e4, 1.6]]\n";
+  const RateFactor factor = RateFactor::table({0.1, 10.0, 1e4}, {0.9, 1.0, 1.6});
+  J2Parameters expected{.moduli = {.E = 210e3, .nu = 0.3},
+                        .yield = Hardening::table({0.0, 0.01, 0.2}, {300.0, 350.0, 500.0}),
+                        .strain = Strain::finite,
+                        .rate = factor};
+  const std::string steel =
+      "model = \"j2\"\nE = 210e3\nnu = 0.3\nstrain = \"finite\"\nyield = [[0, 300], [0.01, 350], [0.2, 500]]\n";
+  expect_same(read(steel + rate), J2(expected));
+  expected.rate = RateFactor::johnson_cook(0.02, 1.0);
+  expect_same(read(steel + "C = 0.02\nreference_rate = 1\n"), J2(expected));
+  expected.yield = Hardening::ludwik(300.0, 200.0, 0.5);
+  const std::string other = "model = \"johnson_cook\"\nE = 210e3\nnu = 0.3\nA = 300\nB = 200\nn = 0.5\n";
+  expected.rate = factor;
+  expect_same(read(other + rate), J2(expected));
+  expected.rate = RateFactor::cowper_symonds(40.4, 5.0);
+  expect_same(read(other + "D = 40.4\nq = 5\n"), J2(expected));
+}
+
 TEST(MaterialReader, ReadsFluids) {
   expect_same(
       read("model = \"ideal_gas\"\ngamma = 1.4\npressure = \"1 + x^2\"\n"),
@@ -106,6 +126,15 @@ TEST(MaterialReader, RefusesWhatMakesNoSenseWithItsLine) {
           "case.toml:6: strain is \"small\", and the equation of state");
   refuses(metal + "yield = 1", "case.toml:6: yield means nothing for model = \"johnson_cook\"");
   refuses("model = \"j2\"\nE = 1\nnu = 0.3\nyield = 1\nq = 5", "case.toml:6: q is given without D");
+  refuses(metal + "C = 0.1\nreference_rate = 1\nrate_factor = [[1, 1]]",
+          "case.toml:8: C and rate_factor are two laws of the rate of strain");
+  refuses(metal + "rate_factor = [[10, 1], [1, 2]]",
+          "case.toml:6: rate_factor: rate of strain 1 of a table after 10, expected ascending values");
+  refuses(metal + "rate_factor = [[1, 1], [10, 0.5]]",
+          "case.toml:6: rate_factor: factor of a rate of strain = 0.5, expected positive factors that do not fall");
+  refuses(metal + "rate_factor = 2", "case.toml:6: rate_factor is 2, expected an array of pairs of numbers");
+  refuses("model = \"j2\"\nE = 1\nnu = 0.3\nyield = [[0, 1], [0.2, 2], [0.1, 3]]",
+          "case.toml:5: yield: plastic strain 0.1 of a table after 0.2, expected ascending values");
   refuses("model = \"ideal_gas\"\ngamma = 1.4", "key \"pressure\" is missing");
   refuses("model = \"ideal_gas\"\ngamma = 1\npressure = 1", "case.toml:3: gamma is 1, expected a number > 1");
   refuses("model = \"ideal_gas\"\ngamma = 1.4\npressure = -1", "case.toml:4: pressure is -1, expected a number > 0");

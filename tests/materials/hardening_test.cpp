@@ -59,6 +59,8 @@ TEST(Hardening, IsTheLawThatWasAskedFor) {
   EXPECT_DOUBLE_EQ(table.at(0.2).stress, 490.0);
   EXPECT_DOUBLE_EQ(table.at(7.0).stress, 480.0);
   EXPECT_EQ(table.at(7.0).slope, 0.0);
+  EXPECT_TRUE(table.falls());
+  EXPECT_FALSE(Hardening::table({0.0, 0.1, 0.3}, {450.0, 500.0, 500.0}).falls());
 }
 
 TEST(Hardening, SofteningEndsAtZero) {
@@ -81,9 +83,12 @@ TEST(Hardening, RefusesWhatIsNoYieldStress) {
   refuses([] { Hardening::ludwik(1.0, 2.0, 0.0); }, "exponent of Ludwik's law = 0");
   refuses([] { Hardening::voce(1.0, 2.0, -1.0); }, "rate of saturation = -1");
   refuses([] { Hardening::voce(1.0, 2.0, 1.0, -1.0); }, "modulus = -1");
-  refuses([] { Hardening::table({0.0, 0.2}, {1.0}); }, "2 plastic strains and 1 yield stresses");
+  refuses([] { Hardening::table({0.0, 0.2}, {1.0}); }, "2 values of plastic strain and 1 of yield stress");
   refuses([] { Hardening::table({0.1}, {1.0}); }, "first plastic strain of a table = 0.1");
-  refuses([] { Hardening::table({0.0, 0.2, 0.2}, {1.0, 1.0, 1.0}); }, "0.2 of a table after 0.2");
+  refuses([] { Hardening::table({0.0, 0.2, 0.2}, {1.0, 1.0, 1.0}); }, "plastic strain 0.2 of a table after 0.2");
+  refuses([] { Hardening::table({0.0, 0.2}, {1.0, -1.0}); }, "yield stress = -1");
+  refuses([] { Hardening::table({0.0, std::nan("")}, {1.0, 1.0}); }, "plastic strain = nan");
+  refuses([] { Hardening::table({}, {}); }, "0 values of plastic strain");
 }
 
 }  // namespace

@@ -37,7 +37,14 @@ TEST(RateFactor, IsTheLawThatWasAskedFor) {
   EXPECT_EQ(cs.at(0.0).value, 1.0);
   EXPECT_EQ(RateFactor().at(1e9).value, 1.0);
   EXPECT_TRUE(RateFactor().constant());
-  for (const RateFactor& one : {jc, cs})
+  const RateFactor table = RateFactor::table({0.1, 10.0, 1e4}, {0.9, 1.0, 1.6});
+  EXPECT_EQ(table.at(0.0).value, 0.9);
+  EXPECT_EQ(table.at(0.0).slope, 0.0);
+  EXPECT_DOUBLE_EQ(table.at(1.0).value, 0.95) << "linear in the logarithm of the rate";
+  EXPECT_DOUBLE_EQ(table.at(1e3).value, 1.4);
+  EXPECT_EQ(table.at(1e9).value, 1.6);
+  EXPECT_EQ(table.at(1e9).slope, 0.0);
+  for (const RateFactor& one : {jc, cs, table})
     EXPECT_NEAR((one.at(300.0 + 1e-3).value - one.at(300.0 - 1e-3).value) / 2e-3, one.at(300.0).slope, 1e-9);
 }
 
@@ -130,7 +137,9 @@ TEST(JohnsonCook, FlowFasterThanTheReferenceNeedsMoreStress) {
   // Steady shear of a metal that does not harden: Y (1 + C ln rate), and Y (1 + (rate / D)^(1/q)).
   const double rate = 300.0, dt = 1e-5;
   for (const auto& [factor, expected] : {std::pair{RateFactor::johnson_cook(C, 1.0), 1.0 + C * std::log(rate)},
-                                         {RateFactor::cowper_symonds(40.4, 5.0), 1.0 + std::pow(rate / 40.4, 0.2)}}) {
+                                         {RateFactor::cowper_symonds(40.4, 5.0), 1.0 + std::pow(rate / 40.4, 0.2)},
+                                         {RateFactor::table({3.0, 3e4}, {0.8, 1.6}), 1.2},
+                                         {RateFactor::table({1e3, 1e4}, {1.1, 1.6}), 1.1}}) {
     const J2 material({.moduli = {.E = E, .nu = nu}, .yield = A, .strain = Strain::finite, .rate = factor});
     EXPECT_FALSE(material.symmetric());
     Specimen bar(material, across);
@@ -139,6 +148,35 @@ TEST(JohnsonCook, FlowFasterThanTheReferenceNeedsMoreStress) {
     EXPECT_NEAR(bar.kirchhoff()(0, 0), A * expected, 1e-7 * A);
     bar.lasts(0.0);
     EXPECT_THAT([&] { bar.stretch_to(1.5); }, ::testing::ThrowsMessage<NumericalError>(HasSubstr("in no time")));
+  }
+}
+
+/// At the end of a step the stress is the one of the tables at the plastic strain and its mean rate in the step,
+/// across the kinks of both.
+TEST(JohnsonCook, StressIsThatOfTheTablesAtThePlasticStrainAndItsRate) {
+  const Hardening yield = Hardening::table({0.0, 0.02, 0.1, 0.3}, {A, 130.0, 170.0, 190.0});
+  const RateFactor factor = RateFactor::table({1e-1, 10.0, 1e3}, {0.9, 1.0, 1.4});
+  for (const Strain strain : {Strain::small, Strain::finite}) {
+    const J2 material({.moduli = {.E = E, .nu = nu}, .yield = yield, .strain = strain, .rate = factor});
+    Specimen block(material);
+    double last = 0.0, sheared = 0.0;
+    int flows = 0;
+    for (int k = 1; k <= 200; ++k) {
+      const double dt = 1e-4 * std::pow(10.0, k % 5);  // rates from 0.02 to 200
+      block.lasts(dt);
+      sheared += 4e-3;
+      Mat<3> F = Mat<3>::Identity();
+      F(0, 1) = sheared;
+      block.to(F);
+      const Mat<3> tau = strain == Strain::small ? block.P() : block.kirchhoff();
+      const double stress = std::sqrt(1.5) * (tau - tau.trace() / 3.0 * Mat<3>::Identity()).norm();
+      const double a = block.equivalent(), flow = a - std::exchange(last, a);
+      if (flow == 0.0) continue;
+      ++flows;
+      EXPECT_NEAR(stress, yield.at(a).stress * factor.at(flow / dt).value, 1e-8 * stress) << k;
+    }
+    EXPECT_GT(flows, 100);
+    EXPECT_GT(last, 0.3) << "beyond the table";
   }
 }
 
@@ -208,10 +246,16 @@ TEST(JohnsonCook, TangentsAreDerivatives) {
     for (const bool heats : {false, true}) {
       J2Parameters parameters = copper(strain);
       if (!heats) parameters.heating.reset();
-      const J2 material(parameters);
-      for (const double size : {0.005, 0.1})
-        EXPECT_LT(testing::derivative_errors(material, flowing(material, 60, size), 1e-6).tangent, 1e-8)
-            << heats << " " << size;
+      for (const bool tables : {false, true}) {
+        if (tables) {
+          parameters.yield = Hardening::table({0.0, 0.01, 0.05, 2.0}, {A, 130.0, 180.0, 400.0});
+          parameters.rate = RateFactor::table({1.0, 100.0, 1e5}, {0.9, 1.0, 1.5});
+        }
+        const J2 material(parameters);
+        for (const double size : {0.005, 0.1})
+          EXPECT_LT(testing::derivative_errors(material, flowing(material, 60, size), 1e-6).tangent, 1e-8)
+              << heats << " " << size << " " << tables;
+      }
     }
 }
 
@@ -297,6 +341,10 @@ TEST(JohnsonCook, RefusesParametersOutOfRange) {
   refuses([] { RateFactor::johnson_cook(0.1, 0.0); }, "reference rate = 0");
   refuses([] { RateFactor::cowper_symonds(0.0, 5.0); }, "rate D of Cowper and Symonds = 0");
   refuses([] { RateFactor::cowper_symonds(40.0, -5.0); }, "exponent q of Cowper and Symonds = -5");
+  refuses([] { RateFactor::table({0.0, 1.0}, {1.0, 2.0}); }, "first rate of strain of a table = 0");
+  refuses([] { RateFactor::table({2.0, 1.0}, {1.0, 2.0}); }, "rate of strain 1 of a table after 2");
+  refuses([] { RateFactor::table({1.0, 2.0}, {1.0, 0.9}); }, "factor of a rate of strain = 0.9");
+  refuses([] { RateFactor::table({1.0}, {1.0, 0.9}); }, "1 values of rate of strain and 2 of factor");
 }
 
 }  // namespace

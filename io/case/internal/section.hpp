@@ -2,6 +2,7 @@
 /// Tables of a TOML file, read with checks: whatever is wrong is said with file and line.
 #pragma once
 
+#include "efree/core/error.hpp"
 #include "efree/core/internal/unit_vector.hpp"
 #include "efree/core/types.hpp"
 
@@ -82,6 +83,19 @@ class Section {
   std::vector<double> numbers(std::string_view key, const Interval& range) const;
   /// An array of pairs of numbers: [[a, b], [c, d], ...].
   std::vector<std::array<double, 2>> pairs(std::string_view key) const;
+  /// make(x, y) of the columns of a table [[x, y], ...]. An InputError that it throws gets the place of the key.
+  template <class Make> auto tabulated(std::string_view key, const Make& make) const {
+    std::vector<double> x, y;
+    for (const auto& [a, b] : pairs(key)) {
+      x.push_back(a);
+      y.push_back(b);
+    }
+    try {
+      return make(std::move(x), std::move(y));
+    } catch (const InputError& error) {
+      fail(key, std::string(key) + ": " + error.what());
+    }
+  }
   template <int Dim> Vec<Dim> point(std::string_view key) const { return point<Dim>(need(key), key); }
   /// The unit vector along one of any length but zero, however large or small.
   template <int Dim> Vec<Dim> direction(std::string_view key) const {
