@@ -62,6 +62,11 @@ template <int Dim> void set_density(const Parameter& density, DeformableBody<Dim
   }
 }
 
+bool has_plastic_strain(const Material& material) {
+  return std::ranges::any_of(material.history_parts(),
+                             [](const HistoryPart& part) { return part.name == "equivalent_plastic_strain"; });
+}
+
 constexpr double bytes_per_point = 4e3;  // measured, with a checkpoint
 
 /// A region as a body, with its nodes on parts of the boundary.
@@ -234,8 +239,15 @@ template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const s
   });
   set_density(density, result.body);
   set_initial_velocity(settings, region, result.body);
-  for (const auto& fracture : settings.fractures)
-    if (fracture.region.empty() || fracture.region == region) result.body.fracture = fracture.criteria;
+  for (const auto& fracture : settings.fractures) {
+    if (!fracture.region.empty() && fracture.region != region) continue;
+    if (fracture.criteria.strain && !has_plastic_strain(*material))
+      throw InputError(said_at(fracture.where,
+                               fmt::format("strain is the plastic strain at failure, and the material{} has no plastic "
+                                           "strain: expected one such as \"j2\"",
+                                           region.empty() ? "" : fmt::format(" of the region \"{}\"", region))));
+    result.body.fracture = fracture.criteria;
+  }
   return result;
 }
 

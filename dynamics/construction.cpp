@@ -117,10 +117,10 @@ void require_fracture(const FractureCriteria& fracture, bool has_plastic_strain,
     fail(fmt::format("fracture neighbourhood {}, expected 0 to 10", fracture.neighbourhood));
   if (fracture.stretch != 0.0 && !(fracture.stretch > 1.0))
     fail(fmt::format("fracture stretch {}, expected more than 1, or 0", fracture.stretch));
-  if (!fracture.strain) return;
-  if (!has_plastic_strain) fail("a plastic strain at failure, and a material without plastic strain");
-  if (!(fracture.strain->reference > 0.0) || !(fracture.strain->melting >= 0.0))
-    fail("plastic strain at failure: expected a positive rate of reference, and a rise to melting of 0 or more");
+  if (!(fracture.spall >= 0.0) || !std::isfinite(fracture.spall))
+    fail(fmt::format("spall strength {}, expected 0 or more", fracture.spall));
+  if (fracture.strain && !has_plastic_strain)
+    fail("a plastic strain at failure, and a material without plastic strain");
 }
 
 template <int Dim> BodyState<Dim> body_state(const DeformableBody<Dim>& body, const Fail& fail) {

@@ -2,8 +2,12 @@
 /// When a material point breaks.
 #pragma once
 
+#include "efree/materials/piecewise_linear.hpp"
+
 #include <array>
 #include <optional>
+#include <variant>
+#include <vector>
 
 namespace efree {
 
@@ -14,6 +18,25 @@ struct JohnsonCookFailure {
   std::array<double, 5> D{};
   double reference = 1.0;  ///< [1/time]
   double melting = 0.0;    ///< melting temperature over the reference temperature, their difference; 0: T* = 0
+};
+
+/// Equivalent plastic strain at failure of a metal.
+class FailureStrain {
+ public:
+  /// Throws InputError unless the reference rate is positive and the rise to melting 0 or more.
+  FailureStrain(const JohnsonCookFailure& law);
+  /// By triaxiality (mean stress over von Mises', as in Bao & Wierzbicki 2004): linear between these points, constant
+  /// below the first and beyond the last. Throws InputError unless triaxialities ascend and strains are positive.
+  static FailureStrain table(std::vector<double> triaxiality, std::vector<double> strain);
+  /// At a triaxiality, a rate of plastic strain [1/time] and a temperature over the reference temperature. The law of
+  /// Johnson and Cook may be negative.
+  double at(double triaxiality, double rate, double temperature_rise) const;
+
+ private:
+  using Law = std::variant<JohnsonCookFailure, PiecewiseLinear>;
+  explicit FailureStrain(Law law) : law_(std::move(law)) {}
+
+  Law law_;
 };
 
 /// When a material point breaks. Several criteria may be on; none is by default. Where one is, points whose
@@ -28,8 +51,11 @@ struct FractureCriteria {
   double stretch = 0.0;        ///< largest principal stretch at which a point breaks, more than 1; 0: none
   /// A point breaks when its plastic strain, over that at failure, has summed up to 1. For materials with an
   /// equivalent plastic strain in their history.
-  std::optional<JohnsonCookFailure> strain{};
-  bool on() const { return toughness > 0.0 || stretch > 0.0 || strain; }
+  std::optional<FailureStrain> strain{};
+  /// Spall strength [stress], 0: none. A point breaks when its mean Cauchy stress, tension positive, is larger (Grady
+  /// 1988).
+  double spall = 0.0;
+  bool on() const { return toughness > 0.0 || stretch > 0.0 || strain || spall > 0.0; }
 };
 
 }  // namespace efree

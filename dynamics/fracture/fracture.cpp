@@ -22,19 +22,22 @@ template <int Dim> Vector tension_energies(const World<Dim>& world) {
   return result;
 }
 
+/// Mean Cauchy stress [stress].
+template <int Dim> double mean_stress(const Matter<Dim>& matter, Index p) {
+  return matter.response.P.col(p).dot(matter.now.F.col(p)) / (3.0 * matter.now.gradient(p).determinant());
+}
+
 /// Damage by plastic strain over that at failure, by the rate, triaxiality and temperature now.
 template <int Dim> void add_plastic_damage(const BodyState<Dim>& body, Matter<Dim>& matter, Index p) {
   MaterialResponse& now = matter.response;
   const double flow = now.history(body.plastic_strain, p) - matter.now.history(body.plastic_strain, p);
   if (!(flow > 0.0)) return;
-  const auto& [D, reference, melting] = *body.fracture.strain;
   Mat<3> tau = now.stress(p) * matter.now.gradient(p).transpose();
   const double mean = tau.trace() / 3.0;
   tau.diagonal().array() -= mean;
   const double triaxiality = mean / (std::sqrt(1.5) * tau.norm());
-  const double rate = std::max(0.0, std::log(flow / (matter.now.dt * reference)));
-  const double warm = body.temperature >= 0 && melting > 0.0 ? now.history(body.temperature, p) / melting : 0.0;
-  const double at_failure = (D[0] + D[1] * std::exp(D[2] * triaxiality)) * (1.0 + D[3] * rate) * (1.0 + D[4] * warm);
+  const double warmer = body.temperature >= 0 ? now.history(body.temperature, p) : 0.0;
+  const double at_failure = body.fracture.strain->at(triaxiality, flow / matter.now.dt, warmer);
   matter.damage[p] = at_failure > 0.0 ? std::min(1.0, matter.damage[p] + flow / at_failure) : 1.0;
 }
 
@@ -59,6 +62,7 @@ template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk
       if (axes.eigenvalues()[2] >= body.fracture.stretch * body.fracture.stretch) matter.damage[p] = 1.0;
     }
     if (body.fracture.strain) add_plastic_damage(body, matter, p);
+    if (body.fracture.spall > 0.0 && mean_stress(matter, p) > body.fracture.spall) matter.damage[p] = 1.0;
   }
 }
 

@@ -3,6 +3,7 @@
 #include "efree/core/error.hpp"
 #include "efree/io/case/internal/case_parts.hpp"
 #include "efree/io/case/internal/case_readers.hpp"
+#include "efree/io/case/internal/fracture_reader.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
 #include "efree/io/case/internal/rigid_reader.hpp"
 
@@ -44,30 +45,6 @@ template <int Dim> Vec<Dim> read_gravity(const Section& analysis, const Expressi
     if (expressions.varies(text, where))
       analysis.fail("gravity", fmt::format("gravity is \"{}\", expected the same everywhere", text));
   return expressions.fields(texts, where)(Vec<Dim>::Zero());
-}
-
-template <int Dim> void read_fractures(const std::vector<Section>& entries, DynamicsSettings<Dim>& dynamics) {
-  for (const Section& entry : entries) {
-    RegionFracture fracture{.region = entry.text("region", ""), .where = entry.where("")};
-    for (const auto& earlier : dynamics.fractures)
-      if (earlier.region == fracture.region || earlier.region.empty() || fracture.region.empty())
-        entry.fail("region", fmt::format("there is fracture already, from {}", earlier.where));
-    FractureCriteria& criteria = fracture.criteria;
-    criteria.toughness = entry.number("toughness", not_negative, criteria.toughness);
-    criteria.neighbourhood = entry.number("neighbourhood", {0.0, 10.0, true, true}, criteria.neighbourhood);
-    criteria.stretch = entry.number("stretch", {1.0, 1e3, false, true}, criteria.stretch);
-    if (entry.has("strain")) {
-      const Section law = entry.section("strain", {"D1", "D2", "D3", "D4", "D5", "rate", "melting"});
-      JohnsonCookFailure failure;
-      for (std::size_t i = 0; i < failure.D.size(); ++i)
-        failure.D[i] = law.number(fmt::format("D{}", i + 1), any_number, 0.0);
-      failure.reference = law.number("rate", positive, failure.reference);
-      failure.melting = law.number("melting", not_negative, failure.melting);
-      criteria.strain = failure;
-    }
-    if (!criteria.on()) entry.fail("", "[[fracture]]: expected toughness, stretch or strain");
-    dynamics.fractures.push_back(std::move(fracture));
-  }
 }
 
 template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries, const Section& root,
@@ -424,7 +401,8 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
   const auto velocities = root.sections("velocity", {"region", "value"});
-  const auto fractures = root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain"});
+  const auto fractures =
+      root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain", "spall"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
   const auto rigid_bodies =
       root.sections("rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "height",
@@ -444,7 +422,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   PlaceReader<Dim> places(result.common);
   result.gravity = read_gravity<Dim>(analysis, expressions);
   read_velocities<Dim>(velocities, expressions, result);
-  read_fractures<Dim>(fractures, result);
+  result.fractures = read_fractures(fractures);
   read_walls<Dim>(walls, result);
   read_rigid_bodies<Dim>(rigid_bodies, text.folder(), root, result.geometry.grey, result);
   read_boundary_velocities<Dim>(boundaries, root, result.geometry.grey, places, result);

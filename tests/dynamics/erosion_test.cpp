@@ -118,28 +118,40 @@ TEST(Erosion, AllPointsBreakAtTheStretchTheyBear) {
   EXPECT_EQ(dynamics.count("eroded points"), dynamics.num_points());
 }
 
+TEST(FailureStrain, IsTheLawThatWasAskedFor) {
+  const FailureStrain metal(JohnsonCookFailure{.D = {0.2, 0.5, -0.4, 0.1, 2.0}, .reference = 1e-3, .melting = 1000.0});
+  EXPECT_DOUBLE_EQ(metal.at(0.5, 0.1, 250.0),
+                   (0.2 + 0.5 * std::exp(-0.2)) * (1.0 + 0.1 * std::log(100.0)) * (1.0 + 2.0 * 0.25));
+  EXPECT_DOUBLE_EQ(metal.at(0.5, 1e-6, 0.0), 0.2 + 0.5 * std::exp(-0.2)) << "rates count from the reference on";
+  const FailureStrain table = FailureStrain::table({-0.5, 0.0, 1.5}, {2.0, 0.6, 0.3});
+  EXPECT_DOUBLE_EQ(table.at(-0.25, 1.0, 0.0), 1.3);
+  EXPECT_DOUBLE_EQ(table.at(0.5, 1e3, 500.0), 0.5);
+  EXPECT_EQ(table.at(-7.0, 1.0, 0.0), 2.0);
+  EXPECT_EQ(table.at(7.0, 1.0, 0.0), 0.3);
+  EXPECT_EQ(table.at(std::numeric_limits<double>::infinity(), 1.0, 0.0), 0.3) << "no shear stress";
+}
+
+constexpr double E = 100.0, nu = 0.3, yield = 1.0;  // of a metal that does not harden
+SharedMaterial metal() {
+  return J2({.moduli = {.E = E, .nu = nu}, .yield = Hardening::linear(yield, 0.0), .strain = Strain::finite});
+}
+/// Uniaxial strain yields where 2 G ln V is the yield stress; the plastic strain is 2/3 (ln V - that) from then on.
+constexpr double first_flow = yield / (E / (1.0 + nu));
+
 /// Uniaxial strain at a steady rate: the plastic strain is known, and so is the mean stress over von Mises'.
-template <int Dim> void expect_damage() {
-  const double rate = 0.1, E = 100.0, nu = 0.3, yield = 1.0;
-  const JohnsonCookFailure law{.D = {0.2, 0.5, -0.4, 0.1, 0.0}, .reference = 1e-3};
-  const DeformableBody<Dim> body =
-      pulled<Dim>({.strain = law}, rate,
-                  J2({.moduli = {.E = E, .nu = nu}, .yield = Hardening::linear(yield, 0.0), .strain = Strain::finite}));
+template <int Dim> void expect_damage(const FailureStrain& law) {
+  const double rate = 0.1;
+  const DeformableBody<Dim> body = pulled<Dim>({.strain = law}, rate, metal());
   Dynamics<Dim> dynamics({body}, otm<Dim>({.reconnection_strain = 0.0}));
   hold(dynamics, body);
   const double end = 1.0;
   dynamics.run(end);
-  const double shear = E / (2.0 * (1.0 + nu)), bulk = E / (3.0 * (1.0 - 2.0 * nu));
-  // ln V yields at 3 G e / 1.5 = Y; then the equivalent plastic strain is 2/3 (ln V - e_y), p = K ln V.
-  const double first = yield / (2.0 * shear);
+  const double bulk = E / (3.0 * (1.0 - 2.0 * nu));
   double damage = 0.0;
   constexpr int n = 20000;
   for (int k = 0; k < n; ++k) {
     const double t = end * (k + 0.5) / n, e = std::log1p(rate * t), flow = 2.0 / 3.0 * rate / (1.0 + rate * t);
-    if (e < first) continue;
-    const double failure =
-        (law.D[0] + law.D[1] * std::exp(law.D[2] * bulk * e / yield)) * (1.0 + law.D[3] * std::log(flow / 1e-3));
-    damage += flow * end / n / failure;
+    if (e > first_flow) damage += flow * end / n / law.at(bulk * e / yield, flow, 0.0);
   }
   ASSERT_GT(damage, 0.05);
   ASSERT_LT(damage, 0.9);
@@ -149,8 +161,92 @@ template <int Dim> void expect_damage() {
 }
 
 TEST(Erosion, DamageSumsUpPlasticStrainOverThatAtFailure) {
-  expect_damage<2>();
-  expect_damage<3>();
+  const FailureStrain johnson_cook(JohnsonCookFailure{.D = {0.2, 0.5, -0.4, 0.1, 0.0}, .reference = 1e-3});
+  expect_damage<2>(johnson_cook);
+  expect_damage<3>(johnson_cook);
+  expect_damage<2>(FailureStrain::table({0.0, 3.0, 7.0}, {0.9, 0.3, 0.15}));
+}
+
+TEST(Erosion, AllPointsBreakAtThePlasticStrainOfTheTable) {
+  const double rate = 0.1, failure = 0.05, time = std::expm1(1.5 * failure + first_flow) / rate;
+  const DeformableBody<2> body = pulled<2>({.strain = FailureStrain::table({0.4}, {failure})}, rate, metal());
+  Dynamics<2> dynamics({body}, otm<2>({.reconnection_strain = 0.0}));
+  hold(dynamics, body);
+  dynamics.run(0.99 * time);
+  EXPECT_EQ(dynamics.count("eroded points"), 0);
+  dynamics.run(1.02 * time);
+  EXPECT_EQ(dynamics.count("eroded points"), dynamics.num_points());
+}
+
+TEST(Erosion, ShearDamagesByTheStrainOfTheTableWithoutMeanStress) {
+  DeformableBody<2> body = pulled<2>({.strain = FailureStrain::table({-0.5, 0.0, 0.5}, {2.0, 0.4, 0.1})}, 0.0, metal());
+  body.velocity.row(0) = 0.2 * body.nodes.row(1);
+  Dynamics<2> dynamics({body}, otm<2>({.reconnection_strain = 0.0}));
+  hold(dynamics, body);
+  dynamics.run(1.0);
+  const Vector strain = dynamics.history(0).row(6).transpose();
+  ASSERT_GT(strain.minCoeff(), 0.05);
+  EXPECT_LT((dynamics.damage() - strain / 0.4).cwiseAbs().maxCoeff(), 1e-10);
+}
+
+/// A bar of length 3 in uniaxial strain, free at its ends, whose first part of length 1 starts with the velocity
+/// v cos^2(pi x / 2). The compressive wave that runs away from there comes back from the other end as tension: at the
+/// distance d from that end, tau after the crest has arrived there by the speed c of sound, the axial stress is
+/// rho c v / 2 sin(pi d) sin(pi tau) (d'Alembert 1747). It is largest at d = 1/2.
+struct SpallingBar {
+  static constexpr double nu = 0.3, size = 0.025, v = 1e-3;
+  static double sound() { return std::sqrt((1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))); }
+  /// Largest mean stress.
+  static double strongest() { return 0.5 * sound() * v * (1.0 + nu) / (3.0 * (1.0 - nu)); }
+
+  static Dynamics<2> with(double spall) {
+    DeformableBody<2> body = deformable_body(triangulate(shapes::rectangle(0.0, 0.0, 3.0, 2.0 * size), {.size = size}),
+                                             Hencky({.E = 1.0, .nu = nu}), 1.0);
+    body.fracture.spall = spall;
+    body.velocity.setZero(2, body.nodes.cols());
+    for (Index a = 0; a < body.nodes.cols(); ++a)
+      if (const double x = body.nodes(0, a); x < 1.0)
+        body.velocity(0, a) = v * std::pow(std::cos(0.5 * std::numbers::pi * x), 2);
+    Dynamics<2> dynamics({body}, otm<2>());
+    for (Index a = 0; a < dynamics.num_nodes(); ++a) dynamics.prescribe(a, 1, 0.0);
+    return dynamics;
+  }
+};
+
+TEST(Erosion, ABarSpallsWhereAndWhenTheReflectedWaveReachesItsStrength) {
+  for (const double share : {0.5, 0.9}) {
+    Dynamics<2> dynamics = SpallingBar::with(share * SpallingBar::strongest());
+    const double tau = std::asin(share) / std::numbers::pi;
+    while (dynamics.count("eroded points") == 0 && dynamics.time() < 4.0 / SpallingBar::sound()) dynamics.step();
+    EXPECT_NEAR(dynamics.time() * SpallingBar::sound(), 3.0 + tau, 0.01) << share << ": a step";
+    double sum = 0.0;
+    for (Index p = 0; p < dynamics.num_points(); ++p)
+      if (dynamics.is_eroded(p)) sum += dynamics.points()(0, p);
+    EXPECT_NEAR(sum / static_cast<double>(dynamics.count("eroded points")), 2.5, 0.02) << share;
+  }
+}
+
+TEST(Erosion, SpallNeedsATensionAsLargeAsTheStrength) {
+  for (const double share : {0.97, 1.03}) {
+    Dynamics<2> dynamics = SpallingBar::with(share * SpallingBar::strongest());
+    dynamics.run(4.0 / SpallingBar::sound());
+    EXPECT_EQ(dynamics.count("eroded points") > 0, share < 1.0) << share;
+  }
+}
+
+TEST(Erosion, SpallGoesOnFromAStateBitwiseAndOnAnyNumberOfThreads) {
+  const auto made = [] { return SpallingBar::with(0.5 * SpallingBar::strongest()); };
+  auto dynamics = made(), other = made();
+  dynamics.run(3.1 / SpallingBar::sound());
+  other.restore(dynamics.state());
+  const int threads = num_threads();
+  dynamics.run(3.4 / SpallingBar::sound());
+  set_num_threads(3);
+  other.run(3.4 / SpallingBar::sound());
+  set_num_threads(threads);
+  ASSERT_GT(dynamics.count("eroded points"), 0);
+  EXPECT_EQ(dynamics.nodes(), other.nodes());
+  EXPECT_EQ(dynamics.damage(), other.damage());
 }
 
 TEST(Erosion, ASphereGoesThroughAPlateAndBalancesClose) {
@@ -228,6 +324,19 @@ TEST(Erosion, RefusesWhatMakesNoSense) {
               ThrowsMessage<InputError>(HasSubstr("neighbourhood")));
   EXPECT_THAT([&] { make({.stretch = 0.5}); }, ThrowsMessage<InputError>(HasSubstr("stretch")));
   EXPECT_THAT([&] { make({.strain = JohnsonCookFailure{}}); }, ThrowsMessage<InputError>(HasSubstr("plastic strain")));
+  EXPECT_THAT([&] { make({.spall = -1.0}); }, ThrowsMessage<InputError>(HasSubstr("spall strength -1")));
+  EXPECT_THAT([] { FailureStrain(JohnsonCookFailure{.reference = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("reference rate of the plastic strain at failure = 0")));
+  EXPECT_THAT(
+      [] {
+        FailureStrain::table({0.0, 0.0}, {1.0, 1.0});
+      },
+      ThrowsMessage<InputError>(HasSubstr("triaxiality 0 of a table after 0")));
+  EXPECT_THAT(
+      [] {
+        FailureStrain::table({0.0, 1.0}, {1.0, -1.0});
+      },
+      ThrowsMessage<InputError>(HasSubstr("plastic strain at failure = -1")));
   Dynamics<2> dynamics({pulled<2>({}, 0.0, soft())}, otm<2>());
   EXPECT_THAT([&] { dynamics.erode(-1); }, ThrowsMessage<InputError>(HasSubstr("eroded")));
 }

@@ -64,11 +64,20 @@ TEST(DynamicsCase, WrongInputIsRefusedWithFileAndLine) {
               says("leave out [cloud], [mpm] and [sph], and take dynamics.method = \"otm\""));
   EXPECT_THAT(refuses(rubber + "[accuracy]\nenergy = 0.01\n"), says("[accuracy] is for static analyses"));
   EXPECT_THAT(refuses(rubber + "[contact]\nfriction = -1\n"), says("friction"));
-  EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"), says("expected toughness, stretch or strain"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nneighbourhood = 2\n"),
+              says("expected toughness, stretch, strain or spall"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\ntoughness = -1\n"), says("toughness"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nregion = \"bolt\"\nstretch = 2\n"), says("bolt"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nstretch = 2\n[[fracture]]\nstretch = 3\n"), says("fracture already"));
   EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = { D1 = 1, D6 = 2 }\n"), says("D6"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = 0.2\n"), says("strain is 0.2, expected an array of pairs"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = [[0.3, 0.5], [0, 1]]\n"),
+              says("strain: triaxiality 0 of a table after 0.3, expected ascending values"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = [[0, 1], [0.3, 0]]\n"),
+              says("strain: plastic strain at failure = 0, expected a positive number"));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nstrain = [[0, 1]]\n"),
+              says("the material has no plastic strain: expected one such as \"j2\""));
+  EXPECT_THAT(refuses(rubber + "[[fracture]]\nspall = 0\n"), says("spall is 0, expected a number > 0"));
   EXPECT_THAT(refuses(with("\"dynamics\"", "\"motion\"")), says("kind"));
   EXPECT_THAT(refuses(rubber + "[otm]\nseizing = true\n[contact]\nfriction = 0.1\n"), says("friction means nothing"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nspacing = 0.5\n[otm]\nseizing = true\n"), says("leave out [otm], or [cloud]"));
@@ -170,6 +179,19 @@ TEST(DynamicsCase, TimesFarBelowAStepAreRefused) {
     const auto of = std::get<DynamicsCase<2>>(read_case(workspace / "case.toml"));
     EXPECT_THAT([&] { build_dynamics_model(of); }, says("next to nothing compared with a stable step")) << time;
   }
+}
+
+TEST(DynamicsCase, FractureIsAsTheCaseSays) {
+  const auto criteria = [](const std::string& entry) {
+    const Workspace workspace(rubber + "[[fracture]]\n" + entry);
+    return std::get<DynamicsCase<2>>(read_case(workspace / "case.toml")).fractures.at(0).criteria;
+  };
+  const FractureCriteria table = criteria("strain = [[0, 1], [0.5, 0.2]]\nspall = 3\n");
+  EXPECT_EQ(table.spall, 3.0);
+  EXPECT_DOUBLE_EQ(table.strain->at(0.25, 1.0, 0.0), 0.6);
+  EXPECT_DOUBLE_EQ(criteria("strain = { D1 = 0.1, D2 = 0.2, D3 = -1 }\n").strain->at(0.5, 1.0, 0.0),
+                   0.1 + 0.2 * std::exp(-0.5));
+  EXPECT_TRUE(criteria("spall = 3\n").on());
 }
 
 TEST(DynamicsCase, BodiesAreAsTheCaseSays) {

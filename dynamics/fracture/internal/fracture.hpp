@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Material points that break: by eigenerosion, stretch or plastic strain.
+/// Material points that break: by eigenerosion, stretch, plastic strain or tension.
 #pragma once
 
 #include "efree/dynamics/scheme.hpp"
