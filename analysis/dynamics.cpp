@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/dynamics.hpp"
 
+#include "efree/analysis/utilisation.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
@@ -37,6 +38,14 @@ template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(con
             .first->second.segment(dynamics.first_point(b), history.cols()) = history.row(part.offset);
   }
   for (auto& [name, values] : of_histories) result.emplace_back(name, std::move(values));
+  const std::vector<BodyState<Dim>>& bodies = dynamics.world().bodies;
+  if (std::ranges::any_of(bodies, [](const auto& body) { return body.strength.is_given(); })) {
+    Vector utilised(n);
+    for (Index b = 0; b < dynamics.num_bodies(); ++b)
+      for (Index p = dynamics.first_point(b); p < dynamics.first_point(b + 1); ++p)
+        utilised[p] = utilisation<3>(bodies[b].strength, stress_of<3>(sigma.col(p)));
+    result.emplace_back("utilisation", std::move(utilised));
+  }
   return result;
 }
 

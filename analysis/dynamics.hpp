@@ -172,7 +172,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
                                                            const Monitor& monitor = {});
 
 /// Scalar fields of the material points: von_mises, pressure (both of Cauchy's stress), J, speed, damage (1: eroded)
-/// and the scalars of the materials' histories (0 in bodies without).
+/// the scalars of the materials' histories (0 in bodies without) and, where a body has a strength, utilisation.
 template <int Dim> std::vector<std::pair<std::string, Vector>> point_scalars(const Dynamics<Dim>& dynamics);
 
 /// Values of all probes now, in their order: one number; of nodes the displacement, then the velocity. NaN where no

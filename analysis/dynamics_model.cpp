@@ -238,6 +238,7 @@ template <int Dim> RegionBody<Dim> build_body(const FineMesh<Dim>& part, const s
     }
   });
   set_density(density, result.body);
+  result.body.strength = strength_of(settings.common, region);
   set_initial_velocity(settings, region, result.body);
   for (const auto& fracture : settings.fractures) {
     if (!fracture.region.empty() && fracture.region != region) continue;

@@ -43,8 +43,9 @@ double hypotenuse(double a, double b) {
   return longer == 0.0 ? shorter : longer * std::sqrt(1.0 + share * share);
 }
 
-/// The largest and the smallest principal stress.
-template <int Dim> std::pair<double, double> principal(const Voigt<Dim>& s) {
+}  // namespace
+
+template <int Dim> std::pair<double, double> principal_stresses(const Voigt<Dim>& s) {
   if constexpr (Dim == 2) {
     const double middle = 0.5 * (s[0] + s[1]), radius = hypotenuse(0.5 * (s[0] - s[1]), s[3]);
     return {std::max(middle + radius, s[2]), std::min(middle - radius, s[2])};
@@ -56,6 +57,8 @@ template <int Dim> std::pair<double, double> principal(const Voigt<Dim>& s) {
     return {values[2], values[0]};
   }
 }
+
+namespace {
 
 /// The largest and the smallest of some numbers, and which ones they are: of like ones the first.
 struct Range {
@@ -107,7 +110,7 @@ template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim
       add(i, fields.strain(static_cast<Index>(i), p));
       add(size + i, fields.stress(static_cast<Index>(i), p));
     }
-    const auto [first, third] = principal<Dim>(fields.stress.col(p));
+    const auto [first, third] = principal_stresses<Dim>(fields.stress.col(p));
     add(2 * size, first);
     add(2 * size + 1, third);
   });
@@ -125,6 +128,8 @@ template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim
 
 template std::vector<FieldRange<2>> field_ranges<2>(const FineSpace<2>&, const Fields<2>&);
 template std::vector<FieldRange<3>> field_ranges<3>(const FineSpace<3>&, const Fields<3>&);
+template std::pair<double, double> principal_stresses<2>(const Voigt<2>&);
+template std::pair<double, double> principal_stresses<3>(const Voigt<3>&);
 template Vector von_mises_at_places<2>(const Fields<2>&);
 template Vector von_mises_at_places<3>(const Fields<3>&);
 

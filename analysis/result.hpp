@@ -193,6 +193,9 @@ template <int Dim> std::vector<const char*> component_names(bool axisymmetric) {
   return {"xx", "yy", "zz", "xy"};
 }
 
+/// The largest and the smallest principal stress [stress].
+template <int Dim> std::pair<double, double> principal_stresses(const Voigt<Dim>& stress);
+
 /// von Mises stress at the places of the space (FineSpace::num_places).
 template <int Dim> Vector von_mises_at_places(const Fields<Dim>& fields);
 

@@ -5,6 +5,7 @@
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 
 namespace efree {
 
@@ -14,6 +15,11 @@ std::string text_of(const PathEnd& end) {
   if (end.above) text += fmt::format(" rises above {:.6g}", *end.above);
   if (end.below) text += fmt::format("{} falls below {:.6g}", end.above ? " or" : "", *end.below);
   return text;
+}
+
+template <int Dim> Strength strength_of(const CommonSettings<Dim>& settings, const std::string& region) {
+  const auto found = std::ranges::find(settings.materials, region, &RegionMaterial::region);
+  return found == settings.materials.end() ? settings.strength : found->strength;
 }
 
 template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings) {
@@ -46,6 +52,8 @@ template <int Dim> void require_estimates(const Settings<Dim>& settings) {
       "\"mls\" or \"cells\" and analysis.correction = \"auto\""));
 }
 
+template Strength strength_of<2>(const CommonSettings<2>&, const std::string&);
+template Strength strength_of<3>(const CommonSettings<3>&, const std::string&);
 template std::vector<Loads<2>> loads_by_case<2>(const Settings<2>&);
 template std::vector<Loads<3>> loads_by_case<3>(const Settings<3>&);
 template void require_estimates<2>(const Settings<2>&);

@@ -5,6 +5,7 @@
 
 #include "efree/analysis/steps.hpp"
 #include "efree/geometry/mesh/selection.hpp"
+#include "efree/materials/strength.hpp"
 #include "efree/solvers/algorithms/correction.hpp"
 #include "efree/solvers/algorithms/newton.hpp"
 #include "efree/solvers/algorithms/static_analysis.hpp"
@@ -28,6 +29,7 @@ struct RegionMaterial {
   SharedMaterial material;
   std::string where{};
   Parameter density = 0.0;  ///< [mass / volume]; 0: not said
+  Strength strength{};
 };
 /// A point to report.
 template <int Dim> struct Probe {
@@ -100,6 +102,7 @@ template <int Dim> struct CommonSettings {
   ElasticModel model{};                           ///< but for `regions` and `open_interface`, which the mesh tells
   std::vector<RegionMaterial> materials{};        ///< one for each region; empty: model.material everywhere
   Parameter density = 0.0;                        ///< of model.material [mass / volume]; 0: not said
+  Strength strength{};                            ///< of model.material
   std::vector<NamedSelection<Dim>> selections{};  ///< parts of the boundary besides those the mesh has
   ApproximationOptions approximation{};           ///< functions and quadrature
   /// Boundaries that settings name, in the order to report them, and regions with a spacing of their own, each with its
@@ -141,6 +144,9 @@ template <int Dim> struct Settings {
   bool asks_for_accuracy() const { return accuracy > 0.0 || !goals.empty(); }
   bool has_exact() const { return exact.displacement || exact.stress; }
 };
+
+/// The strength of the material of a region.
+template <int Dim> Strength strength_of(const CommonSettings<Dim>& settings, const std::string& region);
 
 /// What acts in each case, one after the other; without cases settings.loads alone.
 template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings);

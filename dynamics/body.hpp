@@ -6,6 +6,7 @@
 #include "efree/dynamics/fracture/criteria.hpp"
 #include "efree/geometry/mesh/fine_mesh.hpp"
 #include "efree/materials/material.hpp"
+#include "efree/materials/strength.hpp"
 #include "efree/quadrature/approximation.hpp"
 
 #include <optional>
@@ -28,6 +29,7 @@ template <int Dim> struct DeformableBody {
   double density = 0.0;  ///< of mass, in the reference configuration
   Vector densities{};    ///< M, where points differ; empty: `density` is of all of them
   FractureCriteria fracture{};
+  Strength strength{};  ///< for the utilisation in results; the run does not use it
   double radius = 0.0;  ///< walls and rigid bodies stay that far away from the nodes [length]
   /// Shape functions at the material points, with gradients: for the total Lagrangian scheme, which keeps them.
   std::optional<ShapeTable<Dim>> shape{};

@@ -41,8 +41,8 @@ template <int Dim> auto fields(PrescribedVelocity<Dim>& of) {
   return std::tie(node, axis, velocity, law, start);
 }
 template <int Dim> auto fields(BodyState<Dim>& of) {
-  auto& [material, tangent, compliance, shear, modulus, fracture, plastic_strain, temperature, plastic_metric, release,
-         cells, holds_inverted] = of;
+  auto& [material, tangent, compliance, shear, modulus, fracture, strength, plastic_strain, temperature, plastic_metric,
+         release, cells, holds_inverted] = of;
   return std::tie(cells);
 }
 template <int Dim> auto fields(World<Dim>& of) {

@@ -138,6 +138,7 @@ template <int Dim> BodyState<Dim> body_state(const DeformableBody<Dim>& body, co
           .shear = shear,
           .modulus = modulus,
           .fracture = body.fracture,
+          .strength = body.strength,
           .plastic_strain = plastic_strain,
           .temperature = row_of(material, "temperature_rise"),
           .plastic_metric = row_of(material, "inverse_plastic_metric"),

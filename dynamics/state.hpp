@@ -177,6 +177,7 @@ template <int Dim> struct BodyState {
   std::array<double, 108> compliance;  ///< likewise; of rotations as of shear
   double shear, modulus;               ///< at rest, against shear and of pressure waves
   FractureCriteria fracture;
+  Strength strength;
   Index plastic_strain, temperature;  ///< rows of the history, equivalent and its rise; -1: none
   Index plastic_metric;               ///< first of the rows of C_p^-1 - 1; -1: none
   double release;                     ///< C of energy release rates

@@ -119,10 +119,21 @@ const Section::Keys all_keys = [] {
 void check_keys(const Section& section, Model model) {
   const auto own = keys_of(model);
   const auto name = std::ranges::find(models, model, [](const auto& entry) { return entry.second; })->first;
+  if (model != Model::rankine) section.section("strength", {});  // a table: of rankine a parameter of its own
   for (const std::string_view key : all_keys)
-    if (key != "model" && key != "density" && section.has(key) && std::ranges::find(own, key) == own.end())
+    if (key != "model" && key != "density" && key != "strength" && section.has(key) &&
+        std::ranges::find(own, key) == own.end())
       section.fail(key,
                    fmt::format("{} means nothing for model = \"{}\", which has {}", key, name, fmt::join(own, ", ")));
+}
+
+/// Limits of the stress, where `strength` is a table.
+Strength strength(const Section& section) {
+  if (!section.is_table("strength")) return {};
+  const Section limits = section.section("strength", {"yield", "ultimate"});
+  const Strength result{limits.number("yield", positive, 0.0), limits.number("ultimate", positive, 0.0)};
+  if (!result.is_given()) section.fail("strength", "strength is empty, expected yield, ultimate or both");
+  return result;
 }
 
 }  // namespace
@@ -135,6 +146,7 @@ template <int Dim> void MaterialReader<Dim>::read(const Section& root, CommonSet
   const Section section = root.required_section("material", all_keys);
   result.model.material = read(section);
   result.density = density(section);
+  result.strength = strength(section);
 }
 
 /// 0 if nothing is said.
@@ -151,7 +163,7 @@ template <int Dim> std::vector<RegionMaterial> MaterialReader<Dim>::read_regions
     for (const auto& earlier : materials)
       if (earlier.region == region)
         section.fail("region", fmt::format("the region \"{}\" has a material already, from {}", region, earlier.where));
-    materials.push_back({region, read(section), section.where("region"), density(section)});
+    materials.push_back({region, read(section), section.where("region"), density(section), strength(section)});
   }
   if (materials.empty()) root.fail("material", "[[material]] is empty, expected at least one entry");
   return materials;

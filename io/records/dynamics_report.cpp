@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 #include "efree/io/records/internal/json_array.hpp"
 #include "efree/io/records/internal/snake_case.hpp"
+#include "efree/io/records/internal/utilisation_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
 
@@ -57,6 +58,7 @@ std::vector<std::string> describe_run(const DynamicsSettings<Dim>& settings, con
                                        : fmt::format("probe \"{}\": displacement ({:.6g}), velocity ({:.6g})", name,
                                                      fmt::join(values.begin(), values.begin() + Dim, ", "),
                                                      fmt::join(values.begin() + Dim, values.end(), ", ")));
+  for (const auto& one : largest_utilisations(model)) lines.push_back(internal::utilisation_text(one));
   return lines;
 }
 
@@ -136,6 +138,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   for (Index w = 0; w < walls.cols(); ++w) json["walls"].push_back({{"force", json_array(walls.col(w))}});
   json["probes"] = probes_json<Dim>(dynamics_case, model);
   json["extremes"] = extremes_json(dynamics);
+  internal::add_utilisations(largest_utilisations(model), json);
   json["reports"]["warnings"] = warnings;
   if (const double total = total_time(ledger); total > 0.0)
     for (const auto& time : ledger.times()) json["shares"][snake_case(time.name)] = time.seconds / total;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/static_report.hpp"
 
+#include "efree/io/records/internal/utilisation_records.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <cmath>
@@ -70,6 +72,10 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
     for (const auto& reaction : answer.reactions)
       say(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error);
   };
+  const auto say_utilisations = [&](const Fields<Dim>& fields) {
+    for (const auto& one : largest_utilisations(settings.common, result.basis().space, fields))
+      lines.push_back(internal::utilisation_text(one));
+  };
   const auto say_balance = [&](const auto& balance) {
     Resultant<Dim> scale;
     const auto add = [&](const Resultant<Dim>& of) { scale += {of.force.cwiseAbs(), of.moment.cwiseAbs()}; };
@@ -96,12 +102,14 @@ template <int Dim> std::vector<std::string> numbers_text(const Result<Dim>& resu
           nullptr);
   say_balance(result.balance);
   say_extremes(result.extremes);
+  say_utilisations(result.fields);
   for (std::size_t k = 1; k < cases.size(); ++k) {
     const Answer<Dim>& answer = result.more[k - 1];
     lines.push_back(fmt::format("case \"{}\":", cases[k].name));
     say_wanted(answer);
     say_balance(answer.balance);
     say_extremes(answer.extremes);
+    say_utilisations(answer.fields);
   }
   return lines;
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/writers.hpp"
 
+#include "efree/analysis/utilisation.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/json_array.hpp"
+#include "efree/io/records/internal/utilisation_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
 
 #include <fmt/format.h>
@@ -146,9 +148,10 @@ template <int Dim> ordered_json balance_json(const Balance<Dim>& balance) {
   return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
 }
 
-/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes,
-/// with their errors.
-template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim>& answer, ordered_json& json) {
+/// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes with their errors,
+/// utilisation.
+template <int Dim> void add_answer(const CommonSettings<Dim>& settings, const FineSpace<Dim>& space,
+                                   const Answer<Dim>& answer, ordered_json& json) {
   json["strain_energy"] = answer.solution.strain_energy;
   if (answer.estimates)
     json["estimates"]["energy"] = {{"cloud", answer.estimates->cloud},
@@ -190,6 +193,7 @@ template <int Dim> void add_answer(const FineSpace<Dim>& space, const Answer<Dim
   for (const auto& range : field_ranges(space, answer.fields))
     json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", json_array(range.most_at)}}},
                                   {"min", {{"value", range.least}, {"at", json_array(range.least_at)}}}};
+  internal::add_utilisations(largest_utilisations(settings, space, answer.fields), json);
 }
 
 ordered_json errors_json(const Errors& errors) {
@@ -255,9 +259,13 @@ template <int Dim>
 void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
   const FineSpace<Dim>& space = result.basis().space;
   const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
-  add_fields<Dim>(grid, space, result.fields);
-  for (std::size_t k = 0; k < result.more.size(); ++k)
-    add_fields(grid, space, result.more[k].fields, settings.cases[k + 1].name + ": ");
+  const auto add = [&](const Fields<Dim>& fields, const std::string& of) {
+    add_fields(grid, space, fields, of);
+    if (const Vector utilised = utilisation_at_places(settings.common, space, fields); utilised.size() > 0)
+      add_derived(grid, of + "utilisation", utilised.transpose(), {""});
+  };
+  add(result.fields, "");
+  for (std::size_t k = 0; k < result.more.size(); ++k) add(result.more[k].fields, settings.cases[k + 1].name + ": ");
   Matrix restrained = Matrix::Zero(1, space.size()), loaded = restrained;
   mark(space, settings.supports, restrained);
   for (const auto& loads : loads_by_case(settings)) {
@@ -467,7 +475,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   add_model(settings, result, json);
   if (!result.history.empty()) add_path(result, json);
   if (result.errors) json["errors"] = errors_json(*result.errors);
-  add_answer<Dim>(result.basis().space, result, json);
+  add_answer<Dim>(settings.common, result.basis().space, result, json);
   if (result.cells) add_grids(result, json);
   add_attempts(result, json);
   if (!result.history.empty())
@@ -479,7 +487,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (result.path_errors) add_path_errors(result, json);
   for (std::size_t k = 0; k < settings.cases.size(); ++k) {
     const Answer<Dim>& answer = k == 0 ? static_cast<const Answer<Dim>&>(result) : result.more[k - 1];
-    add_answer(result.basis().space, answer, json["cases"][settings.cases[k].name]);
+    add_answer(settings.common, result.basis().space, answer, json["cases"][settings.cases[k].name]);
   }
   add_reports(settings, result, json);
   for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;

@@ -98,6 +98,21 @@ TEST(MaterialReader, ReadsTablesOfHardeningAndOfTheRateForBothMetals) {
   expect_same(read(other + "D = 40.4\nq = 5\n"), J2(expected));
 }
 
+TEST(MaterialReader, ReadsTheStrengthOfAnyMaterialBesideThatOfRankine) {
+  const auto strength = [](const std::string& text) {
+    const toml::table table = toml::parse("[material]\nE = 1\nnu = 0.3\n" + text, std::string_view("case.toml"));
+    CommonSettings<2> settings;
+    const Expressions<2> expressions;
+    internal::MaterialReader<2>(expressions).read(internal::Section(table, "", "case.toml", {}), settings);
+    return settings.strength;
+  };
+  EXPECT_FALSE(strength("").is_given());
+  EXPECT_EQ(strength("strength = { yield = 250 }").yield, 250.0);
+  EXPECT_EQ(strength("strength = { yield = 250 }").ultimate, 0.0);
+  EXPECT_EQ(strength("model = \"hencky\"\nstrength = { ultimate = 400 }").ultimate, 400.0);
+  EXPECT_FALSE(strength("model = \"rankine\"\nstrength = 2").is_given());
+}
+
 TEST(MaterialReader, ReadsFluids) {
   expect_same(
       read("model = \"ideal_gas\"\ngamma = 1.4\npressure = \"1 + x^2\"\n"),
@@ -133,6 +148,12 @@ TEST(MaterialReader, RefusesWhatMakesNoSenseWithItsLine) {
   refuses(metal + "rate_factor = [[1, 1], [10, 0.5]]",
           "case.toml:6: rate_factor: factor of a rate of strain = 0.5, expected positive factors that do not fall");
   refuses(metal + "rate_factor = 2", "case.toml:6: rate_factor is 2, expected an array of pairs of numbers");
+  const std::string elastic = "E = 1\nnu = 0.3\n";
+  refuses(elastic + "strength = 3", "case.toml:4: strength is 3, expected a table [material.strength]");
+  refuses(elastic + "strength = {}", "case.toml:4: strength is empty, expected yield, ultimate or both");
+  refuses(elastic + "strength = { yield = 0 }", "case.toml:4: yield is 0, expected a number > 0");
+  refuses(elastic + "strength = { yeild = 1 }", "unknown key \"yeild\"");
+  refuses("model = \"rankine\"\n" + elastic + "strength = { yield = 1 }", "case.toml:5: strength is a table");
   refuses("model = \"j2\"\nE = 1\nnu = 0.3\nyield = [[0, 1], [0.2, 2], [0.1, 3]]",
           "case.toml:5: yield: plastic strain 0.1 of a table after 0.2, expected ascending values");
   refuses("model = \"ideal_gas\"\ngamma = 1.4", "key \"pressure\" is missing");
