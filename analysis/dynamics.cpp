@@ -5,6 +5,7 @@
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
+#include "efree/core/memory.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/LU>
@@ -187,6 +188,12 @@ template <int Dim> double first_step(const Dynamics<Dim>& dynamics) {
   return std::min(dynamics.stable_step(), step_of_half_spacing(dynamics.world(), {}, dynamics.nodes_persist()));
 }
 
+/// Share of the run after which there is a forecast, and the seconds that are worth one.
+constexpr double forecast_share = 0.02, least_forecast = 10.0;
+
+/// Steps between looks at whether bodies are at rest.
+constexpr Index between_checks = 16;
+
 /// Ends a run whose steps become too short.
 template <int Dim> class StepGuard {
  public:
@@ -259,8 +266,11 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
                                  now * (settings.end - dynamics.time()) / (dynamics.time() - from)));
   };
   StepGuard<Dim> guard(dynamics, settings);
+  const double forecast_at = from + forecast_share * (settings.end - from);
+  const Index steps_before = dynamics.steps();
+  bool has_forecast = false;
   double next_checkpoint = settings.checkpoint_interval, next_progress = 0.0;
-  while (!is_over()) {
+  while (!is_over() && !outcome.at_rest) {
     if (monitor.cancelled && monitor.cancelled()) {
       if (dynamics.steps() > 0) call(observer.checkpoint);
       throw Cancelled("dynamics");
@@ -271,10 +281,21 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
     const double limit = std::min(settings.max_step, dynamics.step_towards(left));
     outcome.stop_reason = guard.check_step(dynamics.step(limit), limit);
     if (!outcome.stop_reason.empty()) break;
-    const bool last = is_over();
+    if (settings.residual > 0.0 && before >= settings.options.rest_from && dynamics.steps() % between_checks == 0) {
+      outcome.residual = dynamics.residual();
+      outcome.at_rest = *outcome.residual <= settings.residual;
+    }
+    const bool last = is_over() || outcome.at_rest;
     if (last || passes(before, settings.history_lines)) call(observer.history_line);
     if (last || passes(before, settings.frames)) call(observer.frame);
     const double now = seconds();
+    if (!has_forecast && !last && dynamics.time() >= forecast_at) {
+      has_forecast = true;
+      const double times = (settings.end - from) / (dynamics.time() - from);
+      if (now * times > least_forecast)
+        monitor.say(fmt::format("forecast: {:.2g} steps, {:.2g} s, {:.2g} MB",
+                                (dynamics.steps() - steps_before) * times, now * times, peak_memory_mb()));
+    }
     if (now >= next_progress || last) {
       next_progress = now + 0.1;
       report_progress(now);

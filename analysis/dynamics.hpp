@@ -8,6 +8,7 @@
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
+#include "efree/dynamics/surface_load.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 
 #include <array>
@@ -46,6 +47,15 @@ template <int Dim> struct BoundaryVelocity {
   std::string on;
   std::array<VelocityLaw<Dim>, Dim> velocity;
   bool depends_on_time = false;  ///< else the laws are asked once
+  bool is_displacement = false;  ///< the laws are those of displacements, which begin with zero
+  std::string where{};
+};
+/// Tractions, pressures, springs and dampers on a part of the boundary.
+template <int Dim> struct BoundaryLoad {
+  std::string on;
+  SurfaceLoad<Dim> load;                         ///< without its part
+  std::function<Vec<Dim>(double time)> force{};  ///< in all, spread evenly over the area at the start; empty: none
+  std::string where{};
 };
 /// Gas inside a closed part of the boundary, as GasCavity has it.
 struct GasFilling {
@@ -98,6 +108,14 @@ struct SphSettings {
   SphFrame frame = SphFrame::updated;
 };
 
+/// A start from rest under the loads of time 0, before the initial velocities.
+template <int Dim> struct StaticStart {
+  double residual = 1e-7;  ///< as Dynamics::residual
+  Index most_steps = 200000;
+  Spin<Dim> spin = Spin<Dim>::Zero();  ///< of a rotation about the origin, in which the bodies are at rest [1/time]
+  std::string where{};
+};
+
 /// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
 /// the total Lagrangian method.
 template <int Dim> struct DynamicsSettings {
@@ -109,16 +127,22 @@ template <int Dim> struct DynamicsSettings {
   DynamicsOptions options{};                                  ///< of all methods; the plane is that of common.model
   double end = 0.0;                                           ///< [time]
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
+  double residual = 0.0;  ///< Dynamics::residual at which a run after options.rest_from is at rest, and ends; 0: none
   double min_step = 0.0;  ///< [time], shorter steps end the run; 0: a thousandth of the first stable one
+  /// Whether regions that share vertices are one body there, as by otm they can be. Else they are in contact.
+  bool tied = true;
   /// Whether points near each other share their mean dilatation (pressure patches), against locking. Empty: all but
   /// those of fluids with artificial viscosity, which need none.
   std::optional<bool> pressure_patches{};
-  Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass, as Dynamics::set_gravity takes it [length/time^2]
+  std::function<Vec<Dim>(double time)> gravity{};  ///< force per mass [length/time^2]; empty: none
+  bool gravity_depends_on_time = false;            ///< else it is asked once
   std::vector<InitialVelocity<Dim>> initial_velocities{};
+  std::optional<StaticStart<Dim>> static_start{};
   std::vector<RegionFracture> fractures{};  ///< at most one of a region
   std::vector<WallSettings<Dim>> walls{};
   std::vector<RigidBodySettings<Dim>> rigid_bodies{};
   std::vector<BoundaryVelocity<Dim>> boundary_velocities{};
+  std::vector<BoundaryLoad<Dim>> boundary_loads{};
   std::vector<GasFilling> gases{};
   std::vector<DynamicsProbe<Dim>> probes{};
   std::string colour{};        ///< field of points in pictures; empty: plastic strain if there is one, else von Mises
@@ -196,20 +220,23 @@ struct DynamicsObserver {
 };
 
 struct DynamicsOutcome {
-  std::string stop_reason{};  ///< why it ended before its time, or was rejected; empty: neither
-  bool can_resume = false;    ///< it was stopped by the time limit
-  double seconds = 0.0;       ///< of this run, by the clock
+  std::string stop_reason{};         ///< why it ended before its time, or was rejected; empty: neither
+  bool can_resume = false;           ///< it was stopped by the time limit
+  std::optional<double> residual{};  ///< the last that was looked at, of a run that is to come to rest
+  bool at_rest = false;              ///< whether it has
+  double seconds = 0.0;              ///< of this run, by the clock
 };
 
-/// Steps until settings.end. Calls the observer's `history_line` and `frame` at the start and after steps that pass
-/// their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before it
-/// throws Cancelled. monitor.detail gets time, step, error of the energy balance and time to go. Throws NumericalError
-/// as Dynamics does. Stage: dynamics.
+/// Steps until settings.end, or rest. Calls the observer's `history_line` and `frame` at the start and after steps that
+/// pass their times, the last one included, so that steps do not depend on them; `checkpoint` by the clock, and before
+/// it throws Cancelled. monitor.detail gets time, step, error of the energy balance and time to go. Throws
+/// NumericalError as Dynamics does. Stage: dynamics.
 template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const DynamicsSettings<Dim>& settings,
                                                 const DynamicsObserver& observer, const Monitor& monitor = {});
 
 /// Why the result may be inaccurate; those of the model come first.
-template <int Dim>
-std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model);
+template <int Dim> std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
+                                                             const DynamicsModel<Dim>& model,
+                                                             const DynamicsOutcome& outcome = {});
 
 }  // namespace efree

@@ -4,9 +4,11 @@
 #include "efree/analysis/internal/dynamics_checks.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/prepare_mesh.hpp"
+#include "efree/analysis/internal/region_body.hpp"
 #include "efree/analysis/internal/resolutions.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/internal/extract_region.hpp"
@@ -28,11 +30,8 @@
 namespace efree {
 namespace {
 
+using internal::is_axisymmetric, internal::RegionBody;
 using internal::located, internal::said_at, internal::where_said;
-
-template <int Dim> bool is_axisymmetric(const DynamicsSettings<Dim>& settings) {
-  return Dim == 2 && settings.common.model.plane == Plane::axisymmetric;
-}
 
 /// Place of a region's material in the case file, and its density.
 template <int Dim>
@@ -69,14 +68,6 @@ bool has_plastic_strain(const Material& material) {
 
 constexpr double bytes_per_point = 4e3;  // measured, with a checkpoint
 
-/// A region as a body, with its nodes on parts of the boundary.
-template <int Dim> struct RegionBody {
-  DeformableBody<Dim> body;
-  std::map<std::string, std::vector<Index>> nodes_on{};   ///< by part with prescribed velocities, ascending
-  std::map<std::string, std::vector<Index>> points_on{};  ///< likewise, where nodes do not persist
-  std::map<std::string, Facets<Dim>> gas_facets{};        ///< of nodes, by part with a gas inside
-};
-
 template <int Dim> const std::vector<Index>* facets_of(const FineMesh<Dim>& mesh, const std::string& part) {
   const auto group = std::ranges::find(mesh.groups(), part, &FineMesh<Dim>::Group::name);
   return group == mesh.groups().end() ? nullptr : &group->facets;
@@ -86,6 +77,14 @@ template <int Dim> std::set<Index> vertices_of(const FineMesh<Dim>& mesh, const 
   std::set<Index> result;
   for (const Index f : facets)
     for (int i = 0; i < Dim; ++i) result.insert(mesh.facets()(i, f));
+  return result;
+}
+
+/// Parts of the boundary with loads or a gas.
+template <int Dim> std::set<std::string> loaded_parts(const DynamicsSettings<Dim>& settings) {
+  std::set<std::string> result;
+  for (const auto& gas : settings.gases) result.insert(gas.on);
+  for (const auto& load : settings.boundary_loads) result.insert(load.on);
   return result;
 }
 
@@ -108,8 +107,11 @@ template <int Dim> bool averages_dilatation(const DynamicsSettings<Dim>& setting
 template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, const SharedMaterial& material,
                                                     bool axisymmetric, const DynamicsSettings<Dim>& settings) {
   RegionBody<Dim> result{deformable_body(mesh, material, 0.0, axisymmetric)};
-  for (const auto& gas : settings.gases)
-    if (const auto* facets = facets_of(mesh, gas.on)) result.gas_facets[gas.on] = mesh.facets()(Eigen::all, *facets);
+  SparseRows identity(mesh.num_vertices(), mesh.num_vertices());
+  identity.setIdentity();
+  for (const std::string& part : loaded_parts(settings))
+    if (const auto* facets = facets_of(mesh, part))
+      result.surfaces[part] = {.facets = mesh.facets()(Eigen::all, *facets), .functions = identity};
   if (!has_pressure_patches(settings, *material)) result.body.patches.clear();
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
@@ -117,6 +119,27 @@ template <int Dim> RegionBody<Dim> body_at_vertices(const FineMesh<Dim>& mesh, c
       result.nodes_on[part.on].assign(nodes.begin(), nodes.end());
     }
   return result;
+}
+
+/// Facets with the shape functions of the cloud at their vertices.
+template <int Dim>
+SurfacePart<Dim> surface_on_cloud(const Approximation<Dim>& cloud, const std::vector<Index>& facets) {
+  SurfacePart<Dim> part{.facets = Facets<Dim>(Dim, std::ssize(facets)), .functions = {}};
+  std::set<Index> dofs;
+  for (std::size_t f = 0; f < facets.size(); ++f)
+    for (int i = 0; i < Dim; ++i) {
+      const Index dof = cloud.space.facet(facets[f])[i];
+      part.facets(i, static_cast<Index>(f)) = dof;
+      dofs.insert(dof);
+    }
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  for (const Index dof : dofs) {
+    const ShapeRow<Dim> row = cloud.shape.row(dof);
+    for (std::size_t k = 0; k < row.nodes.size(); ++k) entries.emplace_back(dof, row.nodes[k], row.N[k]);
+  }
+  part.functions.resize(cloud.space.size(), cloud.nodes.cols());
+  part.functions.setFromTriplets(entries.begin(), entries.end());
+  return part;
 }
 
 template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, const SharedMaterial& material,
@@ -140,6 +163,8 @@ template <int Dim> RegionBody<Dim> body_on_cloud(const FineMesh<Dim>& mesh, cons
       for (std::size_t a = 0; a < cloud.node_dofs.size(); ++a)
         if (dofs.contains(cloud.node_dofs[a])) result.nodes_on[part.on].push_back(static_cast<Index>(a));
     }
+  for (const std::string& part : loaded_parts(settings))
+    if (const auto* facets = facets_of(mesh, part)) result.surfaces[part] = surface_on_cloud(cloud, *facets);
   return result;
 }
 
@@ -260,6 +285,7 @@ template <int Dim> void check_regions(const FineMesh<Dim>& mesh, const DynamicsS
   for (const auto& initial : settings.initial_velocities) check(initial.region, initial.where);
   for (const auto& fracture : settings.fractures) check(fracture.region, fracture.where);
   for (const auto& part : settings.boundary_velocities) located(settings.common, "", [&] { mesh.group(part.on); });
+  for (const auto& load : settings.boundary_loads) located(settings.common, load.where, [&] { mesh.group(load.on); });
   for (const auto& gas : settings.gases) located(settings.common, gas.where, [&] { mesh.group(gas.on); });
   if (is_axisymmetric(settings) && mesh.vertices().row(0).minCoeff() < 0.0)
     throw InputError(said_at(where_said(settings.common, "analysis.plane"),
@@ -345,87 +371,6 @@ template <int Dim> void set_up_probes(const DynamicsSettings<Dim>& settings, Dyn
   }
 }
 
-template <int Dim> void add_cavities(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
-                                     DynamicsModel<Dim>& model) {
-  for (const auto& gas : settings.gases) {
-    if (settings.method != DynamicsMethod::otm)
-      throw InputError(
-          said_at(gas.where,
-                  "a gas needs nodes at the vertices of the mesh: leave out [cloud], [mpm] and [sph], and take "
-                  "dynamics.method = \"otm\""));
-    GasCavity<Dim> cavity{.facets = {}, .pressure = gas.pressure, .exponent = gas.exponent};
-    for (std::size_t b = 0; b < regions.size(); ++b)
-      if (const auto found = regions[b].gas_facets.find(gas.on); found != regions[b].gas_facets.end()) {
-        const Index before = static_cast<Index>(cavity.facets.cols()), more = static_cast<Index>(found->second.cols());
-        cavity.facets.conservativeResize(Eigen::NoChange, before + more);
-        cavity.facets.rightCols(more) = found->second.array() + model.dynamics.first_node(static_cast<Index>(b));
-      }
-    located(settings.common, gas.where, [&] { model.dynamics.add_cavity(cavity); });
-  }
-}
-
-/// Nodes, or points, whose velocity along an axis is prescribed, by the part of the boundary that says it: the last one
-/// that has them.
-template <int Dim, class Numbers>
-std::map<Index, std::vector<Index>> find_prescribed(const DynamicsSettings<Dim>& settings,
-                                                    const std::vector<RegionBody<Dim>>& regions, int axis,
-                                                    const Numbers& of) {
-  std::map<Index, Index> part_of;
-  for (std::size_t k = 0; k < settings.boundary_velocities.size(); ++k) {
-    const auto& part = settings.boundary_velocities[k];
-    for (std::size_t b = 0; b < regions.size() && part.velocity[axis]; ++b)
-      for (const Index number : of(static_cast<Index>(b), part.on)) part_of[number] = static_cast<Index>(k);
-  }
-  std::map<Index, std::vector<Index>> result;
-  for (const auto& [number, part] : part_of) result[part].push_back(number);
-  return result;
-}
-
-/// Velocities on parts of the boundary, of nodes or of the points near them; nodes on the axis of a section stay there.
-template <int Dim> void prescribe_velocities(const DynamicsSettings<Dim>& settings,
-                                             const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
-  Dynamics<Dim>& dynamics = model.dynamics;
-  const auto numbers = [&](const auto& by_part, const std::string& part, Index first) {
-    std::vector<Index> result;
-    if (const auto found = by_part.find(part); found != by_part.end())
-      for (const Index number : found->second) result.push_back(first + number);
-    return result;
-  };
-  const auto nodes_on = [&](Index b, const std::string& part) {
-    return numbers(regions[b].nodes_on, part, dynamics.first_node(b));
-  };
-  const auto points_on = [&](Index b, const std::string& part) {
-    return numbers(regions[b].points_on, part, dynamics.first_point(b));
-  };
-  const Points<Dim> nodes = dynamics.nodes(), points = dynamics.points();
-  const double radius = is_axisymmetric(settings) ? nodes.row(0).maxCoeff() : 0.0;
-  const auto is_on_axis = [&](Index a) { return is_axisymmetric(settings) && nodes(0, a) < 1e-9 * radius; };
-  for (Index a = 0; a < nodes.cols(); ++a)
-    if (is_on_axis(a)) dynamics.prescribe(a, 0, 0.0);
-  for (int i = 0; i < Dim; ++i) {
-    auto by_part = find_prescribed(settings, regions, i, nodes_on);
-    for (auto& [k, these] : by_part) {
-      const BoundaryVelocity<Dim>& part = settings.boundary_velocities[k];
-      if (i == 0) std::erase_if(these, is_on_axis);
-      if (part.depends_on_time) {
-        dynamics.prescribe(these, i, part.velocity[i]);
-        continue;
-      }
-      for (const Index a : these) dynamics.prescribe(a, i, part.velocity[i](nodes.col(a), 0.0));
-    }
-    for (const auto& [k, these] : find_prescribed(settings, regions, i, points_on)) {
-      const BoundaryVelocity<Dim>& part = settings.boundary_velocities[k];
-      if (part.depends_on_time) {
-        dynamics.prescribe_points(these, i, part.velocity[i]);
-        continue;
-      }
-      Vector values(std::ssize(these));
-      for (Index p = 0; p < values.size(); ++p) values[p] = part.velocity[i](points.col(these[p]), 0.0);
-      dynamics.prescribe_points(these, i, values);
-    }
-  }
-}
-
 /// Forces are momenta over a step, which has to be large enough to divide by.
 template <int Dim> void check_times(const DynamicsSettings<Dim>& settings, double stable) {
   constexpr double least = 1e-12;
@@ -436,26 +381,20 @@ template <int Dim> void check_times(const DynamicsSettings<Dim>& settings, doubl
           fmt::format("{} is {:.3g}, next to nothing compared with a stable step, {:.3g}", name, time, stable)));
 }
 
-/// Walls, rigid bodies, gravity, gases and prescribed velocities.
-template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
-                                  DynamicsModel<Dim>& model) {
-  for (const auto& [wall, where] : settings.walls)
-    located(settings.common, where, [&, &added = wall] { model.dynamics.add_wall(added); });
-  for (const auto& [body, where] : settings.rigid_bodies)
-    located(settings.common, where, [&, &added = body] { model.dynamics.add_rigid_body(added); });
-  located(settings.common, where_said(settings.common, "analysis.gravity"),
-          [&] { model.dynamics.set_gravity(settings.gravity); });
-  add_cavities(settings, regions, model);
-  prescribe_velocities(settings, regions, model);
+/// Whether regions are tied: they touch, and nodes are at the vertices of the mesh.
+template <int Dim> bool ties_regions(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
+  return settings.tied && settings.method == DynamicsMethod::otm && !settings.otm.seizing && !tied_facets(mesh).empty();
 }
 
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
                                      const std::vector<std::string>& without_inner_nodes, DynamicsModel<Dim>& model) {
   model.warnings = mesh.warnings;
-  if (const auto ties = tied_facets(*mesh.mesh); !ties.empty())
+  if (const auto ties = tied_facets(*mesh.mesh); ties_regions(*mesh.mesh, settings))
+    model.remarks.push_back(fmt::format("regions that touch are tied, along {} facets", ties.size()));
+  else if (!ties.empty() && settings.tied)
     model.warnings.push_back(
         fmt::format("Regions are not tied to each other: they touch along {} facets, and every region is a body of its "
-                    "own",
+                    "own. Take dynamics.method = \"otm\" to tie them, or contact.tie = false if they are to part",
                     ties.size()));
   if (!without_inner_nodes.empty())
     model.warnings.push_back(fmt::format(
@@ -493,6 +432,36 @@ std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const Dynami
   return total_lagrangian<Dim>();
 }
 
+/// A start from rest. Initial velocities then begin on top of it.
+template <int Dim>
+void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor, DynamicsModel<Dim>& model) {
+  if (!settings.static_start) return;
+  const Stage stage("rest", monitor);
+  Dynamics<Dim>& dynamics = model.dynamics;
+  const auto& [residual, most_steps, spin, where] = *settings.static_start;
+  if (!dynamics.nodes_persist())
+    throw InputError(said_at(where,
+                             "a start from rest needs nodes that stay with the material: take dynamics.method = "
+                             "\"otm\", or a [cloud], or mpm.frame = \"total\""));
+  const Points<Dim> initial = dynamics.velocities();
+  const internal::Stopwatch seconds;
+  double first = 0.0;
+  const auto look = [&, wanted = residual](double left) {
+    if (monitor.cancelled && monitor.cancelled()) throw Cancelled("rest");
+    if (seconds() > settings.time_limit)
+      throw NumericalError(
+          fmt::format("bodies are not at rest when the time limit of {:.6g} s is over: the residual is "
+                      "{:.3g}, expected {:.3g}",
+                      settings.time_limit, left, wanted));
+    if (!std::isfinite(left)) return;
+    if (first == 0.0) first = left;
+    stage.tick(std::clamp(std::log(left / first) / std::log(wanted / first), 0.0, 1.0));
+    if (monitor.detail) monitor.detail(fmt::format("residual {:.2g} of {:.2g}", left, wanted));
+  };
+  located(settings.common, where, [&] { dynamics.come_to_rest(residual, most_steps, spin, look); });
+  dynamics.set_velocities(initial + dynamics.velocities());
+}
+
 }  // namespace
 
 template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh,
@@ -504,6 +473,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   DynamicsOptions options = settings.options;
   options.plane = settings.common.model.plane.value_or(Plane::strain);
   if (lacks_contact(settings)) options.contact.enabled = false;  // there are no surfaces
+  options.tied = ties_regions(*mesh.mesh, settings);
   const auto num_points = static_cast<Index>(built.point_sizes.size());
   require_memory(bytes_per_point * num_points, fmt::format("explicit dynamics of {} material points", num_points),
                  "take a coarser mesh, or a [cloud]");
@@ -521,10 +491,11 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
   internal::check_gaps(settings, mesh.mesh->vertices());
   internal::check_overlaps(settings, model);
-  add_loads(settings, built.regions, model);
+  internal::add_loads(settings, built.regions, model);
   add_warnings(mesh, settings, built.without_inner_nodes, model);
   set_up_probes(settings, model);
   check_times(settings, model.dynamics.stable_step());
+  come_to_rest(settings, monitor, model);
   return model;
 }
 

@@ -6,8 +6,9 @@
 
 namespace efree {
 
-template <int Dim>
-std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
+template <int Dim> std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
+                                                             const DynamicsModel<Dim>& model,
+                                                             const DynamicsOutcome& outcome) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   std::vector<std::string> warnings = model.warnings;
   const EnergyWatch energy = dynamics.energy();
@@ -45,13 +46,21 @@ std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
         "particles are closer to another than half of their spacing. Try sph.artificial_stress = {{ strength = 0.5 }}, "
         "sph.frame = \"total\" where bodies do not meet or flow, or [mpm]",
         clumped, dynamics.num_points()));
+  if (settings.residual > 0.0 && !outcome.at_rest)
+    warnings.push_back(
+        fmt::format("Bodies are not at rest at the end: the residual is {:.2g}, more than relaxation.residual = "
+                    "{:.2g}. Take a later "
+                    "time.end, a larger residual, or loads that grow more slowly",
+                    outcome.residual.value_or(std::numeric_limits<double>::infinity()), settings.residual));
   for (const auto& [name, values] : measure_probes(settings, model))
     if (std::isnan(values[0]))
       warnings.push_back(fmt::format("Probe \"{}\" has no value: no node or point is in its box at the end", name));
   return warnings;
 }
 
-template std::vector<std::string> collect_warnings(const DynamicsSettings<2>&, const DynamicsModel<2>&);
-template std::vector<std::string> collect_warnings(const DynamicsSettings<3>&, const DynamicsModel<3>&);
+template std::vector<std::string> collect_warnings(const DynamicsSettings<2>&, const DynamicsModel<2>&,
+                                                   const DynamicsOutcome&);
+template std::vector<std::string> collect_warnings(const DynamicsSettings<3>&, const DynamicsModel<3>&,
+                                                   const DynamicsOutcome&);
 
 }  // namespace efree

@@ -169,12 +169,15 @@ template <int Dim> class ExplicitRun final : public CaseRun {
                                                        .checkpoint = [&] { record_.write_checkpoint(model); }},
                                                       monitor);
     for (const std::string& line : describe_run<Dim>(case_, model)) monitor.say(line);
-    const auto warnings = collect_warnings<Dim>(case_, model);
+    if (outcome.at_rest)
+      monitor.say(
+          fmt::format("at rest at time {:.6g}: the residual is {:.2g}", model.dynamics.time(), *outcome.residual));
+    const auto warnings = collect_warnings<Dim>(case_, model, outcome);
     say_warnings(warnings, display);
     if (outcome.can_resume) return {.failure = outcome.stop_reason};
     if (outcome.stop_reason.empty()) record_.write_checkpoint(model);
     record_.finish(out);
-    write_dynamics_result(out.file("result.json"), case_, model, outcome, warnings, times);
+    write_dynamics_result(out.file("result.json"), case_, model, record_.contact_forces(), outcome, warnings, times);
     return {.failure = outcome.stop_reason, .has_results = true};
   }
   bool save(OutputDirectory& out) override {

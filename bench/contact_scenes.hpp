@@ -167,4 +167,75 @@ inline Column press_column(int cells) {
           .energy_error = dynamics.energy().largest_error()};
 }
 
+/// What a disc that slides at first, of radius 0.5 m and speed 1 m/s, rolls on.
+enum class Alley { wall, body };
+
+/// Of a disc after it slid, which rolls from 0.11 s on.
+struct Rolling {
+  double speed;  ///< over the 2/3 of the speed that it is left by friction
+  double slip;   ///< speed of its lowest place, over its own
+  double energy_error;
+};
+
+/// A disc of rubber with that many edges on a wall or body; none: a rigid one.
+inline Rolling roll(Alley alley, int edges) {
+  constexpr double gravity = 10.0, friction = 0.3, radius = 0.5, speed = 1.0, end = 0.3;
+  const auto rubber = NeoHookean({.E = 1e8, .nu = 0.3});
+  std::vector<DeformableBody<2>> bodies;
+  // A rigid disc sinks in between nodes of a body; on a wall a run still has a body, far away.
+  const double far = alley == Alley::wall ? 10.0 : 0.0, size_below = edges == 0 ? 0.02 : 0.0625;
+  if (alley == Alley::body || edges == 0)
+    bodies.push_back(deformable_body(triangulate(shapes::rectangle(-0.5, far - 0.25, 0.75, far), {.size = size_below}),
+                                     rubber, 1000.0));
+  if (edges > 0) {
+    PlanarDomain disc{.boundary = {{"", {}}}};
+    for (int k = 0; k <= edges; ++k) {
+      const double angle = 2.0 * std::numbers::pi * (k % edges) / edges;
+      disc.boundary[0].points.emplace_back(radius * std::sin(angle), radius - radius * std::cos(angle));
+    }
+    const double size = 2.0 * std::numbers::pi * radius / edges;
+    DeformableBody<2> body = deformable_body(triangulate(disc, {.size = std::max(size, 0.05)}), rubber, 1000.0);
+    body.velocity = Vec<2>(speed, 0.0).replicate(1, body.nodes.cols());
+    bodies.push_back(std::move(body));
+  }
+  Dynamics<2> dynamics(bodies, otm<2>(), {.contact = {.friction = friction}});
+  if (alley == Alley::body) hold_below(-0.25, dynamics);
+  if (alley == Alley::wall) dynamics.add_wall({.normal = Vec<2>::Unit(1), .level = 0.0, .friction = friction});
+  if (edges == 0) {
+    const Vec<2> centre(0.0, radius);
+    const double mass = 1000.0 * std::numbers::pi * radius * radius;
+    RigidBody<2> ball{
+        .shape = rigid_shapes::ball<2>(centre, radius), .friction = friction, .centre = centre, .mass = mass};
+    ball.inertia = 0.5 * mass * radius * radius;
+    ball.velocity = [=](double) { return Vec<2>(speed, 0.0); };
+    ball.corners = centre;
+    ball.round = radius;
+    dynamics.add_rigid_body(ball);
+  }
+  dynamics.set_gravity({0.0, -gravity});
+  dynamics.run(end);
+  double along = 0.0, spin = 0.0;
+  if (edges == 0) {
+    along = dynamics.rigid_bodies()[0].velocity[0];
+    spin = dynamics.rigid_bodies()[0].spin[0];
+  } else {
+    const Index b = static_cast<Index>(bodies.size()) - 1, first = dynamics.first_node(b),
+                count = dynamics.first_node(b + 1) - first;
+    const Points<2> x = dynamics.nodes().middleCols(first, count), v = dynamics.velocities().middleCols(first, count);
+    const Vector mass = dynamics.masses().segment(first, count);
+    const Vec<2> centre = x * mass / mass.sum(), mean = v * mass / mass.sum();
+    double inertia = 0.0;
+    for (Index a = 0; a < count; ++a) {
+      const Vec<2> arm = x.col(a) - centre, relative = v.col(a) - mean;
+      inertia += mass[a] * arm.squaredNorm();
+      spin += mass[a] * (arm[0] * relative[1] - arm[1] * relative[0]);
+    }
+    spin /= inertia;
+    along = mean[0];
+  }
+  return {.speed = along / (2.0 / 3.0 * speed),
+          .slip = (along + radius * spin) / along,
+          .energy_error = dynamics.energy().largest_error()};
+}
+
 }  // namespace efree::bench

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// bench_scenes NAME ...: rows of explicit dynamics in scenes from practice, one or several of friction,
-// compliance; `all` is all of these. Each prints what it measures beside its bar, and the exit status is 1 where one is
-// missed.
+// bench_scenes NAME ...: rows of explicit dynamics in scenes from practice, one or several of friction, compliance,
+// folding, rolling, seal; `all` is all of these. Each prints what it measures beside its bar, and the exit status is 1
+// where one is missed.
 
 #include "contact_scenes.hpp"
+#include "folding_scenes.hpp"
+#include "rest_scenes.hpp"
 #include "rows.hpp"
 
 #include <cstdio>
@@ -50,7 +52,57 @@ bool compliance() {
   return good;
 }
 
-const Rows rows{{"friction", friction}, {"compliance", compliance}};
+/// Bodies that fold onto themselves: no part passes through another.
+bool folding() {
+  bool good = true;
+  const auto check = [&](const std::string& what, auto dynamics, double end) {
+    const Folding folding = fold(dynamics, end);
+    good &= row("folding", what + "depth of nodes in other cells / spacing", folding.penetration, 0.0, 0.2);
+    good &= row("folding", what + "energy error", folding.energy_error, -0.01, 0.01);
+    good &= row("folding", what + "energy lost in contact", folding.contact, 1e-3, 0.5);
+  };
+  for (const double friction : {0.0, 0.3}) {
+    for (const double spacing : {0.1, 0.05}) {
+      const std::string what = fmt::format("h {}, mu {}: ", spacing, friction);
+      check("closing U, " + what, closing_u(spacing, friction), 4.0);
+      check("flattened tube, " + what, flattened_tube(0.5 * spacing, friction), 5.0);
+    }
+    check(fmt::format("crumpled sheet, mu {}: ", friction), crumpled_sheet(0.06, friction), 7.0);
+  }
+  return good;
+}
+
+/// Discs that slide, and roll in the end with two thirds of their speed.
+bool rolling() {
+  bool good = true;
+  for (const auto& [alley, name] : {std::pair(Alley::wall, "wall"), std::pair(Alley::body, "body")})
+    for (const int edges : {0, 63, 126, 252}) {
+      const Rolling disc = roll(alley, edges);
+      const std::string what =
+          fmt::format("{} on a {}: ", edges == 0 ? "rigid disc" : fmt::format("disc of {} edges", edges), name);
+      good &= row("rolling", what + "speed / closed form", disc.speed, 0.99, 1.01);
+      good &= row("rolling", what + "slip / speed", disc.slip, -0.01, 0.01);
+      good &= row("rolling", what + "energy error", disc.energy_error, -0.01, 0.01);
+    }
+  return good;
+}
+
+/// A seal that is pressed by 30 %: its force over the way, against nodes that are four times as fine.
+bool seal() {
+  constexpr int parts = 6;
+  const std::vector<double> force = press_seal({.spacing = 0.1}, parts), fine = press_seal({.spacing = 0.025}, parts),
+                            slow = press_seal({.spacing = 0.1, .time = 200.0}, parts);
+  bool good = true;
+  for (int k = 0; k < parts; ++k) {
+    const std::string what = fmt::format("{} % pressed: ", 5 * (k + 1));
+    good &= row("seal", what + "force / force with a quarter of the spacing", force[k] / fine[k], 0.97, 1.03);
+    good &= row("seal", what + "force / force pressed half as fast", force[k] / slow[k], 0.98, 1.02);
+  }
+  return good;
+}
+
+const Rows rows{
+    {"friction", friction}, {"compliance", compliance}, {"folding", folding}, {"rolling", rolling}, {"seal", seal}};
 
 }  // namespace
 }  // namespace efree

@@ -9,6 +9,7 @@ namespace efree {
 template <> inline constexpr bool is_plain<TableEntry> = true;
 static_assert(sizeof(TableEntry) == 4 * sizeof(double));
 template <> inline constexpr bool is_plain<EnergyKind> = true;
+template <> inline constexpr bool is_plain<ContactPartner::Kind> = true;
 
 /// fields() of all members: one that is added and not listed does not compile.
 #define EFREE_FIELDS(Type, ...)   \
@@ -29,8 +30,8 @@ template <int Dim> EFREE_FIELDS(Chunk<Dim>, body, number, table, support, matter
 
 // Without what is given again, found again, or filled by every step.
 template <int Dim> auto fields(Nodes<Dim>& of) {
-  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, radius, body, active] = of;
-  return std::tie(x, v, force, x_rest, momentum, mass, spacing, radius, body, active);
+  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, radius, body, leader] = of;
+  return std::tie(x, v, force, x_rest, momentum, mass, spacing, radius, body, leader);
 }
 template <int Dim> auto fields(PointTable<Dim>& of) {
   auto& [offsets, local, entries, nodes, x, force, origin] = of;
@@ -42,13 +43,13 @@ template <int Dim> auto fields(PrescribedVelocity<Dim>& of) {
 }
 template <int Dim> auto fields(BodyState<Dim>& of) {
   auto& [material, tangent, compliance, shear, modulus, fracture, strength, plastic_strain, temperature, plastic_metric,
-         release, cells, holds_inverted] = of;
+         release, cells, holds_inverted, runs_together] = of;
   return std::tie(cells);
 }
 template <int Dim> auto fields(World<Dim>& of) {
   return std::tie(of.nodes, of.bodies, of.first_node, of.first_point, of.chunks, of.place_of_point, of.prescribed,
                   of.gravity, of.time, of.last_step, of.stable_step, of.first_stable_step, of.steps, of.reconnections,
-                  of.surface_changes, of.num_eroded, of.new_supports, of.ledger);
+                  of.surface_changes, of.num_eroded, of.new_supports, of.ledger, of.contacts);
 }
 
 template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
@@ -67,7 +68,7 @@ template <int Dim> void internal::pack(World<Dim>& world, EnergyWatch& watch, Ar
   archive(world, watch);
   if (!archive.reads()) return;
   for (const auto& one : world.prescribed)
-    if (one.law >= std::ssize(world.velocity_laws))
+    if (one.law >= std::ssize(world.motion_laws))
       throw InputError("the state is of a run with other prescribed velocities");
   for (Chunk<Dim>& chunk : world.chunks)
     for (auto* numbers : {&chunk.table.x, &chunk.table.force}) numbers->assign(4 * chunk.table.nodes.size(), 0.0);

@@ -3,8 +3,11 @@
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/dynamics/fracture/internal/fracture.hpp"
 #include "efree/dynamics/internal/world.hpp"
+#include "efree/materials/equation_of_state.hpp"
 
 #include <fmt/format.h>
+#include <array>
+#include <map>
 #include <numeric>
 
 namespace efree::internal {
@@ -76,6 +79,8 @@ void require_options(const DynamicsOptions& options) {
   require(options.plane != Plane::stress, "explicit dynamics are of plane strain, axisymmetric or in space");
   require(options.courant > 0.0 && options.courant <= 1.0, "courant: expected more than 0, at most 1");
   const auto valid = [](double number) { return number >= 0.0 && std::isfinite(number); };
+  require(valid(options.damping), "damping: expected 0 or more");
+  require(options.rest_from >= 0.0, "rest_from: expected a time of 0 or more");
   require(valid(options.shock.linear) && valid(options.shock.quadratic), "shock viscosity: expected 0 or more");
   require(valid(options.contact.friction), "contact: expected a friction of 0 or more");
   require(options.imbalance > 0.0, "imbalance: expected more than 0");
@@ -143,7 +148,8 @@ template <int Dim> BodyState<Dim> body_state(const DeformableBody<Dim>& body, co
           .temperature = row_of(material, "temperature_rise"),
           .plastic_metric = row_of(material, "inverse_plastic_metric"),
           .release = release_factor<Dim>(shear, modulus),
-          .cells = body.cells};
+          .cells = body.cells,
+          .runs_together = dynamic_cast<const Fluid*>(&material) != nullptr};
 }
 
 /// Points along a curve that fills space, those of pressure patches together.
@@ -245,7 +251,7 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
   for (Points<Dim>* values : {&nodes.x_rest, &nodes.v, &nodes.force}) values->setZero(Dim, N);
   nodes.mass.setZero(N);
   nodes.spacing.resize(N);
-  nodes.active.assign(N, 1);
+  nodes.leader.assign(N, -1);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const DeformableBody<Dim>& body = bodies[b];
     const Index first = world.first_node[b], count = static_cast<Index>(body.nodes.cols());
@@ -263,6 +269,38 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
   world.find_free_axes();
 }
 
+template <int Dim> Index tie_bodies(World<Dim>& world) {
+  if (world.consistent_mass.any())
+    throw InputError("bodies with consistent masses cannot be tied: expected lumped ones");
+  Nodes<Dim>& nodes = world.nodes;
+  const auto place = [&](Index a) {
+    std::array<double, Dim> of;
+    for (int i = 0; i < Dim; ++i) of[i] = nodes.x(i, a);
+    return of;
+  };
+  std::map<std::array<double, Dim>, Index> at;
+  Index count = 0;
+  for (Index a = 0; a < nodes.size(); ++a) {
+    const auto [found, is_first] = at.try_emplace(place(a), a);
+    const Index first = found->second;
+    if (is_first || nodes.body[first] == nodes.body[a]) continue;
+    const double mass = nodes.mass[first] + nodes.mass[a];
+    if (mass > 0.0)
+      nodes.v.col(first) = (nodes.mass[first] * nodes.v.col(first) + nodes.mass[a] * nodes.v.col(a)) / mass;
+    nodes.mass[first] = mass;
+    nodes.mass[a] = 0.0;
+    nodes.v.col(a) = nodes.v.col(first);
+    nodes.leader[a] = first;
+    ++count;
+  }
+  // A chunk is of one body: it has no two nodes at the same place.
+  for (Chunk<Dim>& chunk : world.chunks)
+    for (Index& node : chunk.table.nodes) node = nodes.leader_of(node);
+  return count;
+}
+
+template Index tie_bodies(World<2>&);
+template Index tie_bodies(World<3>&);
 template void construct(World<2>&, const std::vector<DeformableBody<2>>&, const DynamicsOptions&);
 template void construct(World<3>&, const std::vector<DeformableBody<3>>&, const DynamicsOptions&);
 

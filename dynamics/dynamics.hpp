@@ -38,7 +38,7 @@ template <int Dim> class Dynamics {
   void add_rigid_body(const RigidBody<Dim>& body);
   /// Throws InputError for facets that do not close or enclose nothing.
   void add_cavity(const GasCavity<Dim>& cavity);
-  /// Acts after all others.
+  /// Acts after all others, with its forces from now on.
   void add_interaction(std::unique_ptr<Interaction<Dim>> interaction);
   /// The node's velocity along an axis is prescribed from now on.
   void prescribe(Index node, int axis, double velocity);
@@ -49,12 +49,15 @@ template <int Dim> class Dynamics {
   void prescribe_points(std::vector<Index> points, int axis, const Vector& velocity);
   /// Velocities of nodes, or points, that depend on the time: by the positions that these have now, in every step at
   /// its middle. Throws InputError as the above, and for a law that is empty; what the law throws ends the step.
-  void prescribe(const std::vector<Index>& nodes, int axis, VelocityLaw<Dim> velocity);
-  void prescribe_points(std::vector<Index> points, int axis, VelocityLaw<Dim> velocity);
+  /// is_displacement: the law is that of displacements instead, which these then have exactly after every step.
+  void prescribe(const std::vector<Index>& nodes, int axis, VelocityLaw<Dim> law, bool is_displacement = false);
+  void prescribe_points(std::vector<Index> points, int axis, VelocityLaw<Dim> law, bool is_displacement = false);
   /// Bodies, and rigid bodies that have a mass, get this force per mass from now on [length/time^2], such as gravity,
   /// in place of the one before. Throws InputError for what is no number, and in an axisymmetric section for one along
   /// the radius.
   void set_gravity(const Vec<Dim>& acceleration);
+  /// Likewise by the time.
+  void set_gravity_law(std::function<Vec<Dim>(double time)> acceleration);
 
   /// The point bears no stress from now on: its mass stays with its nodes, with their velocities, and the energy stored
   /// in it is lost ("fracture"). Nothing happens to a point that is eroded.
@@ -79,6 +82,14 @@ template <int Dim> class Dynamics {
   /// One step, of at most this; returns its length. Throws NumericalError, with point, place and time, where it cannot
   /// go on, and where energy is lost or gained (DynamicsOptions::imbalance).
   double step(double at_most = std::numeric_limits<double>::infinity());
+  /// Before the first step: bodies come to rest under the loads of time 0, by kinetic damping, until `residual` is so
+  /// small. Prescribed motions wait meanwhile; time and steps are 0 again afterwards, and so are velocities, but for
+  /// those of a rotation about the origin with `spin`, whose centrifugal forces the bodies then bear. `look` is called
+  /// now and then with the residual, and may throw. Throws NumericalError after `most_steps`, and as step().
+  void come_to_rest(double residual, Index most_steps, const Spin<Dim>& spin = Spin<Dim>::Zero(),
+                    const std::function<void(double)>& look = {});
+  /// Sets velocities of nodes (Dim x N) before the first step, such as initial ones after come_to_rest.
+  void set_velocities(const Points<Dim>& velocities);
   /// The most that a step may be where so much time is left: the last two steps share the rest, so that none is tiny.
   double step_towards(double left) const {
     return left > stable_step() && left < 2.0 * stable_step() ? 0.5 * left : left;
@@ -104,11 +115,18 @@ template <int Dim> class Dynamics {
   Tensors deformation() const;       ///< 9 x M, F; of metals that have flown far up to plastic flow (theory.md)
   Tensors cauchy_stress() const;     ///< 9 x M
   Matrix history(Index body) const;  ///< of the material x points of the body
+  /// How far from rest: the norm of mass times acceleration of the nodes in the last step, over that of the forces of
+  /// stresses, of each point without regard to its neighbours; or the root of the kinetic over the stored energy if
+  /// that is larger. Infinity before the first step and where all velocities are zero.
+  double residual() const;
   EnergyBalance<Dim> balance() const;
   EnergyWatch energy() const;  ///< now, and at its worst so far; from the first step on
   /// Counts and times so far, by name.
   Ledger ledger() const;
   std::int64_t count(std::string_view name) const { return ledger().count(name); }
+  /// Impulses of contact so far between all pairs of bodies, rigid bodies and walls that have touched: by body, then by
+  /// partner.
+  const std::vector<ContactImpulse<Dim>>& contacts() const { return world().contacts.all(); }
   /// Force of the bodies on each wall in the last step, in the order they were added.
   Points<Dim> wall_forces() const;
   /// In the order they were added.

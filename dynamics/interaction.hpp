@@ -36,6 +36,8 @@ template <int Dim> class Interaction {
   virtual void tally(const World<Dim>&, EnergyBalance<Dim>&) const {}
   /// Nodes `first` and following are new; those that had these numbers come after them.
   virtual void nodes_inserted(const World<Dim>&, Index /*first*/, Index /*count*/) {}
+  /// A node moves with another from now on, and has no mass.
+  virtual void node_merged(const World<Dim>&, Index /*node*/, Index /*with*/) {}
   /// An edge between two nodes was split by a new one in its middle.
   virtual void edge_split(World<Dim>&, Index /*a*/, Index /*b*/, Index /*middle*/) {}
   /// Its state in a checkpoint.
@@ -50,7 +52,7 @@ double step_of_half_spacing(const World<Dim>& world, const std::vector<Vec<Dim>>
   const Nodes<Dim>& nodes = world.nodes;
   double longest = std::numeric_limits<double>::infinity(), smallest = longest;
   for (Index a = 0; a < nodes.size(); ++a) {
-    if (!nodes.active[a] || !(nodes.mass[a] > 0.0)) continue;
+    if (nodes.follows(a) || !(nodes.mass[a] > 0.0)) continue;
     smallest = std::min(smallest, nodes.spacing[a]);
     if (const double speed = moving ? nodes.v.col(a).norm() : 0.0; speed > 0.0)
       longest = std::min(longest, 0.5 * nodes.spacing[a] / speed);

@@ -31,28 +31,35 @@ template <int Dim> double enclosed_volume(const Points<Dim>& x, const Facets<Dim
   return volume;
 }
 
-/// Facets with both ends of an edge become two, with its middle.
-template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Index middle) {
-  for (Index f = facets.cols() - 1; f >= 0; --f) {
-    const auto has = [&](Index node) { return (facets.col(f).array() == node).any(); };
-    if (!has(a) || !has(b)) continue;
-    facets.conservativeResize(Eigen::NoChange, facets.cols() + 1);
-    facets.rightCols(1) = facets.col(f);
-    for (Index& corner : facets.col(f))
-      if (corner == b) corner = middle;
-    for (Index& corner : facets.rightCols(1).reshaped())
-      if (corner == a) corner = middle;
-  }
+/// Force per mass on a node, of a frame that spins about the origin.
+template <int Dim> Vec<Dim> centrifugal(const World<Dim>& world, const Points<Dim>& at, Index node) {
+  return -rotation_velocity<Dim>(world.frame_spin, rotation_velocity<Dim>(world.frame_spin, at.col(node)));
 }
 
 template <int Dim> class Gravity final : public Interaction<Dim> {
  public:
   void add_forces(World<Dim>& world) override {
-    if (!world.gravity.isZero(0.0)) world.nodes.force += world.gravity * world.nodes.mass.transpose();
+    if (world.gravity_law) world.gravity = world.gravity_law(world.time);
+    if (world.axisymmetric() && world.gravity[0] != 0.0)
+      throw InputError(
+          fmt::format("gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone",
+                      world.gravity[0]));
+    Nodes<Dim>& nodes = world.nodes;
+    if (!world.gravity.isZero(0.0)) nodes.force += world.gravity * nodes.mass.transpose();
+    if (world.frame_spin.isZero(0.0)) return;
+    for (Index a = 0; a < nodes.size(); ++a) nodes.force.col(a) += nodes.mass[a] * centrifugal(world, nodes.x, a);
   }
   void finish_kick(World<Dim>& world, double /*kick*/, double dt) override {
-    if (!world.gravity.isZero(0.0))
-      world.ledger.add_energy("gravity", EnergyKind::work, dt * world.gravity.dot(world.nodes.v * world.nodes.mass));
+    if (const Vec<Dim> mean = world.mean_gravity(dt); !mean.isZero(0.0))
+      world.ledger.add_energy("gravity", EnergyKind::work, dt * mean.dot(world.nodes.v * world.nodes.mass));
+    if (world.frame_spin.isZero(0.0)) return;
+    // Linear in the place: its mean over the step is that in the middle.
+    const Nodes<Dim>& nodes = world.nodes;
+    const Points<Dim> middle = nodes.x + 0.5 * dt * nodes.v;
+    double work = 0.0;
+    for (Index a = 0; a < nodes.size(); ++a)
+      work += dt * nodes.mass[a] * centrifugal(world, middle, a).dot(nodes.v.col(a));
+    world.ledger.add_energy("gravity", EnergyKind::work, work);
   }
 };
 
@@ -64,10 +71,10 @@ template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
     double work = 0.0;
     // The work of a force that changes v in the end is its impulse times the mean of the velocities before and after.
     for (const PrescribedVelocity<Dim>& one : world.prescribed) {
-      const double mass = nodes.mass[one.node];
+      const double mass = nodes.mass[one.node], velocity = world.stands_still ? 0.0 : one.velocity;
       double& v = nodes.v(one.axis, one.node);
-      work += 0.5 * mass * (one.velocity - v) * (one.velocity + nodes.v_before(one.axis, one.node));
-      v = one.velocity;
+      work += 0.5 * mass * (velocity - v) * (velocity + nodes.v_before(one.axis, one.node));
+      v = velocity;
       if (world.consistent_mass.any()) nodes.momentum(one.axis, one.node) = mass * v;
     }
     world.ledger.add_energy("prescribed", EnergyKind::work, work);
@@ -89,6 +96,19 @@ template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
 };
 
 }  // namespace
+
+template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Index middle) {
+  for (Index f = facets.cols() - 1; f >= 0; --f) {
+    const auto has = [&](Index node) { return (facets.col(f).array() == node).any(); };
+    if (!has(a) || !has(b)) continue;
+    facets.conservativeResize(Eigen::NoChange, facets.cols() + 1);
+    facets.rightCols(1) = facets.col(f);
+    for (Index& corner : facets.col(f))
+      if (corner == b) corner = middle;
+    for (Index& corner : facets.rightCols(1).reshaped())
+      if (corner == a) corner = middle;
+  }
+}
 
 template <int Dim> std::unique_ptr<Interaction<Dim>> gravity() {
   return std::make_unique<Gravity<Dim>>();
@@ -114,6 +134,7 @@ template <int Dim> void Cavities<Dim>::add(World<Dim>& world, const GasCavity<Di
   if (!(sum.norm() < 1e-10 * size)) throw InputError("a cavity: its facets are not closed, or not oriented alike");
   if (!(std::abs(volume) > 0.0)) throw InputError("a cavity: its facets enclose nothing");
   cavities_.push_back({cavity, volume, 0.0});
+  for (Index& corner : cavities_.back().gas.facets.reshaped()) corner = world.nodes.leader_of(corner);
   add_forces(world);
 }
 
@@ -141,10 +162,16 @@ template <int Dim> void Cavities<Dim>::nodes_inserted(const World<Dim>&, Index f
     for (Index& corner : cavity.gas.facets.reshaped()) shift_node(corner, first, count);
 }
 
+template <int Dim> void Cavities<Dim>::node_merged(const World<Dim>&, Index node, Index with) {
+  for (Cavity& cavity : cavities_) std::ranges::replace(cavity.gas.facets.reshaped(), node, with);
+}
+
 template <int Dim> void Cavities<Dim>::edge_split(World<Dim>&, Index a, Index b, Index middle) {
   for (Cavity& cavity : cavities_) split_facets<Dim>(cavity.gas.facets, a, b, middle);
 }
 
+template void split_facets<2>(Facets<2>&, Index, Index, Index);
+template void split_facets<3>(Facets<3>&, Index, Index, Index);
 template std::unique_ptr<Interaction<2>> gravity<2>();
 template std::unique_ptr<Interaction<3>> gravity<3>();
 template std::unique_ptr<Interaction<2>> prescribed_velocities<2>();

@@ -4,6 +4,8 @@
 
 #include "efree/materials/material.hpp"
 
+#include <limits>
+
 namespace efree {
 
 /// Artificial viscosity against compression, without which shocks ring and invert points: a pressure rho l d (linear c
@@ -18,13 +20,22 @@ struct ShockViscosity {
 /// Contact between bodies: nodes of a surface do not enter other bodies, by impulses on them and opposite ones on the
 /// nodes of the nearest facet, inelastic as at walls. Momenta are conserved to rounding.
 struct ContactOptions {
-  bool enabled = true;    ///< else bodies pass through each other
+  bool enabled = true;  ///< else bodies pass through each other
+  /// Whether a body that folds is in contact with itself, likewise. Fluids are not: they run together.
+  bool self = true;
   double friction = 0.0;  ///< Coulomb's coefficient
 };
 
 struct DynamicsOptions {
   Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
-  double courant = 0.5;         ///< time step over that stable by the highest frequency that is found
+  /// Whether nodes of bodies at exactly the same place are one node, as where regions of a mesh share facets. Not with
+  /// consistent masses, nor where nodes do not stay with the material.
+  bool tied = false;
+  double damping = 0.0;  ///< rate at which velocities of nodes fall, rigid motions too [1/time]
+  /// From this time on velocities of nodes become zero where their kinetic energy has passed a maximum, by which bodies
+  /// come to rest (kinetic damping: Cundall 1976; Barnes 1999).
+  double rest_from = std::numeric_limits<double>::infinity();
+  double courant = 0.5;  ///< time step over that stable by the highest frequency that is found
   /// Error of the energy balance, over the largest energy so far, at which a run ends with an error. It is checked
   /// every 64 steps, eight times in a row: while there is little energy it may swing.
   double imbalance = 0.1;

@@ -60,7 +60,7 @@ template <int Dim> Points<Dim> Scheme<Dim>::point_velocities(const World<Dim>& w
   return result;
 }
 
-template <int Dim> Facets<Dim> Scheme<Dim>::surface(const World<Dim>& world, Index body) const {
+template <int Dim> Facets<Dim> outer_facets(const World<Dim>& world, Index body) {
   const Cells<Dim>& cells = world.bodies[body].cells;
   const Index first_node = world.first_node[body];
   std::map<std::array<Index, Dim>, std::pair<int, std::array<Index, Dim>>> sides;
@@ -70,7 +70,8 @@ template <int Dim> Facets<Dim> Scheme<Dim>::surface(const World<Dim>& world, Ind
     if (chunk.is_eroded(p) || different.size() <= Dim) continue;  // or collapsed
     for (int side = 0; side <= Dim; ++side) {
       std::array<Index, Dim> facet;
-      for (int i = 0; i < Dim; ++i) facet[i] = first_node + cells(internal::facets_of_cell<Dim>[side][i], c);
+      for (int i = 0; i < Dim; ++i)
+        facet[i] = world.nodes.leader_of(first_node + cells(internal::facets_of_cell<Dim>[side][i], c));
       std::array<Index, Dim> key = facet;
       std::ranges::sort(key);
       auto& [count, oriented] = sides[key];
@@ -91,6 +92,8 @@ template <int Dim> Facets<Dim> Scheme<Dim>::surface(const World<Dim>& world, Ind
   return facets;
 }
 
+template Facets<2> outer_facets(const World<2>&, Index);
+template Facets<3> outer_facets(const World<3>&, Index);
 template class Scheme<2>;
 template class Scheme<3>;
 

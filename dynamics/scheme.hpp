@@ -23,6 +23,9 @@ struct StrainBounds {
   bool regular = true;       ///< whether every J is positive, and more than the least is left of every volume
 };
 
+/// Facets that belong to one cell only, outwards, none on an axis: of cells whose points are not eroded.
+template <int Dim> Facets<Dim> outer_facets(const World<Dim>& world, Index body);
+
 /// Virtual per step or per chunk, never per point.
 template <int Dim> class Scheme {
  public:
@@ -63,9 +66,8 @@ template <int Dim> class Scheme {
   virtual void point_eroded(World<Dim>&, Chunk<Dim>&, Index /*point*/) {}
   /// Dim x M, velocities of the points half a step ago; by default those of the nodes by the tables.
   virtual Points<Dim> point_velocities(const World<Dim>& world) const;
-  /// Facets of nodes that are the surface of a body for contact, outwards, none on an axis: by default those of one
-  /// cell only.
-  virtual Facets<Dim> surface(const World<Dim>& world, Index body) const;
+  /// Facets of nodes that are the surface of a body for contact, outwards, none on an axis.
+  virtual Facets<Dim> surface(const World<Dim>& world, Index body) const { return outer_facets(world, body); }
   /// The stable time step where the scheme knows it; else it is estimated from the highest frequency.
   virtual std::optional<double> stable_step(const World<Dim>&) const { return {}; }
   /// Adds energies that it has now.

@@ -186,14 +186,14 @@ void World<Dim>::replace_nodes(const Points<Dim>& x, const std::vector<Index>& b
   nodes.body.resize(N);
   for (Index b = 0; b < num_bodies(); ++b)
     std::fill(nodes.body.begin() + bounds[b], nodes.body.begin() + bounds[b + 1], b);
-  nodes.active.assign(N, 1);
+  nodes.leader.assign(N, -1);
   first_node = bounds;
   find_prescribed_places();
 }
 
-template <int Dim> void World<Dim>::follow_velocity_laws(double at) {
+template <int Dim> void World<Dim>::follow_motion_laws(double at, double dt) {
   const auto velocity = [&](Index law, const Vec<Dim>& start) {
-    const double value = velocity_laws[law](start, at);
+    const double value = motion_laws[law].velocity(start, at, dt);
     if (!std::isfinite(value))
       throw InputError(
           fmt::format("the prescribed velocity at ({:.6g}) is not finite at time {:.6g}", fmt::join(start, ", "), at));
@@ -224,7 +224,8 @@ void World<Dim>::insert_nodes(Index body, const Points<Dim>& at, const Points<Di
   insert(nodes.spacing, first, spacing);
   insert(nodes.radius, first, Vector(Vector::Zero(count)));
   insert(nodes.mass, first, Vector(Vector::Zero(count)));
-  nodes.active.insert(nodes.active.begin() + first, count, 1);
+  for (Index& leader : nodes.leader) shift_node(leader, first, count);
+  nodes.leader.insert(nodes.leader.begin() + first, count, -1);
   nodes.body.insert(nodes.body.begin() + first, count, body);
   for (auto& chunk : chunks)
     for (Index& node : chunk.table.nodes) shift_node(node, first, count);

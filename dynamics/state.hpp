@@ -6,6 +6,7 @@
 #include "efree/core/aligned.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/dynamics/body.hpp"
+#include "efree/dynamics/contact/contact_sums.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/ledger.hpp"
 #include "efree/dynamics/options.hpp"
@@ -30,18 +31,21 @@ template <int Dim> class Interaction;
 
 /// Nodes of all bodies, one after the other. A scheme may add, take away or replace them.
 template <int Dim> struct Nodes {
-  Points<Dim> x, v, force;   ///< Dim x N: positions, velocities half a step ago, forces of all but impulses
-  Points<Dim> x_rest;        ///< what rounding has kept from x so far (compensated sums)
-  Points<Dim> v_before;      ///< v a step ago
-  Points<Dim> free;          ///< 0 along axes with prescribed velocity, else 1
-  Points<Dim> momentum;      ///< where masses are not lumped; empty: mass times v
-  Vector mass;               ///< N, lumped; 0: the node moves with others
-  Vector spacing;            ///< N, mean distance of the nodes around it at the start
-  Vector radius;             ///< N, how far walls stay away from it [length]; empty: 0
-  std::vector<Index> body;   ///< N
-  std::vector<char> active;  ///< N, 0: the scheme has merged the node with another
+  Points<Dim> x, v, force;    ///< Dim x N: positions, velocities half a step ago, forces of all but impulses
+  Points<Dim> x_rest;         ///< what rounding has kept from x so far (compensated sums)
+  Points<Dim> v_before;       ///< v a step ago
+  Points<Dim> free;           ///< 0 along axes with prescribed velocity, else 1
+  Points<Dim> momentum;       ///< where masses are not lumped; empty: mass times v
+  Vector mass;                ///< N, lumped; 0: the node follows another
+  Vector spacing;             ///< N, mean distance of the nodes around it at the start
+  Vector radius;              ///< N, how far walls stay away from it [length]; empty: 0
+  std::vector<Index> body;    ///< N
+  std::vector<Index> leader;  ///< N, the node that it moves with, tied to or merged with it; -1: it moves by itself
 
   Index size() const { return static_cast<Index>(x.cols()); }
+  bool follows(Index a) const { return leader[a] >= 0; }
+  /// The node whose motion it has.
+  Index leader_of(Index a) const { return follows(a) ? leader[a] : a; }
 };
 
 /// A node in a point's row: the gradient of its shape function in the configuration where the table was computed, and
@@ -183,6 +187,7 @@ template <int Dim> struct BodyState {
   double release;                     ///< C of energy release rates
   Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
   bool holds_inverted = false;        ///< whether the scheme deals with points that a step would invert
+  bool runs_together = false;         ///< whether parts of it that meet become one, as those of a fluid do
 };
 
 /// Consistent masses: the first terms of the series D^-1 + D^-1 (D - M) D^-1 + ... of M^-1, D lumped.
@@ -205,12 +210,23 @@ struct SurfacePoints {
 /// Velocity along an axis by a position at the start and by the time. Called by one thread.
 template <int Dim> using VelocityLaw = std::function<double(const Vec<Dim>& start, double time)>;
 
+/// A prescribed motion along an axis.
+template <int Dim> struct MotionLaw {
+  VelocityLaw<Dim> law;
+  bool is_displacement = false;  ///< the law is that of a displacement, which is then as it says after every step
+
+  /// In a step from `time` on.
+  double velocity(const Vec<Dim>& start, double time, double dt) const {
+    return is_displacement ? (law(start, time + dt) - law(start, time)) / dt : law(start, time + 0.5 * dt);
+  }
+};
+
 /// Velocities of nodes along an axis.
 template <int Dim> struct PrescribedVelocity {
   Index node;
   int axis;
   double velocity;
-  Index law = -1;                     ///< of World::velocity_laws; -1: it stays as it is
+  Index law = -1;                     ///< of World::motion_laws; -1: it stays as it is
   Vec<Dim> start = Vec<Dim>::Zero();  ///< position that the law is asked for
 };
 
@@ -249,19 +265,23 @@ template <int Dim> struct World {
   };
   std::vector<PrescribedPlace> prescribed_places;
   std::vector<PrescribedPoints<Dim>> prescribed_points;
-  std::vector<VelocityLaw<Dim>> velocity_laws;
+  std::vector<MotionLaw<Dim>> motion_laws;
   std::vector<Wall<Dim>> walls;
-  Vec<Dim> gravity = Vec<Dim>::Zero();  ///< force per mass on all that has a mass
+  Vec<Dim> gravity = Vec<Dim>::Zero();               ///< force per mass on all that has a mass
+  std::function<Vec<Dim>(double time)> gravity_law;  ///< that it follows; empty: it stays as it is
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
   double stable_step = 0.0, first_stable_step = 0.0;
   Index steps = 0;
-  std::int64_t reconnections = 0;  ///< tables of points computed again
-  Index surface_changes = 0;       ///< times that nodes or cells of surfaces changed
-  Index point_changes = 0;         ///< times that points got other numbers
+  bool stands_still = false;  ///< prescribed motions of nodes and rigid bodies are none: bodies come to rest first
+  Spin<Dim> frame_spin = Spin<Dim>::Zero();  ///< then: of a frame about the origin whose centrifugal forces act
+  std::int64_t reconnections = 0;            ///< tables of points computed again
+  Index surface_changes = 0;                 ///< times that nodes or cells of surfaces changed
+  Index point_changes = 0;                   ///< times that points got other numbers
   Index num_eroded = 0;
   bool new_supports = false;  ///< velocities were prescribed since the last step
   Ledger ledger;
+  ContactSums<Dim> contacts;
 
   World();
   World(const World&) = delete;
@@ -269,6 +289,10 @@ template <int Dim> struct World {
   ~World();
 
   Index num_bodies() const { return static_cast<Index>(bodies.size()); }
+  /// Whether facets of a body do not pass other facets of it.
+  bool has_self_contact(Index body) const {
+    return options.contact.enabled && options.contact.self && !bodies[body].runs_together;
+  }
   Index num_points() const { return static_cast<Index>(place_of_point.size()); }
   /// The nodes of a body.
   auto nodes_of(Index body) const { return std::views::iota(first_node[body], first_node[body + 1]); }
@@ -279,6 +303,10 @@ template <int Dim> struct World {
   /// The chunk that has a point, and the point's number there.
   std::pair<const Chunk<Dim>&, Index> locate(Index point) const {
     return {chunks[place_of_point[point].first], place_of_point[point].second};
+  }
+  /// The mean of gravity over a step from now on.
+  Vec<Dim> mean_gravity(double dt) const {
+    return gravity_law ? Vec<Dim>(0.5 * (gravity + gravity_law(time + dt))) : gravity;
   }
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
   /// Length of the body out of the plane at a radius: of the full revolution, or one.
@@ -301,8 +329,8 @@ template <int Dim> struct World {
   /// Nodes of a scheme that makes them anew, at rest. bounds: the first node of each body, and one past the last.
   /// Velocities are prescribed by place.
   void replace_nodes(const Points<Dim>& x, const std::vector<Index>& bounds, double spacing);
-  /// Asks the laws for the velocities at that time.
-  void follow_velocity_laws(double time);
+  /// Asks the laws for the velocities in a step.
+  void follow_motion_laws(double time, double dt);
   /// Forgets prescribed velocities of nodes and finds those by place.
   void find_prescribed_places();
   /// Room for more nodes after those of a body, at rest and without mass; others get later numbers.

@@ -46,7 +46,7 @@ set(may_not_include "/schemes/" "/schemes/|/fracture/|/dynamics.hpp|/internal/wo
   "/schemes/otm/|/schemes/total_lagrangian/|/dynamics.hpp|/internal/world.hpp")
 
 set(standard_headers
-  algorithm array atomic bit bitset cassert cctype cfloat charconv chrono climits cmath complex concepts cstddef cstdint
+  algorithm array atomic bit bitset cassert cctype cfloat charconv chrono climits cmath compare complex concepts cstddef cstdint
   cstdio cstdlib cstring deque exception filesystem fstream functional initializer_list iomanip iosfwd iostream istream
   iterator limits list map memory mutex new numbers numeric optional ostream queue random ranges ratio set span sstream stdexcept
   string string_view thread tuple type_traits unordered_map unordered_set utility variant vector)

@@ -25,10 +25,10 @@ template <int Dim> struct FacetNode {
   }
 };
 
-/// A node and the nearest point of another body's surface.
+/// A node and the nearest point of another body's surface, or of its own.
 template <int Dim> struct ContactPair {
   Index node;
-  Vec<Dim> normal;  ///< outwards of the other body
+  Vec<Dim> normal;  ///< outwards of the facet
   std::array<FacetNode<Dim>, Dim> facet;
   double gap = 0.0;                     ///< negative inside
   Vec<Dim> impulse = Vec<Dim>::Zero();  ///< on the node in the last step
@@ -114,13 +114,14 @@ template <int Dim, int R> class PairMobility {
   Vector bounds_;
 };
 
-/// Contact of nodes of a surface with facets of other bodies, by impulses.
+/// Contact of nodes of a surface with facets of other bodies, or of their own, by impulses.
 template <int Dim> class BodyContact final : public Interaction<Dim> {
  public:
   explicit BodyContact(const Scheme<Dim>& scheme) : scheme_(scheme) {}
 
   void apply_impulses(World<Dim>& world, double /*kick*/, double dt) override {
     on_nodes_.resize(Dim, 0);
+    by_friction_.resize(Dim, 0);
     if (!acts(world)) return;
     auto start = std::chrono::steady_clock::now();
     surfaces_.update(world, scheme_);
@@ -141,7 +142,9 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     const Points<Dim> mean = 0.5 * (nodes.v + nodes.v_before);
     // Supports take what would change velocities that are prescribed.
     const Points<Dim> on_supports = on_nodes_ - nodes.free.cwiseProduct(on_nodes_);
-    world.ledger.add_energy("contact", EnergyKind::loss, -on_nodes_.cwiseProduct(mean).sum());
+    const double rubbed = by_friction_.cols() > 0 ? -by_friction_.cwiseProduct(mean).sum() : 0.0;
+    world.ledger.add_energy("contact", EnergyKind::loss, -on_nodes_.cwiseProduct(mean).sum() - rubbed);
+    world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
     world.ledger.add_energy("prescribed", EnergyKind::work, -on_supports.cwiseProduct(mean).sum());
   }
 
@@ -150,7 +153,7 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
   }
 
   void inspect(World<Dim>& world) override {
-    if (!acts(world) || !surfaces_.is_current(world)) return;
+    if (!acts(world) || world.num_bodies() < 2 || !surfaces_.is_current(world)) return;
     std::vector<Index> all;
     std::ranges::set_union(penetrated_, points_in_others(world, surfaces_), std::back_inserter(all));
     world.ledger.add_count("penetrated points", static_cast<std::int64_t>(all.size() - penetrated_.size()));
@@ -170,13 +173,26 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
   }
 
  private:
-  static bool acts(const World<Dim>& world) { return world.options.contact.enabled && world.num_bodies() > 1; }
+  static bool acts(const World<Dim>& world) {
+    return world.options.contact.enabled && (world.num_bodies() > 1 || world.has_self_contact(0));
+  }
+
+  /// The pair of the last step; none: they were not in contact.
+  const ContactPair<Dim>* last_of(const World<Dim>& world, const typename BodySurfaces<Dim>::Near& near) const {
+    const auto key = [&](const ContactPair<Dim>& pair) {
+      return std::pair(world.nodes.body[pair.facet.front().node], pair.node);
+    };
+    const std::pair wanted(near.body, near.node);
+    const auto last = std::ranges::lower_bound(pairs_, wanted, {}, key);
+    return last != pairs_.end() && key(*last) == wanted ? &*last : nullptr;
+  }
 
   /// The facet that the node faces. False if they are not in contact in this step.
   bool find_pair(const World<Dim>& world, const typename BodySurfaces<Dim>::Near& near, double dt,
                  ContactPair<Dim>& pair) const {
     const Nodes<Dim>& nodes = world.nodes;
-    const FacingFacet<Dim> facing = surfaces_.facing(world, near);
+    const ContactPair<Dim>* last = last_of(world, near);
+    const FacingFacet<Dim> facing = surfaces_.facing(world, near, dt, last ? std::optional(last->gap) : std::nullopt);
     if (facing.facet < 0) return false;
     const Facets<Dim>& facets = surfaces_.surfaces()[near.body].facets;
     pair.node = near.node;
@@ -193,10 +209,11 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     const Mat<Dim> inverse =
         (arms * arms.transpose() + arms.squaredNorm() * pair.normal * pair.normal.transpose()).inverse();
     for (int i = 0; i < Dim; ++i) pair.facet[i] = {facets(i, facing.facet), facing.weights[i], inverse * arms.col(i)};
+    if (last) std::tie(pair.impulse, pair.friction, pair.lost) = std::tie(last->impulse, last->friction, last->lost);
     return true;
   }
 
-  /// Pairs of this step, with what is left of the last one's.
+  /// Pairs of this step, ascending as surfaces_.near() is, with what is left of the last one's.
   void find_pairs(const World<Dim>& world, double dt) {
     const auto& near = surfaces_.near();
     new_pairs_.assign(near.size(), {});
@@ -208,17 +225,6 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     for (std::size_t k = 0; k < near.size(); ++k)
       if (is_pair_[k] != 0) std::swap(new_pairs_[count++], new_pairs_[k]);
     new_pairs_.resize(count);
-    const auto key = [&](const ContactPair<Dim>& pair) {
-      return std::pair(world.nodes.body[pair.facet.front().node], pair.node);
-    };
-    std::ranges::sort(pairs_, {}, key);
-    for (ContactPair<Dim>& pair : new_pairs_) {
-      const auto last = std::ranges::lower_bound(pairs_, key(pair), {}, key);
-      if (last == pairs_.end() || key(*last) != key(pair)) continue;
-      pair.impulse = last->impulse;
-      pair.friction = last->friction;
-      pair.lost = last->lost;
-    }
     std::swap(pairs_, new_pairs_);
   }
 
@@ -231,7 +237,7 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
 
   /// Impulses by which no node enters another body within the step, and those of friction, into on_nodes_, unless there
   /// are none.
-  void find_impulses(const World<Dim>& world, double dt) {
+  void find_impulses(World<Dim>& world, double dt) {
     const auto n = std::ssize(pairs_);
     const PairMobility<Dim, 1> along(world, pairs_);
     const Points<1> velocity = along.relative(world.nodes.v);
@@ -260,12 +266,18 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     if (most.maxCoeff() > 0.0) {
       const PairMobility<Dim, Dim> all(world, pairs_);
       const Points<Dim> friction = friction_impulses<Dim>(all, all.relative(world.nodes.v), normals, most, 0.0, before);
-      all.add(friction, on_nodes_);
+      by_friction_.setZero(Dim, world.nodes.size());
+      all.add(friction, by_friction_);
+      on_nodes_ += by_friction_;
       impulses += friction;
     }
     for (Index k = 0; k < n; ++k) {
-      pairs_[k].impulse = impulses.col(k);
-      pairs_[k].lost -= 0.5 * normal[k] * twice_mean[k];
+      ContactPair<Dim>& pair = pairs_[k];
+      pair.impulse = impulses.col(k);
+      pair.lost -= 0.5 * normal[k] * twice_mean[k];
+      const Index of = world.nodes.body[pair.node], with = world.nodes.body[pair.facet.front().node];
+      if (of != with && !pair.impulse.isZero(0.0))
+        world.contacts.add(body_partner(of), body_partner(with), world.nodes.x.col(pair.node), pair.impulse);
     }
   }
 
@@ -289,6 +301,7 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
   std::vector<ContactPair<Dim>> pairs_;
   std::vector<Index> penetrated_;  ///< points that were in another body so far, ascending
   Points<Dim> on_nodes_;           ///< impulses in this step; empty: none
+  Points<Dim> by_friction_;        ///< the part of friction; empty: none
   // Room that steps do not have to allocate.
   std::vector<ContactPair<Dim>> new_pairs_;
   std::vector<char> is_pair_;

@@ -35,12 +35,12 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     for (const auto& [a, N] : near.nodes_of(k)) v += N * nodes.v.col(a);
     return v;
   };
-  const double inverse_mass = rigid.body.mass > 0.0 ? 1.0 / rigid.body.mass : 0.0,
-               inverse_inertia = rigid.body.inertia > 0.0 ? 1.0 / rigid.body.inertia : 0.0;
+  const Vec<Dim> inverse_mass = (rigid.body.mass > 0.0 ? 1.0 / rigid.body.mass : 0.0) * rigid.body.free_axes();
+  const double inverse_inertia = rigid.body.inertia > 0.0 ? 1.0 / rigid.body.inertia : 0.0;
   const auto apply = [&](std::size_t k, const Vec<Dim>& impulse) {
     for (const auto& [a, N] : near.nodes_of(k))
       nodes.v.col(a) += N / nodes.mass[a] * nodes.free.col(a).cwiseProduct(impulse);
-    rigid.now.velocity -= inverse_mass * impulse;
+    rigid.now.velocity -= inverse_mass.cwiseProduct(impulse);
     rigid.now.spin -= inverse_inertia * moment_about_origin<Dim>(near.points()[k].at - rigid.now.centre, impulse);
   };
   // Of each point: velocity by an impulse of one along the normal, and the least change of the gap per time.
@@ -50,7 +50,7 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     for (const auto& [a, N] : near.nodes_of(k))
       mobility[k] += N * N / nodes.mass[a] * nodes.free.col(a).cwiseProduct(gap.normal).squaredNorm();
     const double lever = moment_about_origin<Dim>(at - rigid.now.centre, gap.normal).squaredNorm();
-    mobility[k] += inverse_mass + inverse_inertia * lever;
+    mobility[k] += inverse_mass.dot(gap.normal.cwiseAbs2()) + inverse_inertia * lever;
     // What overlaps is not pushed out, which would make it fast: where a body ends is known to a part of a cell.
     closing[k] = std::max(gap.gap, 0.0) / dt;
     rigid.near_points.push_back(number);
@@ -96,26 +96,31 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     }
     if (change <= sweep_tolerance * largest) break;
   }
-  double lost = 0.0, held = 0.0;
+  double lost = 0.0, rubbed = 0.0, held = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
+    const auto& [number, at, gap, begin] = near.points()[k];
     const Vec<Dim> impulse = rigid.point_impulses.col(static_cast<Index>(k));
+    const double normal = impulse.dot(gap.normal);
     if (rigid.has_coulomb_friction()) {
-      rigid.point_friction[k] = friction_at(k, impulse.dot(near.points()[k].gap.normal));
+      rigid.point_friction[k] = friction_at(k, normal);
       rigid.point_friction[k].grant();
     }
     if (impulse.isZero(0.0)) continue;
-    rigid.add_reaction(near.points()[k].at, impulse);
-    lost += impulse.dot(rigid.mean_velocity(near.points()[k].at));
+    rigid.add_reaction(world, nodes.body[near.nodes_of(k).front().first], at, impulse);
+    Vec<Dim> relative = -rigid.mean_velocity(at);
     for (const auto& [a, N] : near.nodes_of(k)) {
       // Supports take what would change velocities that are prescribed.
       const Vec<Dim> on_support = N * impulse - N * nodes.free.col(a).cwiseProduct(impulse);
       held -= on_support.dot(nodes.v.col(a));
-      lost -= 0.5 * N * impulse.dot(nodes.v.col(a) + nodes.v_before.col(a));
+      relative += 0.5 * N * (nodes.v.col(a) + nodes.v_before.col(a));
       lost += 0.5 * on_support.dot(nodes.v_before.col(a) - nodes.v.col(a));
     }
+    lost -= normal * gap.normal.dot(relative);
+    rubbed -= (impulse - normal * gap.normal).dot(relative);
   }
   world.ledger.add_energy("prescribed", EnergyKind::work, held);
   world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
 }
 
 template void RigidContact<2>::apply_to_points(World<2>&, Rigid&, double);

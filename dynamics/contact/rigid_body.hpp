@@ -7,6 +7,7 @@
 #include "efree/geometry/mesh/fine_mesh.hpp"
 
 #include <Eigen/Geometry>
+#include <array>
 #include <functional>
 
 namespace efree {
@@ -46,11 +47,12 @@ template <int Dim> struct Wall {
   double friction = 0.0;  ///< Coulomb's coefficient; infinity: nodes in contact stick
 };
 
-/// A rigid body that nodes do not enter, except by prescribed velocities. Parts finer than the spacing of nodes, such
-/// as corners, pass between them.
+/// A rigid body that nodes do not enter, except by prescribed velocities, nor corners of other rigid bodies. Parts
+/// finer than the spacing of nodes, such as corners, pass between them.
 template <int Dim> struct RigidBody {
   RigidShape<Dim> shape;  ///< at the start
-  double friction = 0.0;  ///< Coulomb's coefficient; infinity: nodes in contact stick
+  /// Coulomb's coefficient; infinity: nodes in contact stick. Of two rigid bodies the root of the product counts.
+  double friction = 0.0;
   /// By time, of `centre`, about which it rotates. Empty: none. Axisymmetric: along the axis only, without spin.
   std::function<Vec<Dim>(double)> velocity{};
   std::function<Spin<Dim>(double)> spin{};
@@ -60,6 +62,20 @@ template <int Dim> struct RigidBody {
   double mass = 0.0;
   /// About `centre`, the same about all axes; more than 0: likewise it rotates by the contact forces [mass length^2].
   double inertia = 0.0;
+  std::array<bool, Dim> held{};  ///< axes along which one with a mass does not move: the others guide it
+  /// Of its surface at the start, for contact with other rigid bodies: places that are `round` away from it, as the
+  /// centre of a ball, or corners with 0. None: it is not in contact with those that have none either.
+  Points<Dim> corners{};
+  double round = 0.0;  ///< [length]
+  /// On one with a mass, by time, at its centre [force]. Empty: none.
+  std::function<Vec<Dim>(double)> force{};
+
+  /// 1 along axes that it is not held along, else 0.
+  Vec<Dim> free_axes() const {
+    Vec<Dim> free;
+    for (int i = 0; i < Dim; ++i) free[i] = held[static_cast<std::size_t>(i)] ? 0.0 : 1.0;
+    return free;
+  }
 };
 
 /// Position and motion of a rigid body, and the contact forces on it.
@@ -77,13 +93,17 @@ template <int Dim> struct RigidState {
   }
 };
 
+/// Velocity of a rotation at the end of an arm.
+template <int Dim> Vec<Dim> rotation_velocity(const Spin<Dim>& spin, const Vec<Dim>& arm) {
+  if constexpr (Dim == 2)
+    return spin[0] * Vec<2>(-arm[1], arm[0]);
+  else
+    return spin.cross(arm);
+}
+
 /// Velocity of a rigid body at a position.
 template <int Dim> Vec<Dim> velocity_of(const RigidState<Dim>& state, const Vec<Dim>& at) {
-  const Vec<Dim> arm = at - state.centre;
-  if constexpr (Dim == 2)
-    return state.velocity + state.spin[0] * Vec<2>(-arm[1], arm[0]);
-  else
-    return state.velocity + state.spin.cross(arm);
+  return state.velocity + rotation_velocity<Dim>(state.spin, at - state.centre);
 }
 
 /// Gap between a rigid body in that state and a position.

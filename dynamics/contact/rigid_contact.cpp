@@ -37,6 +37,10 @@ template <int Dim>
 void prescribe_motion(const World<Dim>& world, const RigidBody<Dim>& body, double time, RigidState<Dim>& now) {
   if (body.mass == 0.0 && body.velocity) now.velocity = body.velocity(time);
   if (body.inertia == 0.0 && body.spin) now.spin = body.spin(time);
+  if (world.stands_still) {
+    now.velocity.setZero();
+    now.spin.setZero();
+  }
   if (!now.velocity.allFinite() || !now.spin.allFinite())
     throw InputError(fmt::format("a rigid body: its velocity at time {:.6g} is not finite", time));
   if (world.axisymmetric() && (now.velocity[0] != 0.0 || !now.spin.isZero(0.0)))
@@ -44,6 +48,13 @@ void prescribe_motion(const World<Dim>& world, const RigidBody<Dim>& body, doubl
         "a rigid body: at time {:.6g} it leaves the axis of an axisymmetric section, expected a velocity along y alone "
         "and no spin",
         time));
+}
+
+/// Of a rigid body with a mass, by gravity and its own force.
+template <int Dim> Vec<Dim> acceleration(const World<Dim>& world, const RigidBody<Dim>& body, double time) {
+  Vec<Dim> result = world.gravity;
+  if (body.force) result += body.force(time) / body.mass;
+  return body.free_axes().cwiseProduct(result);
 }
 
 }  // namespace
@@ -59,16 +70,21 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
     fail("in an axisymmetric section it does not rotate: expected no inertia");
   const Vec<Dim> none = Vec<Dim>::Zero();
   const RigidState<Dim> at_rest{body.centre, none, Mat<Dim>::Identity(), Spin<Dim>::Zero(), none, none, 0.0};
+  const auto num_walls = static_cast<Index>(std::ranges::count_if(rigids_, &Rigid::is_wall));
+  using Kind = ContactPartner::Kind;
   Rigid added{.body = body,
-              .wall = is_wall ? static_cast<Index>(std::ranges::count_if(rigids_, &Rigid::is_wall)) : -1,
+              .who = is_wall ? ContactPartner{Kind::wall, num_walls}
+                             : ContactPartner{Kind::rigid_body, static_cast<Index>(rigids_.size()) - num_walls},
               .now = at_rest,
               .before = at_rest};
+  if (body.force && body.mass == 0.0) fail("a force is for one with a mass");
   if (added.is_free() && std::ranges::any_of(world.surface_points.bodies, [](char has) { return has != 0; }))
     fail("a mass is for bodies whose nodes are their surface, not for those on a cloud");
   // The first velocity of one with a mass is prescribed, too.
   RigidBody<Dim> massless = body;
   massless.mass = massless.inertia = 0.0;
   prescribe_motion(world, massless, world.time, added.now);
+  if (body.mass > 0.0) added.now.velocity.array() *= body.free_axes().array();
   added.before = added.now;
   rigids_.push_back(std::move(added));
   x_searched_.resize(Dim, 0);
@@ -77,8 +93,8 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
 /// The forces by which the scheme itself holds nodes off a wall, if it does.
 template <int Dim> const Points<Dim>* RigidContact<Dim>::held_by_scheme(const Rigid& rigid) const {
   const std::span<const Points<Dim>> forces = scheme_.wall_forces();
-  const bool has = rigid.is_wall() && rigid.wall < std::ssize(forces) && forces[rigid.wall].cols() > 0;
-  return has ? &forces[rigid.wall] : nullptr;
+  const Index wall = rigid.who.number;
+  return rigid.is_wall() && wall < std::ssize(forces) && forces[wall].cols() > 0 ? &forces[wall] : nullptr;
 }
 
 /// Gaps of nodes, infinite where surface points are in contact instead.
@@ -143,7 +159,8 @@ typename RigidContact<Dim>::OnNode RigidContact<Dim>::on_node(const World<Dim>& 
     }
     *slope = mass * (*slope + sticking * tangential);
   }
-  result.impulse = mass * (change / part * direction - sticking * slip);
+  result.by_friction = -mass * sticking * slip;
+  result.impulse = mass * change / part * direction + result.by_friction;
   return result;
 }
 
@@ -154,6 +171,7 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
   using Motions = Vec<n>;
   Motions inertia, start;
   inertia << Vec<Dim>::Constant(rigid.body.mass), Spin<Dim>::Constant(rigid.body.inertia);
+  inertia.template head<Dim>().array() *= rigid.body.free_axes().array();
   if (world.axisymmetric()) inertia[0] = 0.0;
   start << rigid.now.velocity, rigid.now.spin;
   double largest = 0.0;
@@ -192,30 +210,33 @@ template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std
   for (Index a = 0; a < nodes.size(); ++a) {
     double pressed = 0.0;
     if (held && nodes.mass[a] > 0.0) {
-      rigid.add_reaction(nodes.x.col(a), kick * held->col(a));
+      rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), kick * held->col(a));
       if (rigid.has_coulomb_friction())
-        pressed = std::max(0.0, kick * world.walls[rigid.wall].normal.dot(held->col(a)) / nodes.mass[a]);
+        pressed = std::max(0.0, kick * world.walls[rigid.who.number].normal.dot(held->col(a)) / nodes.mass[a]);
     }
-    const auto& [impulse, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
+    const auto& [impulse, by_friction, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
     if (!rigid.friction.empty()) rigid.friction[a] = friction;
     if (impulse.isZero(0.0)) continue;
-    rigid.add_reaction(nodes.x.col(a), impulse);
-    node_impulses_.push_back({k, a, impulse});
+    rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), impulse);
+    node_impulses_.push_back({k, a, impulse, by_friction});
   }
-  for (const auto& [of, node, impulse] : node_impulses_)
+  for (const auto& [of, node, impulse, by_friction] : node_impulses_)
     if (of == k) nodes.v.col(node) += impulse / nodes.mass[node];
 }
 
 template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, double kick, double dt) {
   node_impulses_.clear();
-  for (std::size_t k = 0; k < rigids_.size(); ++k) {
-    Rigid& rigid = rigids_[k];
+  for (Rigid& rigid : rigids_) {
     rigid.before = rigid.now;
     rigid.impulse.setZero();
     rigid.angular_impulse.setZero();
     prescribe_motion(world, rigid.body, world.time + 0.5 * dt, rigid.now);
-    if (rigid.body.mass > 0.0) rigid.now.velocity += kick * world.gravity;
-    const Vec<Dim> without_contact = rigid.now.velocity;
+    if (rigid.body.mass > 0.0) rigid.now.velocity += kick * acceleration(world, rigid.body, world.time);
+    rigid.velocity_before = rigid.now.velocity;
+  }
+  apply_to_rigid_bodies(world, dt);
+  for (std::size_t k = 0; k < rigids_.size(); ++k) {
+    Rigid& rigid = rigids_[k];
     if (scheme_.nodes_persist()) {
       apply_to_surface(world, rigid, dt);
       find_gaps(world, rigid);
@@ -228,7 +249,7 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     // Its momentum is that of the impulses, to rounding.
     const double radial = world.axisymmetric() ? 0.0 : 1.0;
     if (rigid.body.mass > 0.0) {
-      rigid.now.velocity = without_contact + rigid.impulse / rigid.body.mass;
+      rigid.now.velocity = rigid.velocity_before + rigid.body.free_axes().cwiseProduct(rigid.impulse) / rigid.body.mass;
       rigid.now.velocity[0] *= radial;
     }
     if (rigid.body.inertia > 0.0) rigid.now.spin = rigid.before.spin + rigid.angular_impulse / rigid.body.inertia;
@@ -238,20 +259,29 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
 template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double kick, double dt) {
   if (rigids_.empty()) return;
   const Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0, prescribed = 0.0, gravity = 0.0;
-  for (const auto& [k, node, impulse] : node_impulses_) {
-    const Vec<Dim> v = 0.5 * (nodes.v.col(node) + nodes.v_before.col(node));
-    lost -= impulse.dot(v - rigids_[k].mean_velocity(nodes.x.col(node)));
+  double lost = 0.0, rubbed = 0.0, prescribed = 0.0, gravity = 0.0, loads = 0.0;
+  for (const auto& [k, node, impulse, by_friction] : node_impulses_) {
+    const Vec<Dim> v = 0.5 * (nodes.v.col(node) + nodes.v_before.col(node)),
+                   relative = v - rigids_[k].mean_velocity(nodes.x.col(node));
+    lost -= (impulse - by_friction).dot(relative);
+    rubbed -= by_friction.dot(relative);
+  }
+  for (const auto& [on, of, at, normal, closing, impulse] : rigid_impulses_) {
+    const Vec<Dim> relative = rigids_[on].mean_velocity(at) - rigids_[of].mean_velocity(at);
+    const double along = impulse.dot(normal);
+    lost -= along * normal.dot(relative);
+    rubbed -= (impulse - along * normal).dot(relative);
   }
   for (Rigid& rigid : rigids_) {
-    auto& [body, wall, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
-           angular_impulse] = rigid;
+    auto& [body, who, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+           angular_impulse, velocity_before] = rigid;
     const double work = -0.5 * impulse.dot(before.velocity + now.velocity),
                  angular_work = -0.5 * angular_impulse.dot(before.spin + now.spin);
     now.work += work + angular_work;
     if (body.mass == 0.0) prescribed += work;
     if (body.inertia == 0.0) prescribed += angular_work;
-    gravity += dt * body.mass * world.gravity.dot(now.velocity);
+    gravity += dt * body.mass * world.mean_gravity(dt).dot(now.velocity);
+    if (body.force) loads += 0.5 * dt * (body.force(world.time) + body.force(world.time + dt)).dot(now.velocity);
     now.force = impulse / kick;
     now.impulse += impulse;
     now.centre += dt * now.velocity;
@@ -259,8 +289,10 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     travelled += now.spin.isZero(0.0) ? dt * now.velocity.norm() : world.surface_points.skin;
   }
   world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
   world.ledger.add_energy("prescribed", EnergyKind::work, prescribed);
-  if (!world.gravity.isZero(0.0)) world.ledger.add_energy("gravity", EnergyKind::work, gravity);
+  if (loads != 0.0) world.ledger.add_energy("loads", EnergyKind::work, loads);
+  if (gravity != 0.0) world.ledger.add_energy("gravity", EnergyKind::work, gravity);
 }
 
 template <int Dim> double RigidContact<Dim>::longest_step(const World<Dim>& world) const {
@@ -276,8 +308,10 @@ template <int Dim> void RigidContact<Dim>::add_velocities(const World<Dim>&, std
 
 template <int Dim> void RigidContact<Dim>::tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const {
   // Half a step of free fall later, as for nodes.
-  const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
   for (const auto& rigid : rigids_) {
+    const Vec<Dim> faster = rigid.body.mass > 0.0
+                                ? Vec<Dim>(0.5 * world.last_step * acceleration(world, rigid.body, world.time))
+                                : Vec<Dim>(Vec<Dim>::Zero());
     const auto& [mass, inertia, now] = std::tie(rigid.body.mass, rigid.body.inertia, rigid.now);
     const Vec<Dim> momentum = mass * now.velocity;
     const Spin<Dim> angular_momentum = inertia * now.spin;

@@ -214,23 +214,33 @@ template <int Dim> void RigidContact<Dim>::apply_to_surface(World<Dim>& world, R
   find_near_points(world);
   if (rigid.near_points.empty() || !find_point_impulses(world, rigid, dt)) return;
   Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0;
-  Points<Dim> on_nodes = Points<Dim>::Zero(Dim, nodes.size());
+  double lost = 0.0, rubbed = 0.0;
+  Points<Dim> on_nodes = Points<Dim>::Zero(Dim, nodes.size()), by_friction = on_nodes;
   for (Index k = 0; k < static_cast<Index>(rigid.near_points.size()); ++k) {
-    Vec<Dim> sum = Vec<Dim>::Zero();
+    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], nodes.x), velocity = rigid.mean_velocity(at),
+                   normal = gap_to<Dim>(rigid.body, rigid.now, at).normal, impulse = rigid.point_impulses.col(k),
+                   friction = impulse - impulse.dot(normal) * normal;
+    Vec<Dim> sum = Vec<Dim>::Zero(), sum_of_friction = sum;
+    Index body = 0;
     for (SparseRows::InnerIterator entry(world.surface_points.shape, rigid.near_points[k]); entry; ++entry) {
-      const Vec<Dim> on_node = entry.value() * nodes.free.col(entry.col()).cwiseProduct(rigid.point_impulses.col(k));
+      const auto free = entry.value() * nodes.free.col(entry.col());
+      const Vec<Dim> on_node = free.cwiseProduct(impulse), rubbing = free.cwiseProduct(friction);
       on_nodes.col(entry.col()) += on_node;
+      by_friction.col(entry.col()) += rubbing;
       sum += on_node;
+      sum_of_friction += rubbing;
+      body = nodes.body[entry.col()];
     }
-    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], nodes.x);
-    lost += sum.dot(rigid.mean_velocity(at));
-    rigid.add_reaction(at, sum);
+    lost += sum.dot(velocity);
+    rubbed += sum_of_friction.dot(velocity);
+    rigid.add_reaction(world, body, at, sum);
   }
   nodes.v += velocities_of(world, on_nodes);
   if (world.consistent_mass.any()) nodes.momentum += on_nodes;
   lost -= 0.5 * on_nodes.cwiseProduct(nodes.v + nodes.v_before).sum();
-  world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  rubbed -= 0.5 * by_friction.cwiseProduct(nodes.v + nodes.v_before).sum();
+  world.ledger.add_energy("contact", EnergyKind::loss, lost - rubbed);
+  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
 }
 
 template void RigidContact<2>::apply_to_surface(World<2>&, Rigid&, double);

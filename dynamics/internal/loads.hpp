@@ -14,6 +14,9 @@ template <int Dim> std::unique_ptr<Interaction<Dim>> gravity();
 /// its middle: call World::find_free_axes afterwards.
 template <int Dim> std::unique_ptr<Interaction<Dim>> prescribed_velocities();
 
+/// Facets with both ends of an edge become two, with its middle.
+template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Index middle);
+
 /// Forces of gas in cavities on the nodes of their surfaces.
 template <int Dim> class Cavities : public Interaction<Dim> {
  public:
@@ -24,6 +27,7 @@ template <int Dim> class Cavities : public Interaction<Dim> {
   void add_forces(World<Dim>& world) override;
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override;
   void nodes_inserted(const World<Dim>& world, Index first, Index count) override;
+  void node_merged(const World<Dim>& world, Index node, Index with) override;
   /// Facets with both ends of the edge are split in two.
   void edge_split(World<Dim>& world, Index a, Index b, Index middle) override;
   void pack(Archive& archive) override { archive(cavities_); }

@@ -16,4 +16,9 @@ template <int Dim> void use_large_pages(const World<Dim>& world);
 /// What of the world changes in a run.
 template <int Dim> void pack(World<Dim>& world, EnergyWatch& watch, Archive& archive);
 
+/// Ties bodies (DynamicsOptions::tied): of nodes at exactly the same place those of later bodies follow that of the
+/// first, which gets their masses and momenta. Tables have the first in their place. Returns how many follow. Throws
+/// InputError where masses are not lumped.
+template <int Dim> Index tie_bodies(World<Dim>& world);
+
 }  // namespace efree::internal

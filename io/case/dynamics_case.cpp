@@ -4,6 +4,7 @@
 #include "efree/io/case/internal/case_parts.hpp"
 #include "efree/io/case/internal/case_readers.hpp"
 #include "efree/io/case/internal/fracture_reader.hpp"
+#include "efree/io/case/internal/load_reader.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
 #include "efree/io/case/internal/rigid_reader.hpp"
 
@@ -28,50 +29,6 @@ template <int Dim> void read_velocities(const std::vector<Section>& entries, con
                                          earlier.where));
     initial.velocity = expressions.fields(entry.expressions<Dim>("value"), initial.where);
     dynamics.initial_velocities.push_back(std::move(initial));
-  }
-}
-
-/// Force per mass, the same everywhere.
-template <int Dim> Vec<Dim> read_gravity(const Section& analysis, const Expressions<Dim>& expressions) {
-  if (analysis.has("body_force"))
-    analysis.fail("body_force", "body_force is for static analyses: take gravity, a force per mass");
-  if (analysis.has("rotation"))
-    analysis.fail("rotation",
-                  "rotation is for static analyses: give bodies a velocity by which they rotate, in [[velocity]]");
-  if (!analysis.has("gravity")) return Vec<Dim>::Zero();
-  const auto texts = analysis.expressions<Dim>("gravity");
-  const std::string where = analysis.where("gravity");
-  for (const std::string& text : texts)
-    if (expressions.varies(text, where))
-      analysis.fail("gravity", fmt::format("gravity is \"{}\", expected the same everywhere", text));
-  return expressions.fields(texts, where)(Vec<Dim>::Zero());
-}
-
-template <int Dim> void read_boundary_velocities(const std::vector<Section>& entries, const Section& root,
-                                                 const ScalarField<Dim>& grey, PlaceReader<Dim>& places,
-                                                 DynamicsSettings<Dim>& dynamics) {
-  constexpr const char* axes[] = {"x", "y", "z"};
-  const auto clock = std::make_shared<double>(0.0);
-  const Expressions<Dim> expressions = read_definitions<Dim>(root, grey, {.time = {}, .clock = clock});
-  for (const Section& entry : entries) {
-    BoundaryVelocity<Dim> part{.on = places.name(entry), .velocity = {}};
-    const auto components = entry.expressions<Dim>("velocity");
-    if (std::ranges::count(components, "free") == Dim)
-      entry.fail("velocity", "velocity leaves every component free, expected a value for one of them");
-    for (std::size_t i = 0; i < Dim; ++i) {
-      if (components[i] == "free") continue;
-      for (const auto& earlier : dynamics.boundary_velocities)
-        if (earlier.on == part.on && earlier.velocity[i])
-          entry.fail("velocity",
-                     fmt::format("the velocity along {} on \"{}\" is prescribed already", axes[i], part.on));
-      const std::string where = entry.where("velocity");
-      part.velocity[i] = [clock, field = expressions.field(components[i], where)](const Vec<Dim>& start, double t) {
-        *clock = t;
-        return field(start);
-      };
-      part.depends_on_time |= expressions.uses("t", components[i], where);
-    }
-    dynamics.boundary_velocities.push_back(std::move(part));
   }
 }
 
@@ -148,7 +105,7 @@ template <int Dim> void read_probes(const std::vector<Section>& entries, const S
 
 /// [dynamics].
 template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>& dynamics) {
-  const Section section = root.section("dynamics", {"method", "courant", "imbalance", "shock"});
+  const Section section = root.section("dynamics", {"method", "courant", "imbalance", "damping", "shock"});
   const bool has_cloud = root.has("cloud");
   dynamics.method = section.choice<DynamicsMethod>("method",
                                                    {{"otm", DynamicsMethod::otm},
@@ -179,6 +136,7 @@ template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>
   DynamicsOptions& options = dynamics.options;
   options.courant = section.number("courant", {0.0, 1.0, false, true}, options.courant);
   options.imbalance = section.number("imbalance", {0.0, 1.0, false, true}, options.imbalance);
+  options.damping = section.number("damping", not_negative, options.damping);
   if (section.has("shock")) {
     const Section shock = section.section("shock", {"linear", "quadratic"});
     options.shock.linear = shock.number("linear", not_negative, options.shock.linear);
@@ -325,13 +283,45 @@ template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dyn
 
 /// [contact]; after [otm].
 template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>& dynamics) {
-  const Section section = root.section("contact", {"enabled", "friction"});
+  const Section section = root.section("contact", {"enabled", "self", "tie", "friction"});
   ContactOptions& contact = dynamics.options.contact;
-  for (const char* key : {"enabled", "friction"})
+  for (const char* key : {"enabled", "self", "tie", "friction"})
     if (dynamics.otm.seizing && section.has(key))
       section.fail(key, fmt::format("{} means nothing for bodies that seize (otm.seizing): leave it out", key));
   contact.enabled = section.boolean("enabled", !dynamics.otm.seizing);
+  contact.self = section.boolean("self", contact.self);
+  dynamics.tied = section.boolean("tie", dynamics.tied);
   contact.friction = section.number("friction", not_negative, contact.friction);
+}
+
+/// [start].
+template <int Dim> void read_start(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  if (!root.has("start")) return;
+  const Section section = root.section("start", {"static", "residual", "spin"});
+  if (!section.boolean("static", true)) {
+    for (const char* key : {"residual", "spin"})
+      if (section.has(key)) section.fail(key, fmt::format("{} means nothing without a static start", key));
+    return;
+  }
+  StaticStart<Dim> start{.where = section.where()};
+  start.residual = section.number("residual", {0.0, 0.1, false, true}, start.residual);
+  if (section.has("spin")) {
+    if (dynamics.common.model.plane == Plane::axisymmetric && Dim == 2)
+      section.fail("spin", "an axisymmetric section does not turn in its plane: take all of the body in space");
+    if constexpr (Dim == 2)
+      start.spin[0] = section.number("spin", any_number);
+    else
+      start.spin = section.template point<3>("spin");
+  }
+  dynamics.static_start = start;
+}
+
+/// [relaxation]; after [time].
+template <int Dim> void read_relaxation(const Section& root, DynamicsSettings<Dim>& dynamics) {
+  if (!root.has("relaxation")) return;
+  const Section section = root.section("relaxation", {"residual", "from"});
+  dynamics.residual = section.number("residual", {0.0, 0.1, false, true}, 1e-3);
+  dynamics.options.rest_from = section.number("from", {0.0, dynamics.end, true, false}, 0.0);
 }
 
 /// [cloud] and [quadrature].
@@ -390,9 +380,9 @@ std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path&
 }  // namespace
 
 Section::Keys dynamics_keys() {
-  return {"title",    "definitions", "geometry", "cloud",      "quadrature", "analysis", "material",
-          "velocity", "fracture",    "wall",     "rigid_body", "boundary",   "gas",      "contact",
-          "probe",    "time",        "dynamics", "otm",        "mpm",        "sph",      "output"};
+  return {"title",    "definitions", "geometry",   "cloud",    "quadrature", "analysis", "material", "velocity",
+          "fracture", "wall",        "rigid_body", "boundary", "gas",        "contact",  "probe",    "time",
+          "dynamics", "relaxation",  "start",      "otm",      "mpm",        "sph",      "output"};
 }
 
 template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
@@ -404,10 +394,10 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   const auto fractures =
       root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain", "spall"});
   const auto walls = root.sections("wall", {"normal", "level", "friction"});
-  const auto rigid_bodies =
-      root.sections("rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "height",
-                                   "origin", "spacing", "friction", "velocity", "spin", "mass", "inertia"});
-  const auto boundaries = root.sections("boundary", {"on", "velocity"});
+  const auto rigid_bodies = root.sections(
+      "rigid_body", {"shape", "normal", "level", "centre", "radius", "axis", "points", "file", "height", "origin",
+                     "spacing", "friction", "velocity", "spin", "mass", "inertia", "free", "force"});
+  const auto boundaries = root.sections("boundary", dynamics_boundary_keys());
   const auto gases = root.sections("gas", {"on", "pressure", "exponent"});
   const auto probes = root.sections(
       "probe", {"name", "largest", "smallest", "extent", "at", "mean_force", "box", "region", "truth", "share"});
@@ -415,25 +405,27 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   DynamicsCase<Dim> result;
   read_common(text, analysis, {{"strain", Plane::strain}, {"axisymmetric", Plane::axisymmetric}}, result.common,
               result.geometry);
-  const Expressions<Dim> expressions =
-      read_definitions<Dim>(root, result.geometry.grey,
-                            {std::nullopt, "only velocities of boundaries and rigid bodies may depend on the time t"});
+  const Expressions<Dim> expressions = read_definitions<Dim>(
+      root, result.geometry.grey,
+      {std::nullopt,
+       "only gravity, what is prescribed on boundaries, and velocities of rigid bodies may depend on the time t"});
   MaterialReader<Dim>(expressions, "explicit dynamics asks").read(root, result.common);
   PlaceReader<Dim> places(result.common);
-  result.gravity = read_gravity<Dim>(analysis, expressions);
   read_velocities<Dim>(velocities, expressions, result);
   result.fractures = read_fractures(fractures);
   read_walls<Dim>(walls, result);
   read_rigid_bodies<Dim>(rigid_bodies, text.folder(), root, result.geometry.grey, result);
-  read_boundary_velocities<Dim>(boundaries, root, result.geometry.grey, places, result);
+  read_times(time, output, result);
+  read_loads<Dim>(analysis, boundaries, root, result.geometry.grey, places, result);
   read_cloud(root, places, result);
   read_dynamics(root, result);
   read_otm(root, result);
   read_mpm(root, result);
   read_sph(root, result);
   read_contact(root, result);
+  read_relaxation(root, result);
+  read_start(root, result);
   read_gases(gases, places, result);
-  read_times(time, output, result);
   read_probes<Dim>(probes, root.section("definitions", {}), expressions, result);
   result.mark = {fingerprint(*text.table, text.folder(), text.geometry, rigid_bodies), 0};
   return result;

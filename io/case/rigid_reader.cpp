@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/case/internal/rigid_reader.hpp"
+#include "efree/io/case/internal/function_of_time.hpp"
 
 #include "efree/core/error.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/terrain.hpp"
-#include "efree/io/case/internal/case_parts.hpp"
+#include "efree/io/case/internal/function_of_time.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -17,21 +18,6 @@ double read_friction(const Section& entry) {
   if (entry.has("friction") && entry.table().get("friction")->is_string())
     return entry.choice<double>("friction", {{"stick", std::numeric_limits<double>::infinity()}}, {});
   return entry.number("friction", not_negative, 0.0);
-}
-
-/// A vector whose components depend on the time alone.
-template <int Dim, int Size> std::function<Vec<Size>(double)> read_function_of_time(
-    const std::array<std::string, static_cast<std::size_t>(Size)>& texts, const Section& entry, std::string_view key,
-    const Section& root, const ScalarField<Dim>& grey) {
-  const std::string where = entry.where(key);
-  const Expressions<Dim> now = read_definitions<Dim>(root, grey, {0.0});
-  for (const std::string& text : texts)
-    if (now.varies(text, where))
-      entry.fail(key,
-                 fmt::format("{} of a rigid body is \"{}\", expected an expression of the time t alone", key, text));
-  const auto function = read_definitions<Dim>(root, grey, {.time = {}, .runs = true})
-                            .template fields<static_cast<std::size_t>(Size)>(texts, where);
-  return [function](double t) { return Vec<Size>(function(t * Vec<Dim>::Unit(0))); };
 }
 
 /// What `read` makes of the file of an entry.
@@ -71,7 +57,9 @@ RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fo
   }
   if (name == "ball") {
     allow({"radius"});
-    return rigid_shapes::ball<Dim>(entry.template point<Dim>("centre"), entry.number("radius", positive));
+    body.corners = entry.template point<Dim>("centre");
+    body.round = entry.number("radius", positive);
+    return rigid_shapes::ball<Dim>(body.centre, body.round);
   }
   if constexpr (Dim == 2) {
     if (name == "polygon") {
@@ -80,6 +68,7 @@ RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fo
       if (corners.size() < 3) entry.fail("points", "points: expected three corners and more");
       Points<2> at(2, static_cast<Index>(corners.size()));
       for (std::size_t k = 0; k < corners.size(); ++k) at.col(static_cast<Index>(k)) << corners[k][0], corners[k][1];
+      body.corners = at;
       return rigid_shapes::solid<2>(at, rigid_shapes::polygon(static_cast<Index>(corners.size())));
     }
   } else {
@@ -90,7 +79,9 @@ RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fo
     }
     if (name == "surface") {
       allow({"file"});
-      return rigid_shapes::solid(read_file(entry, folder, read_surface));
+      const SurfaceSoup surface = read_file(entry, folder, read_surface);
+      body.corners = surface.points;
+      return rigid_shapes::solid(surface);
     }
     if (name == "heights") {
       allow({"file", "height", "level", "origin", "spacing"});
@@ -99,6 +90,21 @@ RigidShape<Dim> read_shape(const Section& entry, const std::filesystem::path& fo
   }
   entry.fail("shape", fmt::format("shape is \"{}\", expected \"plane\", \"ball\", {}", name,
                                   Dim == 2 ? "\"polygon\"" : "\"cylinder\", \"surface\", \"heights\""));
+}
+
+/// The axes that are not named.
+template <int Dim> std::array<bool, Dim> read_held_axes(const Section& entry) {
+  std::array<bool, Dim> held;
+  held.fill(true);
+  for (const std::string& name : entry.texts("free")) {
+    const std::size_t axis =
+        name.size() == 1 ? std::string_view("xyz").substr(0, Dim).find(name[0]) : std::string::npos;
+    if (axis == std::string_view::npos)
+      entry.fail("free",
+                 fmt::format("free names \"{}\", expected axes: \"x\", \"y\"{}", name, Dim == 3 ? ", \"z\"" : ""));
+    held[axis] = false;
+  }
+  return held;
 }
 
 }  // namespace
@@ -138,6 +144,12 @@ template <int Dim> void read_rigid_bodies(const std::vector<Section>& entries, c
     }
     body.mass = entry.number("mass", positive, 0.0);
     body.inertia = entry.number("inertia", positive, 0.0);
+    for (const char* of_free : {"free", "force"})
+      if (entry.has(of_free) && body.mass == 0.0)
+        entry.fail(of_free, fmt::format("{} is of a rigid body with a mass, and there is none", of_free));
+    if (entry.has("free")) body.held = read_held_axes<Dim>(entry);
+    if (entry.has("force"))
+      body.force = read_function_of_time<Dim, Dim>(entry.expressions<Dim>("force"), entry, "force", root, grey);
     if ((body.spin || body.inertia > 0.0) && !entry.has("centre"))
       entry.fail("spin", "key \"centre\" is missing: the point about which the rigid body rotates");
     dynamics.rigid_bodies.push_back({body, entry.where("shape")});

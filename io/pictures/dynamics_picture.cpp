@@ -131,16 +131,40 @@ Surface zero_surface(const ScalarField<3>& field, const Box& box) {
   return surface;
 }
 
-/// As far as there is room in the picture; transparent.
-void draw_rigid_bodies(Canvas& canvas, const Projection& at, const DynamicsPicture<3>& picture) {
+/// As far as there is room in the picture; transparent, and without what is seen from inside, as the lower side of a
+/// plate above the bodies.
+void draw_rigid_bodies(Canvas& canvas, const Projection& at, const View& view, const DynamicsPicture<3>& picture) {
   const Vec3 room = Vec3::Constant(0.25 * picture.view.diagonal().norm());
   canvas.set_veiled(true);
   for (const auto& body : picture.rigid_bodies) {
-    const Surface surface = zero_surface(body, {picture.view.min() - room, picture.view.max() + room});
+    Surface surface = zero_surface(body, {picture.view.min() - room, picture.view.max() + room});
+    std::erase_if(surface.triangles, [&](const Triangle& t) {
+      const Vec3 middle = (surface.points.col(t[0]) + surface.points.col(t[1]) + surface.points.col(t[2])) / 3.0;
+      return body(middle + 1e-3 * room.norm() * view.towards) < 0.0;
+    });
     draw_shaded(canvas, at, surface, Eigen::VectorXf::Zero(surface.points.cols()),
                 [](std::size_t, float) { return Colour::Constant(0.72F); });
   }
   canvas.set_veiled(false);
+}
+
+/// Bodies with their outlines, in space with creases.
+template <int Dim> void draw_skin(Canvas& canvas, const Projection& at, const BodySkin<Dim>& skin, double side,
+                                  bool has_axis, const ColourScale& scale) {
+  if (skin.triangles.empty()) return;
+  Surface surface{in_space<Dim>(skin.nodes), skin.triangles};
+  surface.points.row(0) *= side;
+  const Eigen::VectorXf places = scale.places(skin.values);
+  if constexpr (Dim == 3)
+    draw_shaded(canvas, at, surface, places, [&](std::size_t, float place) { return scale.at(place); });
+  else
+    draw_scaled(canvas, at, surface, places, scale);
+  auto ends = Dim == 3 ? shape_edges(surface) : edges_of(surface, surface.triangles, false);
+  // The two halves of a section that is drawn on both sides have no edge on the axis.
+  if (has_axis)
+    std::erase_if(
+        ends, [&](const Segment& of) { return surface.points(0, of[0]) == 0.0 && surface.points(0, of[1]) == 0.0; });
+  draw_lines(canvas, at, surface.points, ends, 1.5, Colour::Constant(0.1F));
 }
 
 }  // namespace
@@ -156,15 +180,22 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;
   draw_walls(canvas, at, view, picture);
-  draw_rigid_bodies(canvas, at, picture);
-  const ColourScale scale(colour_range(picture.values));
+  if constexpr (solid)
+    draw_rigid_bodies(canvas, at, view, picture);
+  else
+    draw_rigid_bodies(canvas, at, picture);
+  Vector all_values(picture.values.size() + picture.skin.values.size());
+  all_values << picture.values, picture.skin.values;
+  const ColourScale scale(colour_range(all_values));
   const Eigen::VectorXf places = scale.places(picture.values);
+  const std::vector<double> sides = picture.axisymmetric ? std::vector<double>{1.0, -1.0} : std::vector<double>{1.0};
+  for (const double side : sides) draw_skin(canvas, at, picture.skin, side, picture.axisymmetric, scale);
   const Surface marker = round_marker<Dim>(n);
   std::vector<Vec3> normals;  // of the sphere's triangles
   for (const Triangle& t : marker.triangles)
     normals.push_back((marker.points.col(t[0]) + marker.points.col(t[1]) + marker.points.col(t[2])).normalized());
   Points<3> corners(3, marker.points.cols());
-  for (const double side : picture.axisymmetric ? std::vector<double>{1.0, -1.0} : std::vector<double>{1.0})
+  for (const double side : sides)
     for (Index p = 0; p < n; ++p) {
       // As large as the point, and a little more: gaps between circles are no gaps.
       Mat<3> F = 0.8 * picture.size[p] * Eigen::Map<const Mat<3>>(picture.F.col(p).data());
@@ -187,6 +218,7 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
         canvas.triangle({corners.col(a), corners.col(b), corners.col(c)}, ink);
       }
     }
+  canvas.begin_layer();
   draw_scale(canvas, scale);
   canvas.text(picture.title, 50, 1140, 34);
   canvas.text(picture.field, 1570.0 - 13.0 * static_cast<double>(picture.field.size()), 1060, 26);

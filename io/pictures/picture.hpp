@@ -28,8 +28,15 @@ void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings
 /// written.
 template <int Dim> void draw_pieces(const std::filesystem::path& file, const Inspection<Dim>& inspection);
 
+/// What is seen of bodies of cells: triangles, in the plane all of the bodies, in space their surface.
+template <int Dim> struct BodySkin {
+  Points<Dim> nodes{};
+  std::vector<std::array<Index, 3>> triangles{};  ///< of nodes
+  Vector values{};                                ///< at nodes, by colour
+};
 /// Material points of explicit dynamics at one time.
 template <int Dim> struct DynamicsPicture {
+  BodySkin<Dim> skin{};  ///< of the bodies that have cells, and no points in this picture
   Points<Dim> points;
   Tensors F;                 ///< 9 x points: a circle (sphere) around each is drawn as it is deformed
   Vector size;               ///< edges of squares (cubes) as large as the points at the start [length]

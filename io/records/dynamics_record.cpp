@@ -6,14 +6,17 @@
 #include "efree/core/error.hpp"
 #include "efree/core/packer.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/csv.hpp"
 #include "efree/io/records/internal/series.hpp"
 #include "efree/io/records/internal/snake_case.hpp"
+#include "efree/io/records/internal/vector_columns.hpp"
 #include "efree/io/records/writers.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <regex>
 
 namespace efree {
@@ -29,11 +32,7 @@ std::string frame_name(const char* kind, std::size_t number) {
   return fmt::format("{}_{:04}.vtu", kind, number);
 }
 
-/// Components of a vector; of one that has one component alone, the z axis's.
-template <class Values> void add_vector(const std::string& name, const Values& values, Numbers& line) {
-  for (int i = 0; i < values.size(); ++i)
-    line.emplace_back(fmt::format("{}.{}", name, axis_names[values.size() == 1 ? 2 : i]), values[i]);
-}
+using internal::add_vector;
 
 template <int Dim> Numbers history_numbers(const Dynamics<Dim>& dynamics) {
   const auto balance = dynamics.balance();
@@ -177,7 +176,9 @@ template <int Dim> void DynamicsRecord<Dim>::add_line(const Dynamics<Dim>& dynam
 
 template <int Dim> void DynamicsRecord<Dim>::write_history() const {
   std::ofstream out(folder_ / history_name, std::ios::trunc);
-  if (!columns_.empty()) out << fmt::format("{}\n", fmt::join(columns_, ",")) << lines_;
+  std::vector<std::string> cells;
+  std::ranges::transform(columns_, std::back_inserter(cells), internal::csv_cell);
+  if (!cells.empty()) out << fmt::format("{}\n", fmt::join(cells, ",")) << lines_;
   if (!out.flush()) internal::cannot_write(folder_ / history_name);
 }
 

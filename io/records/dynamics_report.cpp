@@ -85,6 +85,17 @@ template <int Dim> ordered_json rigid_body_json(const RigidState<Dim>& body) {
           {"force", json_array(body.force)},   {"impulse", json_array(body.impulse)},   {"work", body.work}};
 }
 
+template <int Dim> ordered_json contact_json(const typename ContactForces<Dim>::Pair& pair) {
+  return {{"body", pair.body},
+          {"with", pair.with},
+          {"impulse", json_array(pair.impulse)},
+          {"peak_force",
+           {{"value", pair.peak.norm()},
+            {"force", json_array(pair.peak)},
+            {"from", pair.peak_begin},
+            {"to", pair.peak_end}}}};
+}
+
 template <int Dim> ordered_json probes_json(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
   ordered_json json = ordered_json::object();
   for (const auto& [name, values] : measure_probes(settings, model)) {
@@ -115,8 +126,9 @@ template <int Dim> ordered_json extremes_json(const Dynamics<Dim>& dynamics) {
 }  // namespace
 
 template <int Dim> void write_dynamics_result(const std::filesystem::path& file, const DynamicsCase<Dim>& dynamics_case,
-                                              const DynamicsModel<Dim>& model, const DynamicsOutcome& outcome,
-                                              const std::vector<std::string>& warnings, const StageTimes& times) {
+                                              const DynamicsModel<Dim>& model, const ContactForces<Dim>& contacts,
+                                              const DynamicsOutcome& outcome, const std::vector<std::string>& warnings,
+                                              const StageTimes& times) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const auto balance = dynamics.balance();
   const Ledger ledger = dynamics.ledger();
@@ -128,6 +140,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   json["bodies"] = model.names;
   json["time"] = dynamics.time();
   if (!outcome.stop_reason.empty()) json["stopped"] = outcome.stop_reason;
+  if (outcome.residual) json["relaxation"] = {{"residual", *outcome.residual}, {"at_rest", outcome.at_rest}};
   json["counts"] = counts_json(dynamics, ledger);
   json["stable_step"] = dynamics.stable_step();
   json["energy"] = energy_json(balance.energies, dynamics.energy());
@@ -136,6 +149,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   for (const RigidState<Dim>& body : dynamics.rigid_bodies()) json["rigid_bodies"].push_back(rigid_body_json(body));
   const Points<Dim> walls = dynamics.wall_forces();
   for (Index w = 0; w < walls.cols(); ++w) json["walls"].push_back({{"force", json_array(walls.col(w))}});
+  for (const auto& pair : contacts.pairs()) json["contacts"].push_back(contact_json<Dim>(pair));
   json["probes"] = probes_json<Dim>(dynamics_case, model);
   json["extremes"] = extremes_json(dynamics);
   internal::add_utilisations(largest_utilisations(model), json);
@@ -150,11 +164,11 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   internal::write_json(file, json);
 }
 
-#define EFREE_INSTANTIATE(Dim)                                                                             \
-  template std::string describe_model(const DynamicsModel<Dim>&);                                          \
-  template std::vector<std::string> describe_run(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&); \
-  template void write_dynamics_result(const std::filesystem::path&, const DynamicsCase<Dim>&,              \
-                                      const DynamicsModel<Dim>&, const DynamicsOutcome&,                   \
+#define EFREE_INSTANTIATE(Dim)                                                                                      \
+  template std::string describe_model(const DynamicsModel<Dim>&);                                                   \
+  template std::vector<std::string> describe_run(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&);          \
+  template void write_dynamics_result(const std::filesystem::path&, const DynamicsCase<Dim>&,                       \
+                                      const DynamicsModel<Dim>&, const ContactForces<Dim>&, const DynamicsOutcome&, \
                                       const std::vector<std::string>&, const StageTimes&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)

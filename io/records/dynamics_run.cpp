@@ -7,6 +7,7 @@
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/pictures/picture.hpp"
 #include "efree/io/records/internal/unfinished.hpp"
+#include "efree/io/records/internal/vector_columns.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view dynamics_state_kind = "efree dynamics 2\n";
+constexpr std::string_view dynamics_state_kind = "efree dynamics 3\n";
 constexpr const char* dynamics_state_name = "dynamics.state";
 
 /// Values of the probes, by columns.
@@ -37,12 +38,56 @@ template <int Dim> typename DynamicsRecord<Dim>::Numbers probe_columns(const Dyn
   return columns;
 }
 
+/// Forces of contact, by columns.
+template <int Dim> void add_contact_columns(const ContactForces<Dim>& contacts, bool has_moments,
+                                            typename DynamicsRecord<Dim>::Numbers& columns) {
+  for (const auto& pair : contacts.pairs()) {
+    internal::add_vector(fmt::format("contact.{}.force", pair.name()), pair.force, columns);
+    if (has_moments) internal::add_vector(fmt::format("contact.{}.moment", pair.name()), pair.moment, columns);
+  }
+}
+
 /// Whether energies, positions, velocities and all fields are finite.
 template <int Dim> bool is_finite(const Dynamics<Dim>& dynamics) {
   const auto scalars = point_scalars(dynamics);
   return std::isfinite(dynamics.balance().total()) && std::isfinite(dynamics.energy().error()) &&
          dynamics.nodes().allFinite() && dynamics.velocities().allFinite() &&
          std::ranges::all_of(scalars, [](const auto& entry) { return entry.second.allFinite(); });
+}
+
+/// In the picture of material points those that have cells are drawn by these: in the plane each of them, in space the
+/// surface. A node has the mean value of the cells around it.
+template <int Dim> void show_cells(const Dynamics<Dim>& dynamics, DynamicsPicture<Dim>& picture) {
+  const World<Dim>& world = dynamics.world();
+  if (!dynamics.nodes_persist()) return;
+  Vector volume = Vector::Zero(dynamics.num_nodes()), value = volume;
+  std::vector<Index> others;
+  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
+    const Cells<Dim>& cells = world.bodies[b].cells;
+    for (Index p = world.first_point[b]; p < world.first_point[b + 1]; ++p) {
+      if (cells.cols() == 0) others.push_back(p);
+      if (cells.cols() == 0 || dynamics.is_eroded(p)) continue;
+      const auto [chunk, k] = world.locate(p);
+      std::array<Index, 3> triangle{};
+      for (int i = 0; i <= Dim; ++i) {
+        const Index node = world.nodes.leader_of(world.first_node[b] + cells(i, p - world.first_point[b]));
+        volume[node] += chunk.matter.volume[k];
+        value[node] += chunk.matter.volume[k] * picture.values[p];
+        if (i < 3) triangle[static_cast<std::size_t>(i)] = node;
+      }
+      if (Dim == 2) picture.skin.triangles.push_back(triangle);
+    }
+    if constexpr (Dim == 3) {
+      const Facets<Dim> facets = outer_facets(world, b);
+      for (const auto& facet : facets.colwise()) picture.skin.triangles.push_back({facet[0], facet[1], facet[2]});
+    }
+  }
+  if (picture.skin.triangles.empty()) return;
+  picture.skin.nodes = dynamics.nodes();
+  picture.skin.values = (volume.array() > 0.0).select(value.cwiseQuotient(volume), picture.values.minCoeff());
+  picture.points = Points<Dim>(picture.points(Eigen::all, others));
+  picture.F = Tensors(picture.F(Eigen::all, others));
+  for (Vector* of : {&picture.size, &picture.values}) *of = Vector((*of)(others));
 }
 
 /// Files of a run in a folder.
@@ -87,7 +132,7 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
   std::string record;
   try {
     Unpacker unpack(sealed.packed());
-    unpack(record);
+    unpack(record), unpack(contact_forces_);
     model.dynamics.restore(unpack.rest());
     if (!is_finite(model.dynamics)) internal::is_damaged(file);
   } catch (const InputError&) {
@@ -111,7 +156,10 @@ template <int Dim> void DynamicsRun<Dim>::add_bodies(const FineMesh<Dim>& mesh) 
 
 template <int Dim> void DynamicsRun<Dim>::add_history_line(const DynamicsModel<Dim>& model) {
   begin();
-  record_->add_line(model.dynamics, probe_columns<Dim>(case_, model));
+  contact_forces_.add_line(model);
+  auto columns = probe_columns<Dim>(case_, model);
+  add_contact_columns<Dim>(contact_forces_, !model.dynamics.world().axisymmetric(), columns);
+  record_->add_line(model.dynamics, columns);
 }
 
 template <int Dim> void DynamicsRun<Dim>::add_frame(const DynamicsModel<Dim>& model) {
@@ -129,18 +177,19 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
   };
   auto field = find(case_.colour.empty() ? "equivalent_plastic_strain" : case_.colour);
   if (field == scalars.end()) field = find("von_mises");
-  const Index num_points = dynamics.num_points();
   DynamicsPicture<Dim> picture{.points = dynamics.points(),
                                .F = dynamics.deformation(),
                                // Where there are other points, they get the mean size of those at the start.
-                               .size = model.point_sizes.size() == num_points
+                               .size = model.point_sizes.size() == dynamics.num_points()
                                            ? model.point_sizes
-                                           : Vector::Constant(num_points, model.point_sizes.mean()),
+                                           : Vector::Constant(dynamics.num_points(), model.point_sizes.mean()),
                                .values = field->second,
                                .title = fmt::format("{}, time {:.4g}", case_.common.title, dynamics.time()),
                                .field = field->first,
                                .view = model.initial_box,
                                .axisymmetric = case_.common.model.plane == Plane::axisymmetric};
+  const Index num_points = dynamics.num_points();
+  show_cells(dynamics, picture);
   if (const Vector& radius = dynamics.world().nodes.radius; dynamics.scheme() == "sph") {
     // Particles do not stretch with what flows past them.
     picture.size = 2.0 * radius;
@@ -148,6 +197,11 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
   }
   const Points<Dim> extent = model.probes_points ? dynamics.points() : dynamics.nodes();
   for (Index a = 0; a < extent.cols(); ++a) picture.view.extend(Vec<Dim>(extent.col(a)));
+  if (picture.axisymmetric) {
+    Vec<Dim> mirrored = picture.view.max();
+    mirrored[0] = -mirrored[0];
+    picture.view.extend(mirrored);
+  }
   for (const auto& [wall, where] : case_.walls) picture.walls.push_back(wall);
   const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
   for (std::size_t k = 0; k < states.size(); ++k)
@@ -160,8 +214,9 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
 template <int Dim> void DynamicsRun<Dim>::write_checkpoint(const DynamicsModel<Dim>& model) {
   begin();
   std::string record = record_->state();
+  ContactForces<Dim> forces = contact_forces_;
   Packer pack;
-  pack(record);
+  pack(record), pack(forces);
   internal::write_sealed(unfinished_->folder() / dynamics_state_name, dynamics_state_kind, Dim, case_.mark,
                          {std::move(pack).bytes(), model.dynamics.state()});
 }

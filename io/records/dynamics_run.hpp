@@ -4,6 +4,7 @@
 
 #include "efree/io/case/case_file.hpp"
 #include "efree/io/files/output_directory.hpp"
+#include "efree/io/records/contact_forces.hpp"
 #include "efree/io/records/dynamics_record.hpp"
 
 #include <filesystem>
@@ -40,6 +41,8 @@ template <int Dim> class DynamicsRun {
   /// Adds all files to the results, in place of older ones. Call `remove_unfinished` once these are in place.
   void finish(OutputDirectory& out) const;
   void remove_unfinished();
+  /// By the lines of the history so far.
+  const ContactForces<Dim>& contact_forces() const { return contact_forces_; }
 
  private:
   void begin();
@@ -50,6 +53,7 @@ template <int Dim> class DynamicsRun {
   bool pictures_;
   std::unique_ptr<internal::Unfinished> unfinished_;
   std::optional<DynamicsRecord<Dim>> record_;
+  ContactForces<Dim> contact_forces_;
 };
 
 }  // namespace efree

@@ -2,29 +2,20 @@
 #include "efree/io/records/history.hpp"
 
 #include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/csv.hpp"
 
 #include <fmt/format.h>
 #include <fstream>
 
 namespace efree {
-namespace {
 
-/// As a cell of a table: names may hold commas and quotes.
-std::string cell(const std::string& name) {
-  if (name.find_first_of(",\"\n") == std::string::npos) return name;
-  std::string text;
-  for (const char c : name) text += c == '"' ? "\"\"" : std::string(1, c);
-  return '"' + text + '"';
-}
-
-}  // namespace
-
+using internal::csv_cell;
 template <int Dim> std::string history_header(const Settings<Dim>& settings, const HistoryStep<Dim>& any) {
   std::string line = "t,iterations,residual,stored,dissipated,smallest_J,plastic_share,negative_pivots";
   for (const auto& [part, of] : any.reactions)
-    for (int i = 0; i < Dim; ++i) line += ',' + cell(fmt::format("reaction.{}.{}", part, "xyz"[i]));
+    for (int i = 0; i < Dim; ++i) line += ',' + csv_cell(fmt::format("reaction.{}.{}", part, "xyz"[i]));
   for (const auto& probe : settings.probes)
-    for (int i = 0; i < Dim; ++i) line += ',' + cell(fmt::format("probe.{}.u{}", probe.name, "xyz"[i]));
+    for (int i = 0; i < Dim; ++i) line += ',' + csv_cell(fmt::format("probe.{}.u{}", probe.name, "xyz"[i]));
   return line + '\n';
 }
 

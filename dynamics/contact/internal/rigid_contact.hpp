@@ -35,7 +35,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   /// A wall or rigid body in the run.
   struct Rigid {
     RigidBody<Dim> body;
-    Index wall;                                     ///< which of World::walls it is; -1: none
+    ContactPartner who;                             ///< which of World::walls, or of the rigid bodies, it is
     RigidState<Dim> now, before;                    ///< before: a step ago
     std::vector<Index> near_points{};               ///< surface points that may come into contact soon, ascending
     Points<Dim> point_impulses{};                   ///< on these in the last step
@@ -44,14 +44,33 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     std::vector<DelayedFriction> point_friction{};  ///< by near point
     Vec<Dim> impulse = Vec<Dim>::Zero();            ///< of the bodies on it in this step
     Spin<Dim> angular_impulse = Spin<Dim>::Zero();  ///< likewise, about the centre
+    Vec<Dim> velocity_before = Vec<Dim>::Zero();    ///< without contact, in this step
 
-    bool is_wall() const { return wall >= 0; }
+    bool is_wall() const { return who.kind == ContactPartner::Kind::wall; }
     bool has_coulomb_friction() const { return body.friction > 0.0 && std::isfinite(body.friction); }
     bool is_free() const { return body.mass > 0.0 || body.inertia > 0.0; }
     /// Counts an impulse on a body at a position.
-    void add_reaction(const Vec<Dim>& at, const Vec<Dim>& on_body) {
-      impulse -= on_body;
-      angular_impulse -= moment_about_origin<Dim>(at - now.centre, on_body);
+    void add_reaction(World<Dim>& world, Index to, const Vec<Dim>& at, const Vec<Dim>& on_body) {
+      world.contacts.add(body_partner(to), who, at, on_body);
+      add_impulse(at, -on_body);
+    }
+    /// Counts an impulse on it at a position.
+    void add_impulse(const Vec<Dim>& at, const Vec<Dim>& on_it) {
+      impulse += on_it;
+      angular_impulse += moment_about_origin<Dim>(at - now.centre, on_it);
+    }
+    /// Velocity of the place of an impulse of one on it.
+    Vec<Dim> mobility_times(const Vec<Dim>& arm, const Vec<Dim>& on_it) const {
+      Vec<Dim> result = Vec<Dim>::Zero();
+      if (body.mass > 0.0) result += body.free_axes().cwiseProduct(on_it) / body.mass;
+      if (body.inertia > 0.0)
+        result += rotation_velocity<Dim>(Spin<Dim>(moment_about_origin<Dim>(arm, on_it) / body.inertia), arm);
+      return result;
+    }
+    /// Its velocities change by that impulse.
+    void push(const Vec<Dim>& at, const Vec<Dim>& on_it) {
+      if (body.mass > 0.0) now.velocity += body.free_axes().cwiseProduct(on_it) / body.mass;
+      if (body.inertia > 0.0) now.spin += moment_about_origin<Dim>(at - now.centre, on_it) / body.inertia;
     }
     /// Its velocity at a position, the mean of a step ago and now.
     Vec<Dim> mean_velocity(const Vec<Dim>& at) const {
@@ -59,21 +78,29 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     }
     // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
     friend auto fields(Rigid& of) {
-      auto& [body, wall, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
-             angular_impulse] = of;
+      auto& [body, who, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+             angular_impulse, velocity_before] = of;
       return std::tie(now, near_points, point_impulses, travelled, friction, point_friction);
     }
   };
   /// What a rigid body does to a node in a step.
   struct OnNode {
     Vec<Dim> impulse = Vec<Dim>::Zero();
-    DelayedFriction friction{};  ///< after it
+    Vec<Dim> by_friction = Vec<Dim>::Zero();  ///< the part of it along the surface
+    DelayedFriction friction{};               ///< after it
+  };
+  /// An impulse on a rigid body by another one.
+  struct RigidImpulse {
+    std::size_t on, of;
+    Vec<Dim> at, normal;  ///< outwards of `of`
+    double closing;       ///< velocity along the normal at which they touch
+    Vec<Dim> impulse = Vec<Dim>::Zero();
   };
   /// An impulse on a node.
   struct NodeImpulse {
     std::size_t rigid;  ///< that it is of
     Index node;
-    Vec<Dim> impulse;
+    Vec<Dim> impulse, by_friction;
   };
 
   const Points<Dim>* held_by_scheme(const Rigid& rigid) const;
@@ -82,6 +109,9 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
                  Mat<Dim>* slope) const;
   void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
   void apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt);
+  // Rigid bodies (rigid_pairs.cpp).
+  void find_rigid_pairs(const World<Dim>& world, double dt);
+  void apply_to_rigid_bodies(World<Dim>& world, double dt);
   // Points of the material (point_impulses.cpp).
   void apply_to_points(World<Dim>& world, Rigid& rigid, double dt);
   // Surface points (surface_impulses.cpp).
@@ -96,6 +126,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   // In this step.
   std::vector<Gap<Dim>> gaps_;  ///< by node, to one rigid body
   std::vector<NodeImpulse> node_impulses_;
+  std::vector<RigidImpulse> rigid_impulses_;
 };
 
 }  // namespace efree::internal

@@ -16,6 +16,7 @@ template <int Dim> struct SharedNode {
   double front[2] = {-std::numeric_limits<double>::infinity(),
                      -std::numeric_limits<double>::infinity()};  ///< of each, along and against the normal
   Vec<Dim> impulse = Vec<Dim>::Zero();                           ///< on the first
+  Vec<Dim> by_friction = Vec<Dim>::Zero();                       ///< the part of it across the normal
 };
 
 template <int Dim> class GridContact final : public Interaction<Dim> {
@@ -128,7 +129,9 @@ template <int Dim> void GridContact<Dim>::apply_impulses(World<Dim>& world, doub
     if (!(mobility > 0.0)) continue;
     const Vec<Dim> slip = relative - relative.dot(shared.normal) * shared.normal;
     const double sliding = slip.norm(), most = friction_ * excess;
-    shared.impulse = -(excess * shared.normal + (sliding > most ? most / sliding : 1.0) * slip) / mobility;
+    shared.by_friction = -(sliding > most ? most / sliding : 1.0) / mobility * slip;
+    shared.impulse = -excess / mobility * shared.normal + shared.by_friction;
+    world.contacts.add(body_partner(nodes.body[a]), body_partner(nodes.body[b]), nodes.x.col(a), shared.impulse);
     nodes.v.col(a) += nodes.free.col(a).cwiseProduct(shared.impulse) / nodes.mass[a];
     nodes.v.col(b) -= nodes.free.col(b).cwiseProduct(shared.impulse) / nodes.mass[b];
   }
@@ -136,9 +139,11 @@ template <int Dim> void GridContact<Dim>::apply_impulses(World<Dim>& world, doub
 
 template <int Dim> void GridContact<Dim>::finish_kick(World<Dim>& world, double /*kick*/, double /*dt*/) {
   const Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0, held = 0.0;
+  double lost = 0.0, rubbed = 0.0, held = 0.0;
   for (const SharedNode<Dim>& shared : shared_) {
     const auto [a, b] = shared.node;
+    const Vec<Dim> twice_a = nodes.v.col(a) + nodes.v_before.col(a), twice_b = nodes.v.col(b) + nodes.v_before.col(b);
+    rubbed -= 0.5 * shared.by_friction.dot(twice_a - twice_b);
     for (const auto& [node, impulse] : {std::pair(a, shared.impulse), std::pair(b, Vec<Dim>(-shared.impulse))}) {
       // Supports take what would change velocities that are prescribed.
       const Vec<Dim> v = nodes.v.col(node), before = nodes.v_before.col(node),
@@ -147,7 +152,8 @@ template <int Dim> void GridContact<Dim>::finish_kick(World<Dim>& world, double 
       lost -= 0.5 * impulse.dot(v + before) - 0.5 * on_support.dot(before - v);
     }
   }
-  world.ledger.add_energy("contact", EnergyKind::loss, lost);
+  world.ledger.add_energy("contact", EnergyKind::loss, lost - rubbed);
+  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
   world.ledger.add_energy("prescribed", EnergyKind::work, held);
 }
 

@@ -155,12 +155,11 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
   momentum_before_.resize(world.num_bodies());
   owed_.setZero(Dim, world.num_bodies());
   grid_.rebuild(world, true);
-  if (world.num_bodies() > 1 && world.options.contact.enabled) {
-    // After prescribed velocities, before walls and rigid bodies.
+  // After prescribed velocities, before walls and rigid bodies.
+  if (world.num_bodies() > 1 && world.options.contact.enabled)
     world.interactions.insert(world.interactions.begin() + 3,
                               internal::grid_contact<Dim>(grid_, world.options.contact.friction));
-    world.options.contact.enabled = false;  // there are no facets
-  }
+  world.options.contact.enabled = false;  // there are no facets
 }
 
 /// Velocities of the particles and around them, by those of the nodes.

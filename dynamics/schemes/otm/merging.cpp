@@ -31,7 +31,7 @@ template <int Dim> class CloseNodes {
   CloseNodes(World<Dim>& world, OtmState<Dim>& state) : world_(world), state_(state) {}
 
   void merge() {
-    state_.cracks.update(world_);
+    state_.visibility.update(world_);
     state_.search.follow(world_);
     for (Index c = 0; c < static_cast<Index>(world_.chunks.size()); ++c) {
       Chunk<Dim>& chunk = world_.chunks[c];
@@ -60,7 +60,7 @@ template <int Dim> class CloseNodes {
     std::vector<std::pair<double, Index>> slopes;
     for (const auto& [a, entry] : chunk.table.row(p)) {
       const Vec<Dim> dN = Eigen::Map<const Vec<Dim>>(entry.dN);
-      if (!state_.is_merged(a)) slopes.emplace_back(-std::abs(n.dot(inverse.transpose() * dN)), a);
+      if (!world_.nodes.follows(a)) slopes.emplace_back(-std::abs(n.dot(inverse.transpose() * dN)), a);
     }
     std::ranges::sort(slopes);
     if (slopes.size() > 4) slopes.resize(4);
@@ -68,7 +68,7 @@ template <int Dim> class CloseNodes {
       const Index a = steep;
       const auto distance = [&](Index b) { return (nodes.x.col(b) - nodes.x.col(a)).squaredNorm(); };
       const Index with = find_nearest(chunk.table.row(p) | std::views::keys, distance, [&](Index b) {
-        return b != a && !state_.is_merged(b) && nodes.body[b] == nodes.body[a];
+        return b != a && !world_.nodes.follows(b) && nodes.body[b] == nodes.body[a];
       });
       if (with < 0 || std::sqrt(distance(with)) > reach * 0.5 * (nodes.spacing[a] + nodes.spacing[with])) continue;
       // The surface stays where it is.
@@ -82,7 +82,7 @@ template <int Dim> class CloseNodes {
   /// and this point of these has wider ones. Nodes that these count on are locked.
   bool merge_if_wider(Index a, Index with, Index of_chunk, Index of_point, double width) {
     if (locked_.contains(a) || locked_.contains(with) || !has_supports_of(world_, with, a)) return false;
-    state_.merged[a] = with;
+    world_.nodes.leader[a] = with;
     ShapeFunctions<Dim> tried(world_, state_);
     const auto has_shape_functions = [&](Index c, Index p) {
       Mat<Dim> metric = world_.chunks[c].support.metric[p];
@@ -98,7 +98,7 @@ template <int Dim> class CloseNodes {
         good = has_shape_functions(c, p);
         counted_on.insert(tried.nodes().begin(), tried.nodes().end());
       });
-    state_.merged[a] = -1;
+    world_.nodes.leader[a] = -1;
     if (!good) return false;
     locked_.merge(counted_on);
     state_.merge_node(world_, a, with);
@@ -226,7 +226,7 @@ template <int Dim> void merge_detached_nodes(World<Dim>& world, OtmState<Dim>& s
       for (const auto& [a, entry] : chunk.table.row(p))
         largest[a] = std::max(largest[a], chunk.is_eroded(p) ? 1.0 : entry.N);
   const auto is_detached = [&](Index a) {
-    return !state.is_merged(a) && largest[a] > 0.0 && largest[a] < least_shape_function;
+    return !nodes.follows(a) && largest[a] > 0.0 && largest[a] < least_shape_function;
   };
   std::vector<char> on_surface;
   for (Index a = 0; a < nodes.size(); ++a) {
@@ -241,7 +241,7 @@ template <int Dim> void merge_detached_nodes(World<Dim>& world, OtmState<Dim>& s
       return std::pair(leaves, (nodes.x.col(b) - nodes.x.col(a)).squaredNorm());
     };
     const Index with = find_nearest(near_by, distance, [&](Index b) {
-      return b != a && !state.is_merged(b) && !is_detached(b) && nodes.body[b] == nodes.body[a] &&
+      return b != a && !nodes.follows(b) && !is_detached(b) && nodes.body[b] == nodes.body[a] &&
              has_supports_of(world, b, a);
     });
     if (with >= 0) state.merge_node(world, a, with);

@@ -118,7 +118,7 @@ template <int Dim> class EdgeSplitting {
       const double room = (is_outer ? 0.25 : 0.5) * longest(edge);
       state_.search.within(body_, middle, room, near_by);
       const auto is_in_the_way = [&](Index a) {
-        return (x(a) - middle).squaredNorm() <= room * room && !state_.is_merged(first_ + a) &&
+        return (x(a) - middle).squaredNorm() <= room * room && !world_.nodes.follows(first_ + a) &&
                (!is_outer || on_surface[first_ + a] != 0);
       };
       const auto is_near = [&](const Split& other) { return (other.middle - middle).squaredNorm() < room * room; };
@@ -145,8 +145,6 @@ template <int Dim> class EdgeSplitting {
         if (has_both && !chunk.is_eroded(p)) state_.points[c].mark(p);
       });
     }
-    for (Index& with : state_.merged) shift_node(with, next, count);
-    state_.merged.insert(state_.merged.begin() + next, count, -1);
     for (auto& [node, with] : state_.seized) shift_node(node, next, count);
     world_.insert_nodes(body_, at, velocity, spacings);
     stable.nodes_inserted(next, count);

@@ -64,15 +64,15 @@ template <int Dim> void OtmState<Dim>::mark_points_of(const World<Dim>& world, I
 }
 
 template <int Dim> void OtmState<Dim>::merge_node(World<Dim>& world, Index a, Index with) {
-  merged[a] = with;
-  std::ranges::replace(merged, a, with);
-  world.nodes.active[a] = 0;
+  std::ranges::replace(world.nodes.leader, a, with);
+  world.nodes.leader[a] = with;
   // Cells collapse with their edge.
   const Index body = world.nodes.body[a], first = world.first_node[body];
   for (Index& corner : world.bodies[body].cells.reshaped())
     if (corner == a - first) corner = with - first;
   outer[body].clear();
   for_each_point_of(world, a, [&](Index c, Index p) { points[c].mark(p); });
+  for (const auto& interaction : world.interactions) interaction->node_merged(world, a, with);
   nodes_changed = true;
   ++world.surface_changes;
   world.ledger.add_count("merged nodes", 1);
@@ -131,7 +131,7 @@ template <int Dim> class Seizing final : public Interaction<Dim> {
     const auto is_seized = [&](Index a, Index body) { return std::ranges::binary_search(seized, NodePair(a, body)); };
     for (const auto& near : surfaces_.near()) {
       const Index a = near.node;
-      if (state_.is_merged(a) || is_seized(a, near.body)) continue;
+      if (world.nodes.follows(a) || is_seized(a, near.body)) continue;
       const Facets<Dim>& facets = surfaces_.surfaces()[near.body].facets;
       NearestFacet<Dim> nearest(1e-9 * nodes.spacing[a]);
       for (const Index f : near.facets)
@@ -170,15 +170,18 @@ template <int Dim> class Otm final : public Scheme<Dim> {
  public:
   explicit Otm(const OtmOptions& options) { state_.options = options; }
   std::string name() const override { return "otm"; }
-  void pack(Archive& archive) override { archive(state_.points, state_.merged, state_.nodes_changed, state_.seized); }
+  void pack(Archive& archive) override { archive(state_.points, state_.nodes_changed, state_.seized); }
   void resume(World<Dim>&) override { state_.outer.assign(state_.outer.size(), {}); }
 
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override {
     require_bodies(bodies);
-    state_.merged.assign(world.nodes.size(), -1);
     state_.outer.resize(bodies.size());
     for (Index b = 0; b < world.num_bodies(); ++b) world.bodies[b].holds_inverted = !bodies[b].fracture.on();
     state_.search.follow(world);
+    if (state_.options.seizing) world.options.contact.enabled = false;
+    require(!world.options.tied || state_.options.insertion == 0.0,
+            "tied bodies get no new nodes: expected no insertion");
+    state_.visibility.update(world);
     begin_supports(world);
     std::vector<std::int64_t> iterations(world.chunks.size());
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
@@ -201,17 +204,10 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     if (state_.options.exact_integration && state_.options.reconnection_strain > 0.0) integrate_exactly(world, state_);
     sum_lumped_masses(world);
     require_masses(world);
-    if (state_.options.seizing) {
-      world.options.contact.enabled = false;
-      world.interactions.push_back(std::make_unique<Seizing<Dim>>(*this, state_));
-    }
+    if (state_.options.seizing) world.interactions.push_back(std::make_unique<Seizing<Dim>>(*this, state_));
   }
 
   void refresh(World<Dim>& world, StableStep<Dim>& stable) override {
-    Nodes<Dim>& nodes = world.nodes;
-    for (Index a = 0; a < nodes.size(); ++a)
-      if (state_.is_merged(a))
-        for (Points<Dim>* values : {&nodes.x, &nodes.x_rest, &nodes.v}) values->col(a) = values->col(state_.merged[a]);
     // Points are of no two pairs: what pairs them takes turns.
     const OtmOptions& options = state_.options;
     const Index turn = world.steps % 32;
@@ -250,7 +246,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     const Cells<Dim>& cells = world.bodies[chunk.body].cells;
     if (cells.cols() == 0) return;
     for (const Index corner : cells.col(chunk.number[point]))
-      state_.mark_points_of(world, world.first_node[chunk.body] + corner);
+      state_.mark_points_of(world, world.nodes.leader_of(world.first_node[chunk.body] + corner));
   }
 
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override {

@@ -142,7 +142,7 @@ template <int Dim> class Reconnecting {
     if (changes_.empty()) return;
     auto start = std::chrono::steady_clock::now();
     state_.search.follow(world_);
-    state_.cracks.update(world_);
+    state_.visibility.update(world_);
     update_points();
     compute_shape_functions();
     share_and_move_references();
@@ -257,7 +257,7 @@ template <int Dim> class Reconnecting {
     for (Index a = 0; a < nodes.size(); ++a) {
       if (masses[a] == 0.0 && momenta.col(a).isZero(0.0)) continue;
       const Vec<Dim> l = nodes.mass[a] * nodes.v.col(a) + momenta.col(a);
-      nodes.mass[a] = state_.is_merged(a) ? 0.0 : nodes.mass[a] + masses[a];
+      nodes.mass[a] = world_.nodes.follows(a) ? 0.0 : nodes.mass[a] + masses[a];
       if (state_.options.momentum != MomentumTransfer::nodes && nodes.mass[a] > 0.0) nodes.v.col(a) = l / nodes.mass[a];
     }
     for (const auto& one : world_.prescribed) nodes.v(one.axis, one.node) = one.velocity;
@@ -291,10 +291,10 @@ template <int Dim> class Reconnecting {
   void merge_nodes_without_points() {
     Nodes<Dim>& nodes = world_.nodes;
     const auto has_points = [&](Index a) {
-      return !state_.is_merged(a) && world_.node_chunks.offsets[a + 1] > world_.node_chunks.offsets[a];
+      return !world_.nodes.follows(a) && world_.node_chunks.offsets[a + 1] > world_.node_chunks.offsets[a];
     };
     for (Index a = 0; a < nodes.size(); ++a) {
-      if (state_.is_merged(a) || has_points(a)) continue;
+      if (world_.nodes.follows(a) || has_points(a)) continue;
       const auto distance = [&](Index b) { return (nodes.x.col(b) - nodes.x.col(a)).squaredNorm(); };
       const Index with = find_nearest(world_.nodes_of(nodes.body[a]), distance, has_points);
       if (with < 0) continue;

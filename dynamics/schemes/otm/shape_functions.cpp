@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <map>
-#include <numeric>
 
 namespace efree::internal {
 namespace {
@@ -61,51 +60,6 @@ template <int Dim> void NodeSearch<Dim>::follow(const World<Dim>& world) {
   }
 }
 
-template <int Dim> void CrackVisibility<Dim>::update(const World<Dim>& world) {
-  const std::array now{world.num_eroded, world.surface_changes, world.point_changes};
-  if (std::exchange(changes_, now) == now) return;
-  cells_.assign(world.num_eroded > 0 ? world.num_bodies() : 0, {});
-  for (std::size_t b = 0; b < cells_.size(); ++b) {
-    const Cells<Dim>& cells = world.bodies[b].cells;
-    const auto for_each_corner = [&](const auto& visit) {
-      for (Index c = 0; c < cells.cols(); ++c)
-        if (const auto& [chunk, p] = world.locate(world.first_point[b] + c); !chunk.is_eroded(p))
-          for (const Index a : cells.col(c)) visit(a, c);
-    };
-    auto& [offsets, around] = cells_[b];
-    offsets.assign(world.first_node[b + 1] - world.first_node[b] + 1, 0);
-    for_each_corner([&](Index a, Index) { ++offsets[a]; });
-    std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());  // ends of the rows, which are filled backwards
-    around.resize(offsets.back());
-    for_each_corner([&](Index a, Index c) { around[--offsets[a]] = c; });
-  }
-}
-
-template <int Dim> void CrackVisibility<Dim>::keep_connected(const World<Dim>& world, Index body, Index point,
-                                                             std::vector<Index>& nodes) const {
-  const Cells<Dim>& cells = world.bodies[body].cells;
-  const Index first_node = world.first_node[body];
-  thread_local std::vector<char> reached;
-  thread_local std::vector<Index> front;
-  reached.assign(nodes.size(), 0);
-  front.assign(cells.col(point).begin(), cells.col(point).end());
-  while (!front.empty()) {
-    const Index from = front.back();
-    front.pop_back();
-    for (const Index c : cells_[body][from])
-      for (const Index a : cells.col(c)) {
-        const auto place = std::ranges::lower_bound(nodes, first_node + a);
-        if (place == nodes.end() || *place != first_node + a || reached[place - nodes.begin()] != 0) continue;
-        reached[place - nodes.begin()] = 1;
-        front.push_back(a);
-      }
-  }
-  std::size_t kept = 0;
-  for (std::size_t k = 0; k < nodes.size(); ++k)
-    if (reached[k] != 0 || world.nodes.body[nodes[k]] != body) nodes[kept++] = nodes[k];
-  nodes.resize(kept);
-}
-
 /// Bodies whose nodes may be in a point's support: its own, those of its nodes so far, and those seized by these nodes.
 template <int Dim> void ShapeFunctions<Dim>::find_partners(const Chunk<Dim>& chunk, Index p) {
   partners_.assign(1, chunk.body);
@@ -122,21 +76,30 @@ template <int Dim> void ShapeFunctions<Dim>::find_partners(const Chunk<Dim>& chu
 /// Nodes whose weights are not below the cutoff to the power of `share`.
 template <int Dim> void ShapeFunctions<Dim>::search(const Vec<Dim>& at, const Mat<Dim>& metric, double share) {
   const double furthest = -std::log(state_.options.lme.cutoff);
+  const auto is_merged = [&nodes = world_.nodes](Index a) {
+    return nodes.follows(a) && nodes.body[nodes.leader[a]] == nodes.body[a];
+  };
   nodes_.clear();
   for (const Index body : partners_) {
     state_.search.within(body, at, std::sqrt(furthest * share / eigenvalues<Dim>(metric)[0]), around_);
     for (const Index near_by : around_) {
       const Index a = world_.first_node[body] + near_by;
       const Vec<Dim> d = world_.nodes.x.col(a) - at;
-      if (!state_.is_merged(a) && d.dot(metric * d) <= furthest * share) nodes_.push_back(a);
+      // A node that was merged has the one it follows near by, too; one that is tied stands for it here.
+      if (is_merged(a)) continue;
+      if (d.dot(metric * d) <= furthest * share) nodes_.push_back(world_.nodes.leader_of(a));
     }
+  }
+  if (world_.options.tied) {
+    std::ranges::sort(nodes_);
+    nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
   }
 }
 
 template <int Dim> bool ShapeFunctions<Dim>::find(Index number, Index p, Mat<Dim>& metric, Vec<Dim>& lambda) {
   const Chunk<Dim>& chunk = world_.chunks[number];
   const OtmPoints<Dim>& points = state_.points[number];
-  const CrackVisibility<Dim>& cracks = state_.cracks;
+  const Visibility<Dim>& visibility = state_.visibility;
   const Vec<Dim> at = chunk.matter.x.col(p);
   const bool is_first = points.count[p] == 0.0;
   find_partners(chunk, p);
@@ -153,12 +116,12 @@ template <int Dim> bool ShapeFunctions<Dim>::find(Index number, Index p, Mat<Dim
   }
   for (double share = 1.0; share < (is_first ? 10.0 : 4.0); share *= 3.0) {
     search(at, metric, share);
-    if (cracks.any() && world_.bodies[chunk.body].cells.cols() != 0)
-      cracks.keep_connected(world_, chunk.body, chunk.number[p], nodes_);
+    if (visibility.may_hide(world_, chunk.body, at, nodes_))
+      visibility.keep_connected(world_, chunk.body, chunk.number[p], nodes_);
     if (share > 2.0 && !is_first) {
       // The nodes it had: it is a mean of them.
       for (const auto& [a, entry] : chunk.table.row(p))
-        if (!state_.is_merged(a) && std::ranges::count(nodes_, a) == 0) nodes_.push_back(a);
+        if (!world_.nodes.follows(a) && std::ranges::count(nodes_, a) == 0) nodes_.push_back(a);
       ++change_.enlarged;
     }
     functions_.clear();
@@ -166,7 +129,7 @@ template <int Dim> bool ShapeFunctions<Dim>::find(Index number, Index p, Mat<Dim
     const LmeStatus status = functions_.find(metric, lambda);
     change_.iterations += functions_.iterations();
     // Past a crack a point may be at the very edge of the nodes that are left to it.
-    const bool is_edge = cracks.any() && smallest_width<Dim>(moment()) < least_width * points.width[p];
+    const bool is_edge = visibility.has_cracks() && smallest_width<Dim>(moment()) < least_width * points.width[p];
     if (status == LmeStatus::found && !is_edge) return true;
     lambda.setZero();
   }
@@ -183,13 +146,13 @@ template <int Dim> bool ShapeFunctions<Dim>::keep(Chunk<Dim>& chunk, Index p, Ta
   update_position_again(world_, chunk, p);
   bool has_merged = false;
   for (const auto& [a, entry] : chunk.table.row(p)) {
-    has_merged = has_merged || state_.is_merged(a);
+    has_merged = has_merged || world_.nodes.follows(a);
     const Vec<Dim> dN = inverse.transpose() * Eigen::Map<const Vec<Dim>>(entry.dN);
     row.push_back({a, make_entry(entry.N, dN, chunk.matter.x(0, p))});
   }
   if (has_merged) {
     std::map<Index, double> weights;
-    for (const auto& [a, entry] : row) weights[state_.is_merged(a) ? state_.merged[a] : a] += entry.N;
+    for (const auto& [a, entry] : row) weights[world_.nodes.leader_of(a)] += entry.N;
     Vec<Dim> at = Vec<Dim>::Zero();
     for (const auto& [a, N] : weights) at += N * x.col(a);
     Mat<Dim> spread = Mat<Dim>::Zero();
@@ -305,8 +268,6 @@ template <int Dim> void ShapeFunctions<Dim>::fail_at(const Chunk<Dim>& chunk, In
 
 template class NodeSearch<2>;
 template class NodeSearch<3>;
-template class CrackVisibility<2>;
-template class CrackVisibility<3>;
 template class ShapeFunctions<2>;
 template class ShapeFunctions<3>;
 

@@ -67,32 +67,38 @@ template <int Dim> class NodeSearch {
   std::vector<double> moved_;  ///< largest displacement of a node since then
 };
 
-/// Nodes that a point may have in its support once something is eroded: shape functions do not reach across cracks.
-template <int Dim> class CrackVisibility {
+/// Nodes that a point may have in its support: shape functions do not reach across cracks, nor across gaps between
+/// parts of a body that is in contact with itself.
+template <int Dim> class Visibility {
  public:
-  /// Finds the cells around every node that are not eroded.
+  /// Finds the cells around every node that are not eroded, and where surfaces are now.
   void update(const World<Dim>& world);
-  bool any() const { return !cells_.empty(); }
+  bool has_cracks() const { return has_cracks_; }
+  /// Whether some of these nodes may be hidden from a point of a body at that place.
+  bool may_hide(const World<Dim>& world, Index body, const Vec<Dim>& at, const std::vector<Index>& nodes) const;
   /// Of these nodes, ascending, those that cells which are not eroded join to the point's own, by nodes among these.
   void keep_connected(const World<Dim>& world, Index body, Index point, std::vector<Index>& nodes) const;
 
  private:
-  std::vector<Ragged<Index>> cells_;  ///< by body and node
-  std::array<Index, 3> changes_{};    ///< of the world until then
+  void find_cells(const World<Dim>& world);
+
+  bool has_cracks_ = false;
+  std::vector<Ragged<Index>> cells_;          ///< by body and node; empty: of no use
+  std::vector<Facets<Dim>> surfaces_;         ///< by body; none: it is not in contact with itself
+  Points<Dim> normals_;                       ///< of these surfaces at their nodes, outwards; else zero
+  std::array<Index, 3> changes_{-1, -1, -1};  ///< of the world until then
 };
 
 template <int Dim> struct OtmState {
   OtmOptions options;
   std::vector<OtmPoints<Dim>> points;        ///< by chunk
-  std::vector<Index> merged;                 ///< by node: the node it has been merged with, itself not merged; -1: none
   bool nodes_changed = false;                ///< nodes have been merged or inserted since the last reconnection
   std::vector<std::vector<NodePair>> outer;  ///< by body: outer edges of its cells; empty: not known
   NodeSearch<Dim> search;
-  CrackVisibility<Dim> cracks;
+  Visibility<Dim> visibility;
   /// Nodes, and bodies whose nodes their points have in their supports too; ascending.
   std::vector<NodePair> seized;
 
-  bool is_merged(Index node) const { return merged[node] >= 0; }
   /// Edges of facets that belong to one cell only, as the body numbers its nodes, ascending.
   const std::vector<NodePair>& outer_edges(const World<Dim>& world, Index body);
   /// Whether nodes are ends of these edges, of all bodies.

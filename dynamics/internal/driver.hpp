@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// How a run goes on, behind Dynamics.
+#pragma once
+
+#include "efree/dynamics/contact/internal/rigid_contact.hpp"
+#include "efree/dynamics/fracture/internal/fracture.hpp"
+#include "efree/dynamics/internal/loads.hpp"
+#include "efree/dynamics/internal/stable_step.hpp"
+
+#include <memory>
+#include <vector>
+
+namespace efree::internal {
+
+/// The state, the scheme and the interactions, in the order in which they act.
+template <int Dim> struct Driver {
+  World<Dim> world;
+  std::unique_ptr<Scheme<Dim>> scheme;
+  StableStep<Dim> stable;
+  Fracture<Dim> fracture;
+  EnergyWatch watch;
+  double last_kick = 0.0;              ///< of the last step; 0: there is none
+  RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next
+  Cavities<Dim>* cavities = nullptr;
+
+  Driver(const std::vector<DeformableBody<Dim>>& bodies, std::unique_ptr<Scheme<Dim>> given,
+         const DynamicsOptions& options);
+
+  void begin_ledger();          ///< entries that every run has
+  void begin_watch();           ///< of the energy balance, from what it is next on
+  double step(double at_most);  ///< as Dynamics::step
+  void begin_supports();        ///< after velocities were prescribed
+  double choose_step(double at_most);
+  void advance_nodes(double kick, double dt);  ///< nodes get their impulses, and move
+  void add_external_forces();
+  void break_points();
+  void erode(const std::vector<Index>& broken);
+  void inspect();  ///< how stiff points are, and whether the energy is what it should be
+  EnergyBalance<Dim> balance() const;
+  void estimate_stable_step(Index most_products, bool is_due = true);
+  void pack(Archive& archive);
+};
+
+}  // namespace efree::internal

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/core/error.hpp"
+#include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
+#include "efree/geometry/meshing/planar_domain.hpp"
+#include "efree/materials/hyperelastic.hpp"
+#include "efree/quadrature/approximation.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <numbers>
+
+namespace efree {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+constexpr double E = 1e3, nu = 0.3;
+SharedMaterial rubber() {
+  return NeoHookean({.E = E, .nu = nu});
+}
+
+/// A cantilever, 2 long and 0.2 high, of density 1 under gravity, by nodes at vertices or on a cloud.
+Dynamics<2> cantilever(bool on_cloud) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 2.0, 0.2), {.size = on_cloud ? 0.025 : 0.05});
+  auto body = on_cloud ? deformable_body(approximate(mesh, {.spacing = 0.05}), rubber(), 1.0)
+                       : deformable_body(mesh, rubber(), 1.0);
+  Dynamics<2> dynamics({std::move(body)}, on_cloud ? total_lagrangian<2>() : otm<2>());
+  for (const int axis : {0, 1}) dynamics.prescribe([](const Vec<2>& x) { return x[0] < 1e-9; }, axis, 0.0);
+  dynamics.set_gravity({0.0, -0.01});
+  return dynamics;
+}
+
+TEST(Rest, ABeamThatStartsAtRestUnderGravityStaysThere) {
+  for (const bool on_cloud : {false, true}) {
+    Dynamics<2> dynamics = cantilever(on_cloud);
+    const Points<2> start = dynamics.nodes();
+    dynamics.come_to_rest(1e-7, 1000000);
+    EXPECT_EQ(dynamics.time(), 0.0);
+    EXPECT_EQ(dynamics.steps(), 0);
+    const Points<2> rest = dynamics.nodes();
+    const double sag = (start - rest).row(1).maxCoeff();
+    // Beam in plane strain with shear (Timoshenko 1921): q L^4 / (8 E' I) + q L^2 / (2 k G A).
+    const double q = 0.01 * 0.2, I = std::pow(0.2, 3) / 12.0;
+    const double exact =
+        q * 16.0 * (1.0 - nu * nu) / (8.0 * E * I) + q * 4.0 * 2.0 * (1.0 + nu) / (2.0 * 5.0 / 6.0 * E * 0.2);
+    EXPECT_NEAR(sag, exact, 0.05 * exact) << on_cloud;
+    // A period of its first bending mode, 2 pi / (1.875^2 sqrt(E' I / (rho A L^4))).
+    const double period = 2.0 * std::numbers::pi / (3.516 * std::sqrt(E / (1.0 - nu * nu) * I / (0.2 * 16.0)));
+    double ringing = 0.0;
+    for (int k = 1; k <= 40; ++k) {
+      dynamics.run(period * k / 40.0);
+      ringing = std::max(ringing, (dynamics.nodes() - rest).colwise().norm().maxCoeff());
+    }
+    EXPECT_LT(ringing, 1e-4 * sag) << on_cloud;
+    EXPECT_LT(std::abs(dynamics.energy().largest_error()), 1e-3) << on_cloud;
+  }
+}
+
+TEST(Rest, ADiscThatStartsInItsRotationKeepsItsRadius) {
+  constexpr double spin = 1.0, R = 1.0;
+  const auto mesh = triangulate(shapes::annulus(0.1, R, 0.1), {.size = 0.1});
+  Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>());
+  const Points<2> start = dynamics.nodes();
+  std::vector<Index> rim;
+  for (Index a = 0; a < start.cols(); ++a)
+    if (start.col(a).norm() > R - 1e-9) rim.push_back(a);
+  dynamics.come_to_rest(1e-7, 1000000, Spin<2>(spin));
+  const auto radius = [&] { return Vector(Points<2>(dynamics.nodes()(Eigen::all, rim)).colwise().norm().transpose()); };
+  const Vector rest = radius();
+  const double stretch = rest.mean() - R;
+  // Rotating annulus in plane strain (Timoshenko & Goodier 1970, section 32), u at the outer radius.
+  const double Ep = E / (1.0 - nu * nu), np = nu / (1.0 - nu), a2 = 0.01, b2 = 1.0;
+  const double exact = spin * spin * R / (4.0 * Ep) * ((1.0 - np) * b2 + (3.0 + np) * a2);
+  EXPECT_NEAR(stretch, exact, 0.02 * exact);
+  double ringing = 0.0;
+  for (int k = 1; k <= 20; ++k) {
+    dynamics.run(0.5 * std::numbers::pi * k / 20.0);
+    ringing = std::max(ringing, (radius() - rest).cwiseAbs().maxCoeff());
+  }
+  EXPECT_LT(ringing, 1e-4);  // of the radius
+  EXPECT_LT(ringing, 0.1 * stretch);
+  EXPECT_LT(std::abs(dynamics.energy().largest_error()), 1e-4);
+  EXPECT_NEAR(dynamics.nodes().col(rim[0]).dot(Vec<2>(-start(1, rim[0]), start(0, rim[0]))), R, 1e-2);
+}
+
+TEST(Rest, KineticDampingBringsABlockToRestOnAWall) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  DynamicsOptions options;
+  options.rest_from = 0.0;
+  Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>(), options);
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = 0.3});
+  dynamics.set_gravity({0.0, -1.0});
+  EXPECT_TRUE(std::isinf(dynamics.residual()));
+  while (dynamics.time() < 20.0 && !(dynamics.steps() % 16 == 0 && dynamics.residual() < 1e-4)) dynamics.step();
+  EXPECT_LT(dynamics.time(), 10.0);
+  EXPECT_NEAR(dynamics.contacts().at(0).second.number, 0, 0);
+  const double kinetic = 0.5 * dynamics.masses().dot(dynamics.velocities().colwise().squaredNorm());
+  EXPECT_LT(kinetic, 1.01e-8 * dynamics.balance()["stored"]);
+  EXPECT_LT(std::abs(dynamics.energy().largest_error()), 0.01);
+  // Weight above the middle.
+  const double sag = 1.0 - dynamics.nodes().row(1).maxCoeff(), exact = (1.0 - nu * nu) / (2.0 * E);
+  EXPECT_NEAR(sag, exact, 0.1 * exact);
+}
+
+TEST(Rest, KineticDampingOnACloudIsInTheEnergyBalance) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.05});
+  DynamicsOptions options;
+  options.rest_from = 0.0;
+  Dynamics<2> dynamics({deformable_body(approximate(mesh, {.spacing = 0.15}), rubber(), 1.0)}, total_lagrangian<2>(),
+                       options);
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0});
+  dynamics.set_gravity({0.0, -1.0});
+  dynamics.run(1.0);
+  const double kinetic = 0.5 * dynamics.masses().dot(dynamics.velocities().colwise().squaredNorm());
+  EXPECT_LT(kinetic, 1e-3 * dynamics.balance()["stored"]);
+  EXPECT_GT(dynamics.balance()["damping"], 0.1 * dynamics.balance()["stored"]);
+  EXPECT_LT(std::abs(dynamics.energy().largest_error()), 0.01);
+}
+
+TEST(Rest, DampingByMassHasItsTerminalVelocity) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.5});
+  Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>(), {.damping = 2.0});
+  dynamics.set_gravity({0.0, -1.0});
+  dynamics.run(1.0);
+  EXPECT_NEAR(-dynamics.velocities().row(1).mean(), 0.5 * (1.0 - std::exp(-2.0)), 5e-3);
+  dynamics.run(10.0);
+  EXPECT_NEAR(-dynamics.velocities().row(1).mean(), 0.5, 1e-6);
+  EXPECT_LT(std::abs(dynamics.energy().largest_error()), 1e-3);
+}
+
+TEST(Rest, BodiesThatHaveNoPlaceToRestAreSaid) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.5});
+  Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>());
+  dynamics.set_gravity({0.0, -1.0});
+  EXPECT_THAT([&] { dynamics.come_to_rest(1e-6, 200); },
+              ThrowsMessage<NumericalError>(HasSubstr("not at rest after 200 steps")));
+}
+
+}  // namespace
+}  // namespace efree
