@@ -30,8 +30,8 @@ template <int Dim> EFREE_FIELDS(Chunk<Dim>, body, number, table, support, matter
 
 // Without what is given again, found again, or filled by every step.
 template <int Dim> auto fields(Nodes<Dim>& of) {
-  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, radius, body, leader] = of;
-  return std::tie(x, v, force, x_rest, momentum, mass, spacing, radius, body, leader);
+  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, radius, body, master] = of;
+  return std::tie(x, v, force, x_rest, momentum, mass, spacing, radius, body, master);
 }
 template <int Dim> auto fields(PointTable<Dim>& of) {
   auto& [offsets, local, entries, nodes, x, force, origin] = of;

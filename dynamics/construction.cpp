@@ -251,7 +251,7 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
   for (Points<Dim>* values : {&nodes.x_rest, &nodes.v, &nodes.force}) values->setZero(Dim, N);
   nodes.mass.setZero(N);
   nodes.spacing.resize(N);
-  nodes.leader.assign(N, -1);
+  nodes.master.assign(N, -1);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const DeformableBody<Dim>& body = bodies[b];
     const Index first = world.first_node[b], count = static_cast<Index>(body.nodes.cols());
@@ -290,12 +290,12 @@ template <int Dim> Index tie_bodies(World<Dim>& world) {
     nodes.mass[first] = mass;
     nodes.mass[a] = 0.0;
     nodes.v.col(a) = nodes.v.col(first);
-    nodes.leader[a] = first;
+    nodes.master[a] = first;
     ++count;
   }
   // A chunk is of one body: it has no two nodes at the same place.
   for (Chunk<Dim>& chunk : world.chunks)
-    for (Index& node : chunk.table.nodes) node = nodes.leader_of(node);
+    for (Index& node : chunk.table.nodes) node = nodes.master_of(node);
   return count;
 }
 

@@ -158,7 +158,7 @@ template <int Dim> void Driver<Dim>::advance_nodes(double kick, double dt) {
   add<Dim>(changes, nodes.x, nodes.x_rest);
   for (Index a = 0; a < nodes.size(); ++a)
     if (nodes.follows(a))
-      for (Points<Dim>* values : {&nodes.x, &nodes.x_rest, &nodes.v}) values->col(a) = values->col(nodes.leader[a]);
+      for (Points<Dim>* values : {&nodes.x, &nodes.x_rest, &nodes.v}) values->col(a) = values->col(nodes.master[a]);
   if (world.axisymmetric())
     for (Index a = 0; a < nodes.size(); ++a)
       if (nodes.x(0, a) < 0.0) nodes.x(0, a) = nodes.x_rest(0, a) = 0.0;

@@ -72,7 +72,7 @@ template <int Dim> void Dynamics<Dim>::prescribe(Index node, int axis, double ve
   World<Dim>& world = parts_->world;
   if (node < 0 || node >= num_nodes() || axis < 0 || axis >= Dim)
     throw InputError(fmt::format("axis {} of node {}: there are {} nodes", axis, node, num_nodes()));
-  node = world.nodes.leader_of(node);
+  node = world.nodes.master_of(node);
   world.prescribed.push_back({node, axis, velocity});
   world.nodes.v(axis, node) = velocity;
   world.new_supports = true;

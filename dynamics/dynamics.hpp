@@ -124,8 +124,8 @@ template <int Dim> class Dynamics {
   /// Counts and times so far, by name.
   Ledger ledger() const;
   std::int64_t count(std::string_view name) const { return ledger().count(name); }
-  /// Impulses of contact so far between all pairs of bodies, rigid bodies and walls that have touched: by body, then by
-  /// partner.
+  /// Impulses of contact so far between all pairs of bodies, rigid bodies and walls that were in contact: by body, then
+  /// by partner.
   const std::vector<ContactImpulse<Dim>>& contacts() const { return world().contacts.all(); }
   /// Force of the bodies on each wall in the last step, in the order they were added.
   Points<Dim> wall_forces() const;

@@ -5,6 +5,7 @@
 
 #include "efree/core/types.hpp"
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -86,6 +87,14 @@ class Ledger {
 
 /// Angular velocity or angular momentum, counterclockwise: a number in the plane, a vector in space.
 template <int Dim> using Spin = Vec<Dim == 2 ? 1 : 3>;
+
+/// Angular momentum of a momentum, or moment of a force, about the origin.
+template <int Dim> Spin<Dim> moment_about_origin(const Vec<Dim>& at, const Vec<Dim>& force) {
+  if constexpr (Dim == 2)
+    return Spin<2>(at[0] * force[1] - at[1] * force[0]);
+  else
+    return at.cross(force);
+}
 
 /// Energies and momenta of all bodies, and of rigid bodies that have a mass. In the plane per unit thickness,
 /// axisymmetric per full revolution.

@@ -134,7 +134,7 @@ template <int Dim> void Cavities<Dim>::add(World<Dim>& world, const GasCavity<Di
   if (!(sum.norm() < 1e-10 * size)) throw InputError("a cavity: its facets are not closed, or not oriented alike");
   if (!(std::abs(volume) > 0.0)) throw InputError("a cavity: its facets enclose nothing");
   cavities_.push_back({cavity, volume, 0.0});
-  for (Index& corner : cavities_.back().gas.facets.reshaped()) corner = world.nodes.leader_of(corner);
+  for (Index& corner : cavities_.back().gas.facets.reshaped()) corner = world.nodes.master_of(corner);
   add_forces(world);
 }
 

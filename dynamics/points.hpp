@@ -69,12 +69,4 @@ template <int Dim> void estimate_first_damping(World<Dim>& world);
 /// From a moment: the width of shape functions along the axis where they are narrowest.
 template <int Dim> double smallest_width(const Mat<Dim>& moment);
 
-/// Angular momentum of a momentum, or moment of a force, about the origin.
-template <int Dim> Spin<Dim> moment_about_origin(const Vec<Dim>& at, const Vec<Dim>& force) {
-  if constexpr (Dim == 2)
-    return Spin<2>(at[0] * force[1] - at[1] * force[0]);
-  else
-    return at.cross(force);
-}
-
 }  // namespace efree

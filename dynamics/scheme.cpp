@@ -71,7 +71,7 @@ template <int Dim> Facets<Dim> outer_facets(const World<Dim>& world, Index body)
     for (int side = 0; side <= Dim; ++side) {
       std::array<Index, Dim> facet;
       for (int i = 0; i < Dim; ++i)
-        facet[i] = world.nodes.leader_of(first_node + cells(internal::facets_of_cell<Dim>[side][i], c));
+        facet[i] = world.nodes.master_of(first_node + cells(internal::facets_of_cell<Dim>[side][i], c));
       std::array<Index, Dim> key = facet;
       std::ranges::sort(key);
       auto& [count, oriented] = sides[key];

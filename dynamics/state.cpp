@@ -186,7 +186,7 @@ void World<Dim>::replace_nodes(const Points<Dim>& x, const std::vector<Index>& b
   nodes.body.resize(N);
   for (Index b = 0; b < num_bodies(); ++b)
     std::fill(nodes.body.begin() + bounds[b], nodes.body.begin() + bounds[b + 1], b);
-  nodes.leader.assign(N, -1);
+  nodes.master.assign(N, -1);
   first_node = bounds;
   find_prescribed_places();
 }
@@ -224,8 +224,8 @@ void World<Dim>::insert_nodes(Index body, const Points<Dim>& at, const Points<Di
   insert(nodes.spacing, first, spacing);
   insert(nodes.radius, first, Vector(Vector::Zero(count)));
   insert(nodes.mass, first, Vector(Vector::Zero(count)));
-  for (Index& leader : nodes.leader) shift_node(leader, first, count);
-  nodes.leader.insert(nodes.leader.begin() + first, count, -1);
+  for (Index& master : nodes.master) shift_node(master, first, count);
+  nodes.master.insert(nodes.master.begin() + first, count, -1);
   nodes.body.insert(nodes.body.begin() + first, count, body);
   for (auto& chunk : chunks)
     for (Index& node : chunk.table.nodes) shift_node(node, first, count);

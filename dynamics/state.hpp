@@ -40,12 +40,12 @@ template <int Dim> struct Nodes {
   Vector spacing;             ///< N, mean distance of the nodes around it at the start
   Vector radius;              ///< N, how far walls stay away from it [length]; empty: 0
   std::vector<Index> body;    ///< N
-  std::vector<Index> leader;  ///< N, the node that it moves with, tied to or merged with it; -1: it moves by itself
+  std::vector<Index> master;  ///< N, the node that it moves with, tied to or merged with it; -1: it moves by itself
 
   Index size() const { return static_cast<Index>(x.cols()); }
-  bool follows(Index a) const { return leader[a] >= 0; }
+  bool follows(Index a) const { return master[a] >= 0; }
   /// The node whose motion it has.
-  Index leader_of(Index a) const { return follows(a) ? leader[a] : a; }
+  Index master_of(Index a) const { return follows(a) ? master[a] : a; }
 };
 
 /// A node in a point's row: the gradient of its shape function in the configuration where the table was computed, and

@@ -151,7 +151,7 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
       throw InputError(fmt::format("a load on a surface: expected facets of vertices that move with the {} nodes",
                                    world.nodes.size()));
     keep_used_vertices();
-    renumber(world.nodes.size(), [&](Index a) { return world.nodes.leader_of(a); });
+    renumber(world.nodes.size(), [&](Index a) { return world.nodes.master_of(a); });
     start_ = at_vertices(world.nodes.x);
     num_eroded_ = world.num_eroded;
     if (load_.traction) law_.resize(Dim, start_.cols());

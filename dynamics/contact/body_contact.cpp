@@ -142,9 +142,9 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     const Points<Dim> mean = 0.5 * (nodes.v + nodes.v_before);
     // Supports take what would change velocities that are prescribed.
     const Points<Dim> on_supports = on_nodes_ - nodes.free.cwiseProduct(on_nodes_);
-    const double rubbed = by_friction_.cols() > 0 ? -by_friction_.cwiseProduct(mean).sum() : 0.0;
-    world.ledger.add_energy("contact", EnergyKind::loss, -on_nodes_.cwiseProduct(mean).sum() - rubbed);
-    world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
+    const double lost_by_friction = by_friction_.cols() > 0 ? -by_friction_.cwiseProduct(mean).sum() : 0.0;
+    world.ledger.add_energy("contact", EnergyKind::loss, -on_nodes_.cwiseProduct(mean).sum() - lost_by_friction);
+    world.ledger.add_energy("friction", EnergyKind::loss, lost_by_friction);
     world.ledger.add_energy("prescribed", EnergyKind::work, -on_supports.cwiseProduct(mean).sum());
   }
 

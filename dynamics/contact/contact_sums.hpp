@@ -45,12 +45,9 @@ template <int Dim> class ContactSums {
     ContactImpulse<Dim>& sum = on < of ? find(on, of) : find(of, on);
     const double sign = on < of ? 1.0 : -1.0;
     sum.impulse += sign * impulse;
-    if constexpr (Dim == 2)
-      sum.angular_impulse[0] += sign * (at[0] * impulse[1] - at[1] * impulse[0]);
-    else
-      sum.angular_impulse += sign * at.cross(impulse);
+    sum.angular_impulse += sign * moment_about_origin<Dim>(at, impulse);
   }
-  /// Ascending by the first, then by the second. None of what never touched.
+  /// Ascending by the first, then by the second. None of what never was in contact.
   const std::vector<ContactImpulse<Dim>>& all() const { return sums_; }
 
   friend auto fields(ContactSums& of) { return std::tie(of.sums_); }

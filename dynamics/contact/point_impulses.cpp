@@ -96,7 +96,7 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     }
     if (change <= sweep_tolerance * largest) break;
   }
-  double lost = 0.0, rubbed = 0.0, held = 0.0;
+  double lost = 0.0, lost_by_friction = 0.0, held = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const auto& [number, at, gap, begin] = near.points()[k];
     const Vec<Dim> impulse = rigid.point_impulses.col(static_cast<Index>(k));
@@ -116,11 +116,11 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
       lost += 0.5 * on_support.dot(nodes.v_before.col(a) - nodes.v.col(a));
     }
     lost -= normal * gap.normal.dot(relative);
-    rubbed -= (impulse - normal * gap.normal).dot(relative);
+    lost_by_friction -= (impulse - normal * gap.normal).dot(relative);
   }
   world.ledger.add_energy("prescribed", EnergyKind::work, held);
   world.ledger.add_energy("contact", EnergyKind::loss, lost);
-  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
+  world.ledger.add_energy("friction", EnergyKind::loss, lost_by_friction);
 }
 
 template void RigidContact<2>::apply_to_points(World<2>&, Rigid&, double);

@@ -259,18 +259,18 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
 template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double kick, double dt) {
   if (rigids_.empty()) return;
   const Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0, rubbed = 0.0, prescribed = 0.0, gravity = 0.0, loads = 0.0;
+  double lost = 0.0, lost_by_friction = 0.0, prescribed = 0.0, gravity = 0.0, loads = 0.0;
   for (const auto& [k, node, impulse, by_friction] : node_impulses_) {
     const Vec<Dim> v = 0.5 * (nodes.v.col(node) + nodes.v_before.col(node)),
                    relative = v - rigids_[k].mean_velocity(nodes.x.col(node));
     lost -= (impulse - by_friction).dot(relative);
-    rubbed -= by_friction.dot(relative);
+    lost_by_friction -= by_friction.dot(relative);
   }
   for (const auto& [on, of, at, normal, closing, impulse] : rigid_impulses_) {
     const Vec<Dim> relative = rigids_[on].mean_velocity(at) - rigids_[of].mean_velocity(at);
     const double along = impulse.dot(normal);
     lost -= along * normal.dot(relative);
-    rubbed -= (impulse - along * normal).dot(relative);
+    lost_by_friction -= (impulse - along * normal).dot(relative);
   }
   for (Rigid& rigid : rigids_) {
     auto& [body, who, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
@@ -289,7 +289,7 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     travelled += now.spin.isZero(0.0) ? dt * now.velocity.norm() : world.surface_points.skin;
   }
   world.ledger.add_energy("contact", EnergyKind::loss, lost);
-  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
+  world.ledger.add_energy("friction", EnergyKind::loss, lost_by_friction);
   world.ledger.add_energy("prescribed", EnergyKind::work, prescribed);
   if (loads != 0.0) world.ledger.add_energy("loads", EnergyKind::work, loads);
   if (gravity != 0.0) world.ledger.add_energy("gravity", EnergyKind::work, gravity);

@@ -5,7 +5,7 @@
 namespace efree::internal {
 namespace {
 
-/// Sweeps over all pairs of places that touch end when none changes a velocity by more than this part of the largest.
+/// Sweeps over all contacts end when none changes a velocity by more than this part of the largest.
 constexpr double rigid_tolerance = 1e-9;
 constexpr int most_rigid_sweeps = 200;
 
@@ -17,7 +17,7 @@ template <int Dim> double friction_between(const RigidBody<Dim>& one, const Rigi
 
 }  // namespace
 
-/// Corners of rigid bodies that may touch another one in this step.
+/// Corners of rigid bodies that may come into contact with another one in this step.
 template <int Dim> void RigidContact<Dim>::find_rigid_pairs(const World<Dim>& world, double dt) {
   rigid_impulses_.clear();
   for (std::size_t i = 0; i < rigids_.size(); ++i) {
@@ -31,12 +31,12 @@ template <int Dim> void RigidContact<Dim>::find_rigid_pairs(const World<Dim>& wo
         if (i == j || is_twice || !(on.is_free() || of.is_free())) continue;
         const Gap<Dim> gap = gap_to<Dim>(of.body, of.now, at);
         const double open = gap.gap - on.body.round;
-        const Vec<Dim> touched = at - (on.body.round + 0.5 * open) * gap.normal;
-        const Vec<Dim> relative = velocity_of<Dim>(on.now, touched) - velocity_of<Dim>(of.now, touched);
+        const Vec<Dim> contact = at - (on.body.round + 0.5 * open) * gap.normal;
+        const Vec<Dim> relative = velocity_of<Dim>(on.now, contact) - velocity_of<Dim>(of.now, contact);
         // What overlaps is moved apart within some stable steps.
         const double closing = open / (open < 0.0 ? 10.0 * std::max(dt, world.stable_step) : dt);
         if (gap.normal.dot(relative) + closing < 0.0 || open < 0.0)
-          rigid_impulses_.push_back({i, j, touched, gap.normal, closing});
+          rigid_impulses_.push_back({i, j, contact, gap.normal, closing});
       }
     }
   }

@@ -166,8 +166,9 @@ template <int Dim> Points<1> RigidContact<Dim>::find_point_friction(const World<
 
 /// Impulses on near points by which no point enters the rigid body within the step, and those of Coulomb friction.
 /// Normal and tangential ones are independent where the rigid body is flat, as masses are the same along all axes.
-/// False if no point approaches or has friction.
-template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt) {
+/// by_friction: the part of friction (Dim x near points). False if no point approaches or has friction.
+template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt,
+                                                               Points<Dim>& by_friction) {
   const Points<Dim>& free = world.nodes.free;
   const auto n = static_cast<Index>(rigid.near_points.size());
   Points<Dim> normals(Dim, n), velocities(Dim, n);
@@ -202,45 +203,47 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     normal = along(impulses);
   }
   rigid.point_impulses = normals * normal.asDiagonal();
+  by_friction.setZero(Dim, n);
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
   if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
-  rigid.point_impulses +=
+  by_friction =
       friction_impulses<Dim>(Patch<Dim>(world, rigid.near_points, free), velocities, normals, most, largest, before);
+  rigid.point_impulses += by_friction;
   return true;
 }
 
 template <int Dim> void RigidContact<Dim>::apply_to_surface(World<Dim>& world, Rigid& rigid, double dt) {
   if (world.surface_points.shape.rows() == 0) return;
   find_near_points(world);
-  if (rigid.near_points.empty() || !find_point_impulses(world, rigid, dt)) return;
+  Points<Dim> friction;
+  if (rigid.near_points.empty() || !find_point_impulses(world, rigid, dt, friction)) return;
   Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0, rubbed = 0.0;
+  double lost = 0.0, lost_by_friction = 0.0;
   Points<Dim> on_nodes = Points<Dim>::Zero(Dim, nodes.size()), by_friction = on_nodes;
   for (Index k = 0; k < static_cast<Index>(rigid.near_points.size()); ++k) {
-    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], nodes.x), velocity = rigid.mean_velocity(at),
-                   normal = gap_to<Dim>(rigid.body, rigid.now, at).normal, impulse = rigid.point_impulses.col(k),
-                   friction = impulse - impulse.dot(normal) * normal;
+    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], nodes.x), velocity = rigid.mean_velocity(at);
     Vec<Dim> sum = Vec<Dim>::Zero(), sum_of_friction = sum;
     Index body = 0;
     for (SparseRows::InnerIterator entry(world.surface_points.shape, rigid.near_points[k]); entry; ++entry) {
       const auto free = entry.value() * nodes.free.col(entry.col());
-      const Vec<Dim> on_node = free.cwiseProduct(impulse), rubbing = free.cwiseProduct(friction);
+      const Vec<Dim> on_node = free.cwiseProduct(rigid.point_impulses.col(k)),
+                     friction_on_node = free.cwiseProduct(friction.col(k));
       on_nodes.col(entry.col()) += on_node;
-      by_friction.col(entry.col()) += rubbing;
+      by_friction.col(entry.col()) += friction_on_node;
       sum += on_node;
-      sum_of_friction += rubbing;
+      sum_of_friction += friction_on_node;
       body = nodes.body[entry.col()];
     }
     lost += sum.dot(velocity);
-    rubbed += sum_of_friction.dot(velocity);
+    lost_by_friction += sum_of_friction.dot(velocity);
     rigid.add_reaction(world, body, at, sum);
   }
   nodes.v += velocities_of(world, on_nodes);
   if (world.consistent_mass.any()) nodes.momentum += on_nodes;
   lost -= 0.5 * on_nodes.cwiseProduct(nodes.v + nodes.v_before).sum();
-  rubbed -= 0.5 * by_friction.cwiseProduct(nodes.v + nodes.v_before).sum();
-  world.ledger.add_energy("contact", EnergyKind::loss, lost - rubbed);
-  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
+  lost_by_friction -= 0.5 * by_friction.cwiseProduct(nodes.v + nodes.v_before).sum();
+  world.ledger.add_energy("contact", EnergyKind::loss, lost - lost_by_friction);
+  world.ledger.add_energy("friction", EnergyKind::loss, lost_by_friction);
 }
 
 template void RigidContact<2>::apply_to_surface(World<2>&, Rigid&, double);

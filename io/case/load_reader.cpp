@@ -2,11 +2,14 @@
 #include "efree/io/case/internal/load_reader.hpp"
 
 #include "efree/io/case/internal/function_of_time.hpp"
+#include "efree/materials/piecewise_linear.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -19,28 +22,21 @@ constexpr std::array axes{"x", "y", "z"};
 template <int Dim> using Law = std::function<double(const Vec<Dim>& start, double time)>;
 template <int Dim> using VectorLaw = std::function<Vec<Dim>(const Vec<Dim>& start, double time)>;
 
-/// Factors by time: linear between these, constant before the first and after the last. None: 1.
+/// Factors by time; none: 1.
 struct Ramp {
-  std::vector<std::array<double, 2>> points;
-
-  double at(double time) const {
-    if (points.empty()) return 1.0;
-    const auto after = std::ranges::upper_bound(points, time, {}, [](const auto& point) { return point[0]; });
-    if (after == points.begin()) return points.front()[1];
-    if (after == points.end()) return points.back()[1];
-    const auto [t0, f0] = *(after - 1);
-    const auto [t1, f1] = *after;
-    return f0 + (f1 - f0) * (time - t0) / (t1 - t0);
-  }
+  std::optional<PiecewiseLinear> factors{};
+  double at(double time) const { return factors ? factors->at(time).value : 1.0; }
 };
 
 Ramp read_ramp(const Section& entry) {
   if (!entry.has("ramp")) return {};
-  Ramp ramp{entry.pairs("ramp")};
+  const auto points = entry.pairs("ramp");
   const auto later = [](const auto& one, const auto& next) { return !(next[0] > one[0]); };
-  if (ramp.points.empty() || std::ranges::adjacent_find(ramp.points, later) != ramp.points.end())
+  if (points.empty() || std::ranges::adjacent_find(points, later) != points.end())
     entry.fail("ramp", "ramp: expected pairs of a time and a factor, in the order of the times");
-  return ramp;
+  return {entry.tabulated("ramp", [](std::vector<double> times, std::vector<double> factors) {
+    return PiecewiseLinear(std::move(times), std::move(factors), "time", "factor");
+  })};
 }
 
 template <int Dim> class LoadReader {
@@ -137,15 +133,14 @@ template <int Dim> class LoadReader {
     const auto components = entry.template expressions<Dim>(kind);
     if (std::ranges::count(components, "free") == Dim)
       entry.fail(kind, fmt::format("{} leaves every component free, expected a value for one of them", kind));
-    const std::string where = entry.where(kind);
     for (std::size_t i = 0; i < Dim; ++i) {
       if (components[i] == "free") continue;
       for (const auto& earlier : dynamics_.boundary_velocities)
         if (earlier.on == part.on && earlier.velocity[i])
           entry.fail(kind, fmt::format("the velocity along {} on \"{}\" is prescribed already", axes[i], part.on));
-      const Law<Dim> given = law(components[i], where, ramp);
-      part.velocity[i] = given;
-      part.depends_on_time |= part.is_displacement || entry.has("ramp") || expressions_.uses("t", components[i], where);
+      part.velocity[i] = law(components[i], part.where, ramp);
+      part.depends_on_time |=
+          part.is_displacement || entry.has("ramp") || expressions_.uses("t", components[i], part.where);
     }
     dynamics_.boundary_velocities.push_back(std::move(part));
   }

@@ -10,7 +10,7 @@
 
 namespace efree {
 
-/// Forces between all pairs of bodies, rigid bodies and walls that touch: means between the lines of a history, as
+/// Forces between all pairs of bodies, rigid bodies and walls in contact: means between the lines of a history, as
 /// forces of single steps are those of waves.
 template <int Dim> class ContactForces {
  public:
@@ -33,7 +33,7 @@ template <int Dim> class ContactForces {
 
   /// A line of the history: the forces since the last one.
   void add_line(const DynamicsModel<Dim>& model);
-  const std::vector<Pair>& pairs() const { return pairs_; }  ///< in the order in which they touched first
+  const std::vector<Pair>& pairs() const { return pairs_; }  ///< in the order in which they first were in contact
 
   friend auto fields(ContactForces& of) { return std::tie(of.pairs_, of.time_); }
 

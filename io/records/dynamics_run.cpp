@@ -70,7 +70,7 @@ template <int Dim> void show_cells(const Dynamics<Dim>& dynamics, DynamicsPictur
       const auto [chunk, k] = world.locate(p);
       std::array<Index, 3> triangle{};
       for (int i = 0; i <= Dim; ++i) {
-        const Index node = world.nodes.leader_of(world.first_node[b] + cells(i, p - world.first_point[b]));
+        const Index node = world.nodes.master_of(world.first_node[b] + cells(i, p - world.first_point[b]));
         volume[node] += chunk.matter.volume[k];
         value[node] += chunk.matter.volume[k] * picture.values[p];
         if (i < 3) triangle[static_cast<std::size_t>(i)] = node;

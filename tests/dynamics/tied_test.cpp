@@ -58,7 +58,7 @@ TEST(TiedBodies, TwoHalvesMoveAsTheWhole) {
   }
   Dynamics<2> tied(halves, otm<2>(), {.tied = true});
   const auto& nodes = tied.world().nodes;
-  const auto followers = std::ranges::count_if(nodes.leader, [](Index leader) { return leader >= 0; });
+  const auto followers = std::ranges::count_if(nodes.master, [](Index master) { return master >= 0; });
   EXPECT_GE(followers, 3);
   const auto before = tied.balance();
   tied.run(10.0);
@@ -69,7 +69,7 @@ TEST(TiedBodies, TwoHalvesMoveAsTheWhole) {
   EXPECT_GT(after["stored"], 1e-3 * before["kinetic"]);
   EXPECT_EQ(after["contact"], 0.0);
   for (Index a = 0; a < tied.num_nodes(); ++a)
-    if (nodes.follows(a)) EXPECT_EQ(nodes.x.col(a), nodes.x.col(nodes.leader[a]));
+    if (nodes.follows(a)) EXPECT_EQ(nodes.x.col(a), nodes.x.col(nodes.master[a]));
 }
 
 TEST(TiedBodies, GoOnFromAStateBitwise) {

@@ -93,7 +93,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   struct RigidImpulse {
     std::size_t on, of;
     Vec<Dim> at, normal;  ///< outwards of `of`
-    double closing;       ///< velocity along the normal at which they touch
+    double closing;       ///< velocity along the normal at which the gap closes in the step
     Vec<Dim> impulse = Vec<Dim>::Zero();
   };
   /// An impulse on a node.
@@ -117,7 +117,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   // Surface points (surface_impulses.cpp).
   void find_near_points(const World<Dim>& world);
   Points<1> find_point_friction(const World<Dim>& world, Rigid& rigid, const Points<1>& normal, double dt) const;
-  bool find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt);
+  bool find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt, Points<Dim>& by_friction);
   void apply_to_surface(World<Dim>& world, Rigid& rigid, double dt);
 
   const Scheme<Dim>& scheme_;

@@ -139,11 +139,11 @@ template <int Dim> void GridContact<Dim>::apply_impulses(World<Dim>& world, doub
 
 template <int Dim> void GridContact<Dim>::finish_kick(World<Dim>& world, double /*kick*/, double /*dt*/) {
   const Nodes<Dim>& nodes = world.nodes;
-  double lost = 0.0, rubbed = 0.0, held = 0.0;
+  double lost = 0.0, lost_by_friction = 0.0, held = 0.0;
   for (const SharedNode<Dim>& shared : shared_) {
     const auto [a, b] = shared.node;
     const Vec<Dim> twice_a = nodes.v.col(a) + nodes.v_before.col(a), twice_b = nodes.v.col(b) + nodes.v_before.col(b);
-    rubbed -= 0.5 * shared.by_friction.dot(twice_a - twice_b);
+    lost_by_friction -= 0.5 * shared.by_friction.dot(twice_a - twice_b);
     for (const auto& [node, impulse] : {std::pair(a, shared.impulse), std::pair(b, Vec<Dim>(-shared.impulse))}) {
       // Supports take what would change velocities that are prescribed.
       const Vec<Dim> v = nodes.v.col(node), before = nodes.v_before.col(node),
@@ -152,8 +152,8 @@ template <int Dim> void GridContact<Dim>::finish_kick(World<Dim>& world, double 
       lost -= 0.5 * impulse.dot(v + before) - 0.5 * on_support.dot(before - v);
     }
   }
-  world.ledger.add_energy("contact", EnergyKind::loss, lost - rubbed);
-  world.ledger.add_energy("friction", EnergyKind::loss, rubbed);
+  world.ledger.add_energy("contact", EnergyKind::loss, lost - lost_by_friction);
+  world.ledger.add_energy("friction", EnergyKind::loss, lost_by_friction);
   world.ledger.add_energy("prescribed", EnergyKind::work, held);
 }
 

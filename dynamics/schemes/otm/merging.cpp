@@ -82,7 +82,7 @@ template <int Dim> class CloseNodes {
   /// and this point of these has wider ones. Nodes that these count on are locked.
   bool merge_if_wider(Index a, Index with, Index of_chunk, Index of_point, double width) {
     if (locked_.contains(a) || locked_.contains(with) || !has_supports_of(world_, with, a)) return false;
-    world_.nodes.leader[a] = with;
+    world_.nodes.master[a] = with;
     ShapeFunctions<Dim> tried(world_, state_);
     const auto has_shape_functions = [&](Index c, Index p) {
       Mat<Dim> metric = world_.chunks[c].support.metric[p];
@@ -98,7 +98,7 @@ template <int Dim> class CloseNodes {
         good = has_shape_functions(c, p);
         counted_on.insert(tried.nodes().begin(), tried.nodes().end());
       });
-    world_.nodes.leader[a] = -1;
+    world_.nodes.master[a] = -1;
     if (!good) return false;
     locked_.merge(counted_on);
     state_.merge_node(world_, a, with);

@@ -64,8 +64,8 @@ template <int Dim> void OtmState<Dim>::mark_points_of(const World<Dim>& world, I
 }
 
 template <int Dim> void OtmState<Dim>::merge_node(World<Dim>& world, Index a, Index with) {
-  std::ranges::replace(world.nodes.leader, a, with);
-  world.nodes.leader[a] = with;
+  std::ranges::replace(world.nodes.master, a, with);
+  world.nodes.master[a] = with;
   // Cells collapse with their edge.
   const Index body = world.nodes.body[a], first = world.first_node[body];
   for (Index& corner : world.bodies[body].cells.reshaped())
@@ -246,7 +246,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     const Cells<Dim>& cells = world.bodies[chunk.body].cells;
     if (cells.cols() == 0) return;
     for (const Index corner : cells.col(chunk.number[point]))
-      state_.mark_points_of(world, world.nodes.leader_of(world.first_node[chunk.body] + corner));
+      state_.mark_points_of(world, world.nodes.master_of(world.first_node[chunk.body] + corner));
   }
 
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override {

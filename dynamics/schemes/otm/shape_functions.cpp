@@ -77,7 +77,7 @@ template <int Dim> void ShapeFunctions<Dim>::find_partners(const Chunk<Dim>& chu
 template <int Dim> void ShapeFunctions<Dim>::search(const Vec<Dim>& at, const Mat<Dim>& metric, double share) {
   const double furthest = -std::log(state_.options.lme.cutoff);
   const auto is_merged = [&nodes = world_.nodes](Index a) {
-    return nodes.follows(a) && nodes.body[nodes.leader[a]] == nodes.body[a];
+    return nodes.follows(a) && nodes.body[nodes.master[a]] == nodes.body[a];
   };
   nodes_.clear();
   for (const Index body : partners_) {
@@ -87,7 +87,7 @@ template <int Dim> void ShapeFunctions<Dim>::search(const Vec<Dim>& at, const Ma
       const Vec<Dim> d = world_.nodes.x.col(a) - at;
       // A node that was merged has the one it follows near by, too; one that is tied stands for it here.
       if (is_merged(a)) continue;
-      if (d.dot(metric * d) <= furthest * share) nodes_.push_back(world_.nodes.leader_of(a));
+      if (d.dot(metric * d) <= furthest * share) nodes_.push_back(world_.nodes.master_of(a));
     }
   }
   if (world_.options.tied) {
@@ -152,7 +152,7 @@ template <int Dim> bool ShapeFunctions<Dim>::keep(Chunk<Dim>& chunk, Index p, Ta
   }
   if (has_merged) {
     std::map<Index, double> weights;
-    for (const auto& [a, entry] : row) weights[world_.nodes.leader_of(a)] += entry.N;
+    for (const auto& [a, entry] : row) weights[world_.nodes.master_of(a)] += entry.N;
     Vec<Dim> at = Vec<Dim>::Zero();
     for (const auto& [a, N] : weights) at += N * x.col(a);
     Mat<Dim> spread = Mat<Dim>::Zero();

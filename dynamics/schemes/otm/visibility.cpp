@@ -70,7 +70,7 @@ template <int Dim> void Visibility<Dim>::keep_connected(const World<Dim>& world,
     front.pop_back();
     for (const Index c : cells_[body][from])
       for (const Index a : cells.col(c)) {
-        const Index node = world.nodes.leader_of(first_node + a);
+        const Index node = world.nodes.master_of(first_node + a);
         const auto place = std::ranges::lower_bound(nodes, node);
         if (place == nodes.end() || *place != node || reached[place - nodes.begin()] != 0) continue;
         reached[place - nodes.begin()] = 1;
