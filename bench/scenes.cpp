@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_scenes NAME ...: rows of explicit dynamics in scenes from practice, one or several of friction, compliance,
-// folding, rolling, seal; `all` is all of these. Each prints what it measures beside its bar, and the exit status is 1
-// where one is missed.
+// folding, rolling, seal, gas, noh, sedov, jet; `all` is all of these. Each prints what it measures beside its bar, and
+// the exit status is 1 where one is missed.
 
 #include "contact_scenes.hpp"
 #include "folding_scenes.hpp"
+#include "gas_scenes.hpp"
 #include "rest_scenes.hpp"
 #include "rows.hpp"
 
@@ -101,8 +102,100 @@ bool seal() {
   return good;
 }
 
-const Rows rows{
-    {"friction", friction}, {"compliance", compliance}, {"folding", folding}, {"rolling", rolling}, {"seal", seal}};
+/// Gas at rest: its pressure over twelve crossings of sound.
+bool gas() {
+  bool good = true;
+  for (const bool shock : {false, true})
+    for (const double spacing : {0.1, 0.05})
+      for (const double strain : {0.2, 0.0}) {
+        GasOptions options;
+        options.scheme.reconnection_strain = strain;
+        if (!shock) options.dynamics.shock = {};
+        options.patches = !shock;
+        const BoxResult box = run_box({.spacing = spacing}, options);
+        const std::string what = fmt::format("h {}, {}, {}: ", spacing, shock ? "viscosity" : "patches",
+                                             strain > 0.0 ? "at rest" : "reconnected in every step");
+        good &= row("gas", what + "lowest pressure - 1", box.low - 1.0, -1e-6, 0.0);
+        good &= row("gas", what + "highest pressure - 1", box.high - 1.0, 0.0, 1e-6);
+        good &= row("gas", what + "energy error", box.energy, -0.01, 0.01);
+      }
+  return good;
+}
+
+/// Noh's problem: density and pressure behind the shock, and what the wall, or the axis, is heated by.
+bool noh() {
+  bool good = true;
+  for (const bool cylindrical : {false, true}) {
+    double before = 0.0;
+    for (const double spacing : {0.04, 0.02, 0.01}) {
+      if (spacing == 0.01 && !cylindrical) continue;
+      const Noh of{.cylindrical = cylindrical, .spacing = spacing};
+      const NohResult found = run_noh(of, {});
+      const bool finest = spacing == (cylindrical ? 0.01 : 0.02);
+      const std::string what = fmt::format("{}, h {}: ", cylindrical ? "cylindrical" : "planar", spacing);
+      good &= row("noh", what + "density behind the shock / closed form", found.density.mean / of.plateau(),
+                  finest ? 0.9 : 0.5, 1.1);
+      row("noh", what + "pressure there / closed form", found.pressure.mean / of.pressure_behind(), 0.0, 2.0);
+      row("noh", what + "its standard deviation / mean", found.pressure.deviation() / found.pressure.mean, 0.0, 1.0);
+      row("noh", what + "mass there over its area / closed form", found.mass_density / of.plateau(), 0.0, 2.0);
+      row("noh", what + "density next to the wall / closed form", found.wall / of.plateau(), 0.0, 1.0);
+      good &= row("noh", what + "radius of the shock / closed form", found.shock / of.shock(), finest ? 0.95 : 0.8,
+                  finest ? 1.05 : 1.2);
+      good &= row("noh", what + "energy error", found.energy, -0.01, 0.01);
+      row("noh", what + "error of density in L1 / its integral", found.error, 0.0, 1.0);
+      if (before > 0.0) good &= row("noh", what + "order", std::log2(before / found.error), 0.3, 2.0);
+      before = found.error;
+    }
+  }
+  return good;
+}
+
+/// Sedov's blast: where its shock is, and the jump of density there, which is one point wide.
+bool sedov() {
+  bool good = true;
+  double before = 0.0;
+  for (const double spacing : {0.04, 0.02}) {
+    const Sedov of{.spacing = spacing};
+    const SedovResult found = run_sedov(of, {});
+    const std::string what = fmt::format("h {}: ", spacing);
+    good &= row("sedov", what + "radius of the shock / closed form", found.front / of.shock(), 0.97, 1.03);
+    good &= row("sedov", what + "density at the shock / closed form", found.peak / Sedov::jump(), 0.6, 1.02);
+    good &= row("sedov", what + "energy error", found.energy, -0.01, 0.01);
+    const double error = 1.0 - found.peak / Sedov::jump();
+    if (before > 0.0)
+      good &= row("sedov", what + "order of the density at the shock", std::log2(before / error), 0.1, 2.0);
+    before = error;
+  }
+  return good;
+}
+
+/// A jet of water on a wall: its force, and the pressure at the stagnation point.
+bool jet() {
+  bool good = true;
+  for (const double viscosity : {0.06, 0.5}) {
+    GasOptions options;
+    options.dynamics.shock = {.linear = viscosity, .quadratic = 2.0};
+    const JetResult found = run_jet({}, options);
+    const double pressure = Jet::stagnation_pressure();
+    const std::string what = fmt::format("viscosity {}: ", viscosity);
+    good &= row("jet", what + "force on the wall / rho v^2 area", found.force, 0.95, 1.05);
+    good &= row("jet", what + "mean stagnation pressure / (rho v^2 / 2)", found.pressure.mean / pressure, 0.9, 1.1);
+    good &= row("jet", what + "its standard deviation", found.pressure.deviation() / pressure, 0.0, 0.2);
+    row("jet", what + "that of means over the points, in time", found.means.deviation() / pressure, 0.0, 1.0);
+    good &= row("jet", what + "energy error", found.energy, -0.03, 0.03);
+  }
+  return good;
+}
+
+const Rows rows{{"friction", friction},
+                {"compliance", compliance},
+                {"folding", folding},
+                {"rolling", rolling},
+                {"seal", seal},
+                {"gas", gas},
+                {"noh", noh},
+                {"sedov", sedov},
+                {"jet", jet}};
 
 }  // namespace
 }  // namespace efree

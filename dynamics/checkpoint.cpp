@@ -43,8 +43,8 @@ template <int Dim> auto fields(PrescribedVelocity<Dim>& of) {
 }
 template <int Dim> auto fields(BodyState<Dim>& of) {
   auto& [material, tangent, compliance, shear, modulus, fracture, strength, plastic_strain, temperature, plastic_metric,
-         release, cells, holds_inverted, runs_together] = of;
-  return std::tie(cells);
+         release, cells, holds_inverted, reference_pressure, runs_together] = of;
+  return std::tie(cells, reference_pressure);
 }
 template <int Dim> auto fields(World<Dim>& of) {
   return std::tie(of.nodes, of.bodies, of.first_node, of.first_point, of.chunks, of.place_of_point, of.prescribed,

@@ -91,6 +91,9 @@ template <int Dim> void Driver<Dim>::begin_watch() {
   watch = {};
   // Energies of bodies at rest are rounding: some 1e-17 of moduli times volumes.
   for (const auto& chunk : world.chunks) watch.scale += 1e-15 * chunk.matter.modulus.dot(chunk.matter.volume);
+  // Those of bodies under pressure are differences of pressures times volumes, in every step.
+  for (const auto& chunk : world.chunks)
+    watch.scale += 1e-12 * world.bodies[chunk.body].reference_pressure * chunk.matter.volume.sum();
 }
 
 template <int Dim> double Driver<Dim>::step(double at_most) {

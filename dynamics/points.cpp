@@ -101,8 +101,15 @@ template <int Dim> void deform(const World<Dim>& world, Scheme<Dim>& scheme, Chu
 /// Forces in a chunk's table of the stresses that its points have.
 template <int Dim> void scatter_stresses(const World<Dim>& world, Scheme<Dim>& scheme, Chunk<Dim>& chunk) {
   const Matter<Dim>& matter = chunk.matter;
-  internal::kirchhoff_stresses(chunk.size(), matter.response.P.data(), matter.now.F.data(), matter.shock.data(),
-                               chunk.columns());
+  const double* pressure = matter.shock.data();
+  if (const double reference = world.bodies[chunk.body].reference_pressure; reference != 0.0) {
+    thread_local Vector less;
+    less.resize(chunk.size());
+    for (Index p = 0; p < chunk.size(); ++p)
+      less[p] = matter.shock[p] - reference * matter.now.gradient(p).determinant();
+    pressure = less.data();
+  }
+  internal::kirchhoff_stresses(chunk.size(), matter.response.P.data(), matter.now.F.data(), pressure, chunk.columns());
   for (const Index p : chunk.inverted) std::fill_n(chunk.columns() + 16 * p, 12, 0.0);
   scheme.scatter_forces(world, chunk);
 }

@@ -187,7 +187,9 @@ template <int Dim> struct BodyState {
   double release;                     ///< C of energy release rates
   Cells<Dim> cells;                   ///< around the points; nodes as the body numbers them
   bool holds_inverted = false;        ///< whether the scheme deals with points that a step would invert
-  bool runs_together = false;         ///< whether parts of it that meet become one, as those of a fluid do
+  /// Pressure taken off the stresses of its points, which acts on its surface instead; 0: none.
+  double reference_pressure = 0.0;
+  bool runs_together = false;  ///< whether parts of it that meet become one, as those of a fluid do
 };
 
 /// Consistent masses: the first terms of the series D^-1 + D^-1 (D - M) D^-1 + ... of M^-1, D lumped.

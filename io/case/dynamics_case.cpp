@@ -148,7 +148,7 @@ template <int Dim> void read_dynamics(const Section& root, DynamicsSettings<Dim>
 template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dynamics) {
   const Section section =
       root.section("otm", {"gamma", "cutoff", "reconnection_strain", "exact_integration", "anisotropy", "merging",
-                           "insertion", "momentum", "stabilisation", "seizing"});
+                           "insertion", "momentum", "stabilisation", "pressure_diffusion", "seizing"});
   if (root.has("otm") && dynamics.method != DynamicsMethod::otm)
     root.fail("otm", dynamics.method != DynamicsMethod::total_lagrangian
                          ? "[otm] has options of the method \"otm\", and this case has another one: leave out [otm]"
@@ -170,6 +170,8 @@ template <int Dim> void read_otm(const Section& root, DynamicsSettings<Dim>& dyn
       {{"affine", MomentumTransfer::affine}, {"nodes", MomentumTransfer::nodes}, {"points", MomentumTransfer::points}},
       options.momentum);
   options.stabilisation = section.number("stabilisation", {0.0, 100.0, true, true}, options.stabilisation);
+  options.pressure_diffusion =
+      section.number("pressure_diffusion", {0.0, 10.0, true, true}, options.pressure_diffusion);
   options.seizing = section.boolean("seizing", options.seizing);
 }
 

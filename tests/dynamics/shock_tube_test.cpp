@@ -91,7 +91,8 @@ TEST(StableStep, StaysBelowItsBoundWhenNodesAreHeld) {
     for (int k = 0; k < 40; ++k) {
       const double step = tube.dynamics.step();
       EXPECT_LT(step, 1.02 * bound) << elements << " " << k;
-      EXPECT_GT(step, 0.6 * bound) << elements << " " << k;
+      // On a cloud the zero-energy modes of a gas under pressure are held, too.
+      EXPECT_GT(step, (elements ? 0.6 : 0.4) * bound) << elements << " " << k;
     }
   }
 }

@@ -39,18 +39,27 @@ template <int Dim> class CloseNodes {
       for (Index p = 0; p < chunk.size(); ++p) {
         const Mat<Dim> moment = current_moment(chunk, p);
         const double width = smallest_width<Dim>(moment);
-        if (chunk.is_eroded(p) || width >= state_.options.merging * state_.points[c].width[p]) continue;
+        const double first = first_width(c, p);
+        if (chunk.is_eroded(p) || width >= state_.options.merging * first) continue;
         if (on_surface_.empty()) on_surface_ = state_.surface_nodes(world_);
         if (!std::exchange(has_positions, true)) update_positions(world_, chunk);
         Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
         axes.computeDirect(moment);
         const Vec<Dim> n = axes.eigenvectors().col(0);
-        if (!merge_near(c, p, n, width) && width < flat * state_.points[c].width[p]) move_off_plane(c, p, n, width);
+        if (!merge_near(c, p, n, width) && width < flat * first) move_off_plane(c, p, n, width);
       }
     }
   }
 
  private:
+  /// Width of a point's shape functions at first; of fluids as far as they are compressed, along one axis as by shocks:
+  /// nodes that come nearer with the fluid are not too many for it.
+  double first_width(Index c, Index p) const {
+    const Chunk<Dim>& chunk = world_.chunks[c];
+    const double width = state_.points[c].width[p];
+    if (!world_.bodies[chunk.body].runs_together) return width;
+    return width * std::min(1.0, chunk.matter.now.gradient(p).determinant());
+  }
   /// Merges one of the nodes that make a point's shape functions narrow across n; whether it does.
   bool merge_near(Index c, Index p, const Vec<Dim>& n, double width) {
     const Chunk<Dim>& chunk = world_.chunks[c];

@@ -81,7 +81,7 @@ template <int Dim> void OtmState<Dim>::merge_node(World<Dim>& world, Index a, In
 template <int Dim> void OtmState<Dim>::hold(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before) {
   Matter<Dim>& matter = chunk.matter;
   const Mat<3> rate = (matter.F_since[p] - before) * before.inverse();
-  const Mat<3> tau = matter.response.stress(p) * matter.now.gradient(p).transpose();
+  const Mat<3> tau = kirchhoff_stress(world, chunk, p);
   chunk.lost += 0.5 * matter.volume[p] * (tau.cwiseProduct(rate).sum() - matter.shock[p] * rate.trace());
   chunk.lost += stabilisation_energy(world, chunk, p, 0.5 * world.last_step);
   chunk.support.stabilisation[p] = matter.shock[p] = 0.0;
@@ -164,13 +164,17 @@ void require_options(const OtmOptions& options) {
   require(options.insertion == 0.0 || (options.insertion >= 1.3 && std::isfinite(options.insertion)),
           "insertion: expected 0, or 1.3 and more");
   require(options.stabilisation >= 0.0 && std::isfinite(options.stabilisation), "stabilisation: expected 0 or more");
+  require(options.pressure_diffusion >= 0.0 && options.pressure_diffusion <= 10.0,
+          "pressure_diffusion: expected 0 to 10");
 }
 
 template <int Dim> class Otm final : public Scheme<Dim> {
  public:
   explicit Otm(const OtmOptions& options) { state_.options = options; }
   std::string name() const override { return "otm"; }
-  void pack(Archive& archive) override { archive(state_.points, state_.nodes_changed, state_.seized); }
+  void pack(Archive& archive) override {
+    archive(state_.points, state_.nodes_changed, state_.seized, state_.references);
+  }
   void resume(World<Dim>&) override { state_.outer.assign(state_.outer.size(), {}); }
 
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override {
@@ -182,6 +186,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     require(!world.options.tied || state_.options.insertion == 0.0,
             "tied bodies get no new nodes: expected no insertion");
     state_.visibility.update(world);
+    begin_reference_pressures(world, state_);
     begin_supports(world);
     std::vector<std::int64_t> iterations(world.chunks.size());
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
@@ -209,6 +214,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
 
   void refresh(World<Dim>& world, StableStep<Dim>& stable) override {
     // Points are of no two pairs: what pairs them takes turns.
+    diffuse_pressures(world, state_);
     const OtmOptions& options = state_.options;
     const Index turn = world.steps % 32;
     if (turn == 1 && options.merging > 0.0)
@@ -220,6 +226,11 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     else if (options.insertion > 0.0 && turn % 8 == 3)
       pair_points_to_merge(world, state_);
     reconnect(world, state_, stable);
+  }
+
+  void collect_forces(World<Dim>& world) override {
+    Scheme<Dim>::collect_forces(world);
+    add_reference_pressures(world, state_);
   }
 
   StrainBounds examine(const World<Dim>& world, Chunk<Dim>& chunk, double dt, StrainBounds bounds) override {
@@ -252,6 +263,8 @@ template <int Dim> class Otm final : public Scheme<Dim> {
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override {
     for (const auto& chunk : world.chunks)
       balance.energies.add_energy("reconnection", EnergyKind::transfer, chunk.lost);
+    for (const auto& reference : state_.references)
+      balance.energies.add_energy("stored", EnergyKind::stored, reference.energy);
   }
 
  private:

@@ -42,6 +42,9 @@ struct OtmOptions {
   /// Stiffness against zero-energy modes of the nodes, by the shear modulus over the square of the shape functions'
   /// width (Weissenfels & Wriggers 2018). Under pressure it is larger (docs/theory.md).
   double stabilisation = 0.1;
+  /// Rate at which pressures of a fluid even out that differ between neighbouring material points, over the speed of
+  /// sound by the size of a point (docs/theory.md). 0: never.
+  double pressure_diffusion = 1.0;
   /// In place of contact between bodies: where bodies come within three tenths of a spacing of each other,
   /// points next to both get shape functions of the nodes of both, and the bodies move as one from there on (Li, Habbal
   /// & Ortiz 2010). Momenta are conserved to rounding; the energy that a sudden common velocity takes is counted as

@@ -177,7 +177,7 @@ template <int Dim> double ShapeFunctions<Dim>::stabilisation(Chunk<Dim>& chunk, 
   const double shear = world_.bodies[chunk.body].shear, shock = chunk.matter.shock[p];
   // Stresses drive zero-energy modes, as they drive springs under load.
   Mat<3> tau = Mat<3>::Zero();
-  if (!is_first) tau = chunk.matter.response.stress(p) * chunk.matter.now.gradient(p).transpose();
+  if (!is_first || world_.bodies[chunk.body].runs_together) tau = kirchhoff_stress(world_, chunk, p);
   // Stiffness is enough for pressures as large as the stabilisation that it makes.
   const double pressure = std::max(0.0, shock - tau.trace() / 3.0 - share * shear);
   const bool is_shared = std::ranges::any_of(nodes_, [&](Index a) { return world_.nodes.body[a] != chunk.body; });

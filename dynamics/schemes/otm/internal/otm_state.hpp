@@ -89,6 +89,20 @@ template <int Dim> class Visibility {
   std::array<Index, 3> changes_{-1, -1, -1};  ///< of the world until then
 };
 
+/// What comes of BodyState::reference_pressure.
+template <int Dim> struct ReferencePressure {
+  Facets<Dim> facets;          ///< on which it acts
+  Index surface_changes = -1;  ///< of the world when they were found
+  double pressure = 0.0;       ///< that acted last
+  double excess = 0.0;         ///< then, volume of the points less that inside the facets
+  double energy = 0.0;         ///< work against it that the difference has taken so far
+
+  friend auto fields(ReferencePressure& of) {
+    auto& [facets, surface_changes, pressure, excess, energy] = of;
+    return std::tie(facets, surface_changes, pressure, excess, energy);
+  }
+};
+
 template <int Dim> struct OtmState {
   OtmOptions options;
   std::vector<OtmPoints<Dim>> points;        ///< by chunk
@@ -96,6 +110,7 @@ template <int Dim> struct OtmState {
   std::vector<std::vector<NodePair>> outer;  ///< by body: outer edges of its cells; empty: not known
   NodeSearch<Dim> search;
   Visibility<Dim> visibility;
+  std::vector<ReferencePressure<Dim>> references;  ///< by body
   /// Nodes, and bodies whose nodes their points have in their supports too; ascending.
   std::vector<NodePair> seized;
 
@@ -143,6 +158,14 @@ template <int Dim> Mat<Dim> deformation_since_table(const Chunk<Dim>& chunk, Ind
 template <int Dim> Mat<Dim> current_moment(const Chunk<Dim>& chunk, Index p) {
   const Mat<Dim> since = deformation_since_table(chunk, p);
   return since * chunk.support.moment[p] * since.transpose();
+}
+/// Kirchhoff stress of a point, without viscous pressure and its body's reference pressure.
+template <int Dim> Mat<3> kirchhoff_stress(const World<Dim>& world, const Chunk<Dim>& chunk, Index p) {
+  const Mat<3> F = chunk.matter.now.gradient(p);
+  Mat<3> tau = Eigen::Map<const Mat<3>>(chunk.matter.response.P.col(p).data()) * F.transpose();
+  if (const double pressure = world.bodies[chunk.body].reference_pressure; pressure != 0.0)
+    tau.diagonal().array() += pressure * F.determinant();
+  return tau;
 }
 /// F when the table was computed.
 template <int Dim> Mat<3> table_gradient(const Matter<Dim>& matter, Index p) {
@@ -214,6 +237,13 @@ template <int Dim> void insert_nodes(World<Dim>& world, OtmState<Dim>& state, St
 template <int Dim> void pair_points_to_merge(World<Dim>& world, OtmState<Dim>& state);
 /// Merges these pairs.
 template <int Dim> void merge_points(World<Dim>& world, OtmState<Dim>& state);
+/// Volume of fluids goes from points to neighbours of lower pressure, over the last step; and their reference pressures
+/// for this one.
+template <int Dim> void diffuse_pressures(World<Dim>& world, OtmState<Dim>& state);
+/// Reference pressures of fluids with cells at the start, the lowest at any point if that is positive.
+template <int Dim> void begin_reference_pressures(World<Dim>& world, OtmState<Dim>& state);
+/// Adds the forces of reference pressures on surfaces, and what becomes of energy.
+template <int Dim> void add_reference_pressures(World<Dim>& world, OtmState<Dim>& state);
 /// Changes the first shape functions until gradients integrate exactly.
 template <int Dim> void integrate_exactly(World<Dim>& world, OtmState<Dim>& state);
 
